@@ -1,0 +1,35 @@
+"""jointz: joint mechanical impedance from recordings, with honest intervals.
+
+Importing the package does nothing but define where its names live; each name
+is loaded when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jointz.identify.joint import identify_joint
+    from jointz.io.study import open_study
+    from jointz.workflows.analysis import analyze
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "analyze": "jointz.workflows.analysis",
+    "identify_joint": "jointz.identify.joint",
+    "open_study": "jointz.io.study",
+}
+
+__all__ = ["__version__", "analyze", "identify_joint", "open_study"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home on first use."""
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'jointz' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

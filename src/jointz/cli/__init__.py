@@ -1,0 +1,1 @@
+"""Argument parsing and printing; each command calls one library function."""

@@ -1,0 +1,1 @@
+"""The vocabulary of the house: recordings, studies, gait phases, results, errors."""

@@ -1,0 +1,227 @@
+"""The analysis of a whole study, with everything needed to reproduce it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
+from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.StudyAnalysis/1"
+
+#: Columns of ``excluded.csv``.
+EXCLUDED_COLUMNS = (
+    "participant",
+    "recording",
+    "onset_s",
+    "timing_point",
+    "kind",
+    "code",
+    "detail",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationEstimate:
+    """Mean of one parameter over people, with an interval over people.
+
+    Parameters
+    ----------
+    timing_point, parameter, unit : str
+        What it is the mean of.
+    onset_gait_pct : float or None
+        Mean measured onset, % of the gait cycle.
+    value, sd, ci_low, ci_high : float or None
+        Mean, standard deviation between people, and Student's interval.
+    n_participants : int
+        People with a value.
+    method, status : str
+        As in :class:`CellEstimate`.
+    ci_level : float
+        Level of the interval.
+    """
+
+    timing_point: str
+    onset_gait_pct: float | None
+    parameter: str
+    value: float | None
+    unit: str
+    sd: float | None
+    ci_low: float | None
+    ci_high: float | None
+    n_participants: int
+    method: str
+    status: str
+    ci_level: float = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class StudyAnalysis:
+    """Result of analysing a study.
+
+    Parameters
+    ----------
+    cells : tuple of CellEstimate
+        The chosen method.
+    comparison : tuple of CellEstimate
+        Other methods on the same pulses.
+    population : tuple of PopulationEstimate
+        Means over people.
+    pulses, strides, gaps : tuple
+        Everything found in the recordings, used or not.
+    statistics : mapping
+        Descriptive statistics: onset accuracy, strides, VAF.
+    settings : mapping
+        Method, resamples, seed, window and filter.
+    provenance : mapping
+        Versions, hashes, history of every input.
+    """
+
+    cells: tuple[CellEstimate, ...]
+    comparison: tuple[CellEstimate, ...] = ()
+    population: tuple[PopulationEstimate, ...] = ()
+    pulses: tuple[PulseRecord, ...] = ()
+    strides: tuple[StrideRecord, ...] = ()
+    gaps: tuple[GapRecord, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def n_standing(self) -> int:
+        """How many estimates stand."""
+        return sum(p.stands for cell in self.cells for p in cell.parameters)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the estimates as a tidy table, one row an estimate."""
+        return _frame(self.cells)
+
+    def comparison_frame(self) -> pd.DataFrame:
+        """Return the other methods' estimates in the same columns."""
+        return _frame(self.comparison)
+
+    def population_frame(self) -> pd.DataFrame:
+        """Return the means over people."""
+        columns = list(PopulationEstimate.__slots__)
+        return pd.DataFrame([asdict(row) for row in self.population], columns=columns)
+
+    def strides_frame(self) -> pd.DataFrame:
+        """Return every stride found, accepted or not."""
+        return pd.DataFrame(
+            [asdict(s) for s in self.strides], columns=list(StrideRecord.__slots__)
+        )
+
+    def pulses_frame(self) -> pd.DataFrame:
+        """Return every pulse found, used or not."""
+        return pd.DataFrame([asdict(p) for p in self.pulses], columns=list(PulseRecord.__slots__))
+
+    def excluded_frame(self) -> pd.DataFrame:
+        """Return every stride and pulse left out, with its code."""
+        strides = [
+            (s.participant, s.recording, s.start_s, "", "stride", s.code, s.detail)
+            for s in self.strides
+            if s.code
+        ]
+        pulses = [
+            (p.participant, p.recording, p.onset_s, p.timing_point, "pulse", p.code, p.detail)
+            for p in self.pulses
+            if p.code
+        ]
+        return pd.DataFrame(pulses + strides, columns=list(EXCLUDED_COLUMNS))
+
+    def summary(self) -> str:
+        """Return a short text: what stands, for whom, from how many pulses."""
+        people = {cell.participant for cell in self.cells}
+        used = sum(cell.n_used for cell in self.cells)
+        left_out = sum(cell.n_excluded for cell in self.cells)
+        lines = [
+            f"{len(people)} participant(s), {len(self.cells)} cells, method "
+            f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} left out."
+        ]
+        lines += [
+            f"  {p.timing_point:>12} {p.parameter:<20} {p.value:9.4g} {p.unit} "
+            f"(mean of {p.n_participants})"
+            for p in self.population
+            if p.value is not None
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
+        """Draw one parameter over the gait cycle, or over the groups of a bench study.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        parameter : str
+            Which parameter.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots()[1]
+        table = self.to_frame().query("parameter == @parameter")
+        for person, rows in table.groupby("participant", sort=False):
+            walking = rows["onset_gait_pct"].notna().all()
+            x = rows["onset_gait_pct"] if walking else rows["timing_point"]
+            axes.plot(x, rows["value"], marker="o", label=str(person))
+        unit = table["unit"].iloc[0] if len(table) else ""
+        axes.set_ylabel(f"{parameter} ({unit})")
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": SCHEMA,
+            "cells": [c.to_dict() for c in self.cells],
+            "comparison": [c.to_dict() for c in self.comparison],
+            "population": [asdict(p) for p in self.population],
+            "pulses": [asdict(p) for p in self.pulses],
+            "strides": [asdict(s) for s in self.strides],
+            "gaps": [asdict(g) for g in self.gaps],
+            "statistics": dict(self.statistics),
+            "settings": dict(self.settings),
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "StudyAnalysis":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
+        return cls(
+            cells=tuple(CellEstimate.from_dict(c) for c in data["cells"]),
+            comparison=tuple(CellEstimate.from_dict(c) for c in data["comparison"]),
+            population=tuple(PopulationEstimate(**p) for p in data["population"]),
+            pulses=tuple(PulseRecord(**p) for p in data["pulses"]),
+            strides=tuple(StrideRecord(**s) for s in data["strides"]),
+            gaps=tuple(GapRecord(**g) for g in data["gaps"]),
+            statistics=data["statistics"],
+            settings=data["settings"],
+            provenance=data["provenance"],
+        )
+
+
+def _frame(cells: tuple[CellEstimate, ...]) -> pd.DataFrame:
+    rows = [row for cell in cells for row in cell.rows()]
+    return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))

@@ -1,0 +1,76 @@
+"""Channels a recording may hold, their SI units, and the directions of joints."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+#: Channel -> SI units it may have; the first stands where a study gives none.
+CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "time": ("s",),
+        "angle": ("rad",),
+        "velocity": ("rad/s",),
+        "torque": ("N*m",),
+        "command": ("N*m",),
+        "reference": ("rad", "N*m"),
+        "current": ("A",),
+        "motor_angle": ("rad",),
+        "motor_velocity": ("rad/s",),
+        "motor_acceleration": ("rad/s^2",),
+        "sensor_torque": ("N*m",),
+        "ground_reaction_force": ("N",),
+    }
+)
+
+#: Channels that hold labels or switch states, not quantities with a unit.
+LABEL_CHANNELS = ("condition", "trial", "cycle")
+CONTACT_KINDS = ("contact", "voltage", "pulse")
+
+#: Channels whose sign turns with ``torque_acts_on = "device"``.
+DEVICE_SIDE_CHANNELS = ("torque", "sensor_torque")
+
+#: Channels of the motor: they turn together with the current's direction.
+MOTOR_CHANNELS = ("motor_angle", "motor_velocity", "motor_acceleration")
+
+#: Opposite directions of joint rotation.
+OPPOSITE_DIRECTION: Mapping[str, str] = MappingProxyType(
+    {
+        a: b
+        for pair in (
+            ("flexion", "extension"),
+            ("dorsiflexion", "plantarflexion"),
+            ("abduction", "adduction"),
+            ("inversion", "eversion"),
+            ("internal_rotation", "external_rotation"),
+            ("pronation", "supination"),
+            ("radial_deviation", "ulnar_deviation"),
+        )
+        for a, b in (pair, pair[::-1])
+    }
+)
+
+#: Conditions of a recording and the names the dissertation gives them.
+CONDITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "unperturbed": "unperturbed",
+        "perturbed": "perturbed",
+        "no_device": "no_device",
+        "npc": "unperturbed",
+        "e-npc": "unperturbed",
+        "enp": "unperturbed",
+        "apc": "perturbed",
+        "e-apc": "perturbed",
+        "ewp": "perturbed",
+        "nwc": "no_device",
+    }
+)
+
+#: Parameter -> unit, as written in ``estimates.csv``.
+PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "stiffness": "N*m/rad",
+        "damping": "N*m*s/rad",
+        "inertia": "kg*m^2",
+        "stiffness_per_mass": "N*m/rad/kg",
+        "damping_per_mass": "N*m*s/rad/kg",
+    }
+)

@@ -1,0 +1,89 @@
+"""Stable codes: why something was left out, and why an estimate failed.
+
+Codes are part of the file format (``excluded.csv``, ``estimates.csv``): they
+are added to, never renamed.
+"""
+
+from enum import StrEnum
+
+
+class Exclusion(StrEnum):
+    """Why a stride or a pulse was left out of the analysis."""
+
+    GAP = "gap"
+    NOT_FINITE = "not_finite"
+    MISSING_STRIKE = "missing_strike"
+    SPURIOUS_STRIKE = "spurious_strike"
+    PULSE_IN_STRIDE = "pulse_in_stride"
+    NO_RECENT_STRIDES = "no_recent_strides"
+    NO_HEEL_STRIKES = "no_heel_strikes"
+    EDGE_OF_RECORD = "edge_of_record"
+    OVERLAPPING_PULSE = "overlapping_pulse"
+    NO_BASELINE = "no_baseline"
+    OUTSIDE_GROUPS = "outside_groups"
+    LONE_PULSE = "lone_pulse"
+    USER = "user"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and tooltips."""
+        return _EXCLUSION_MEANING[self]
+
+
+class Failure(StrEnum):
+    """Why a cell has no estimate; written as ``failed:CODE``."""
+
+    NO_PULSES = "no_pulses"
+    TOO_FEW_PULSES = "too_few_pulses"
+    ALL_PULSES_EXCLUDED = "all_pulses_excluded"
+    NO_HEEL_STRIKES = "no_heel_strikes"
+    NO_PERTURBED_RECORDING = "no_perturbed_recording"
+    NO_UNPERTURBED_RECORDING = "no_unperturbed_recording"
+    NO_UNPERTURBED_STRIDES = "no_unperturbed_strides"
+    CONSTANT_ANGLE = "constant_angle"
+    CONSTANT_TORQUE = "constant_torque"
+    ILL_CONDITIONED = "ill_conditioned"
+    MASS_MISSING = "mass_missing"
+    TOO_FEW_PARTICIPANTS = "too_few_participants"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and tooltips."""
+        return _FAILURE_MEANING[self]
+
+    @property
+    def status(self) -> str:
+        """The status as it stands in ``estimates.csv``."""
+        return f"failed:{self.value}"
+
+
+_EXCLUSION_MEANING = {
+    Exclusion.GAP: "a gap in the time stamps lies inside it",
+    Exclusion.NOT_FINITE: "samples without a number lie inside it",
+    Exclusion.MISSING_STRIKE: "no heel strike where one was due: longer than the accepted band",
+    Exclusion.SPURIOUS_STRIKE: "a heel strike too soon after the last: shorter than the band",
+    Exclusion.PULSE_IN_STRIDE: "a pulse, or its aftermath, lies in a stride used as unperturbed",
+    Exclusion.NO_RECENT_STRIDES: "fewer than three accepted strides before it: no gait phase",
+    Exclusion.NO_HEEL_STRIKES: "the recording has no heel strike",
+    Exclusion.EDGE_OF_RECORD: "its window runs past the beginning or end of the recording",
+    Exclusion.OVERLAPPING_PULSE: "another pulse begins inside its window",
+    Exclusion.NO_BASELINE: "no unperturbed data to subtract at this point of the cycle",
+    Exclusion.OUTSIDE_GROUPS: "its group channel lies outside all edges",
+    Exclusion.LONE_PULSE: "the only pulse at its timing point: nothing to resample",
+    Exclusion.USER: "left out by the study's exclusions.csv",
+}
+
+_FAILURE_MEANING = {
+    Failure.NO_PULSES: "no pulse at this timing point",
+    Failure.TOO_FEW_PULSES: "one pulse only: no interval can be made",
+    Failure.ALL_PULSES_EXCLUDED: "every pulse was left out; excluded.csv says why",
+    Failure.NO_HEEL_STRIKES: "no heel strikes in the perturbed recording",
+    Failure.NO_PERTURBED_RECORDING: "the participant has no perturbed recording",
+    Failure.NO_UNPERTURBED_RECORDING: "the baseline needs an unperturbed recording",
+    Failure.NO_UNPERTURBED_STRIDES: "the baseline needs accepted unperturbed strides",
+    Failure.CONSTANT_ANGLE: "the angle does not move in response to the pulses",
+    Failure.CONSTANT_TORQUE: "the torque does not change during the pulses",
+    Failure.ILL_CONDITIONED: "the responses cannot tell stiffness, damping and inertia apart",
+    Failure.MASS_MISSING: "values per kg need the participant's mass_kg in study.toml",
+    Failure.TOO_FEW_PARTICIPANTS: "an interval over people needs at least two of them",
+}

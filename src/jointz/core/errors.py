@@ -1,0 +1,88 @@
+"""Every error jointz raises.
+
+    JointzError
+    ├── DataError (ValueError)      input that cannot be trusted; exit status 2
+    │   ├── StudyError              a study.toml, with all its problems
+    │   └── UnitError               a unit that cannot be read or does not fit
+    ├── EstimationError             a single fit that has no answer
+    └── OutputError                 a place to write to that may not be used
+
+A message says where, what was expected, what was found and what to do.
+"""
+
+from collections.abc import Sequence
+
+
+class JointzError(Exception):
+    """Base of all errors that jointz raises on purpose."""
+
+
+class DataError(JointzError, ValueError):
+    """Input that cannot be trusted.
+
+    Parameters
+    ----------
+    message : str
+        Where, what was expected, what was found, what to do.
+    path : str, optional
+        The file the trouble is in.
+    channel : str, optional
+        The channel or column.
+    row : int, optional
+        The row of the file, counted from 1, header included.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        path: str | None = None,
+        channel: str | None = None,
+        row: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.path = path
+        self.channel = channel
+        self.row = row
+
+
+class StudyError(DataError):
+    """One or more problems of a study, all of them in one message.
+
+    Parameters
+    ----------
+    where : str
+        The file or folder the problems belong to.
+    problems : sequence of str
+        One sentence a problem.
+    """
+
+    def __init__(self, where: str, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        count = len(self.problems)
+        head = f"{where}: {count} problem{'s' if count != 1 else ''}"
+        super().__init__("\n".join([head, *(f"  - {p}" for p in self.problems)]), path=where)
+
+
+class UnitError(DataError):
+    """A unit that cannot be read, or that measures something else."""
+
+
+class EstimationError(JointzError):
+    """A fit that has no answer; ``code`` says why.
+
+    Parameters
+    ----------
+    code : str
+        A stable code from :mod:`jointz.core.codes`.
+    message : str
+        Why, and what to do.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class OutputError(JointzError):
+    """A place to write to that exists or that may not be replaced."""

@@ -1,0 +1,211 @@
+"""Estimates of one cell: a participant at a timing point."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jointz.core.channels import PARAMETER_UNITS
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterEstimate:
+    """One estimated parameter with its interval and how it was made.
+
+    Parameters
+    ----------
+    name : str
+        ``stiffness``, ``damping``, ``inertia``, ``stiffness_per_mass`` or
+        ``damping_per_mass``.
+    value : float or None
+        The estimate, SI; None where there is none.
+    ci_low, ci_high : float or None
+        Ends of the interval. Under status ``at_bound`` the interval is
+        one-sided: ``ci_low`` is the bound, ``ci_high`` the upper limit.
+    status : str
+        ``ok``, ``at_bound``, ``undecided`` or ``failed:CODE``.
+    ci_level : float
+        Level of the interval.
+    ci_method : str
+        How the interval was made.
+    share_at_bound : float
+        Share of the replicates whose value stood at the bound, 0..1.
+    unbounded : float or None
+        The estimate without bounds.
+    """
+
+    name: str
+    value: float | None
+    ci_low: float | None
+    ci_high: float | None
+    status: str
+    ci_level: float = 0.95
+    ci_method: str = ""
+    share_at_bound: float = 0.0
+    unbounded: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit of value and interval."""
+        return PARAMETER_UNITS[self.name]
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a value to use."""
+        return self.status in ("ok", "at_bound")
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The average response of a cell to its pulses, baseline removed.
+
+    Parameters
+    ----------
+    time_s : (n,) float, s
+        Time from the commanded onset.
+    angle : (n,) float, rad
+        Average angle response.
+    torque : (n,) float, N*m
+        Average torque response.
+    fitted_torque : (n,) float, N*m
+        Torque of the fitted model.
+    """
+
+    time_s: np.ndarray
+    angle: np.ndarray
+    torque: np.ndarray
+    fitted_torque: np.ndarray
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return plain lists, ready for JSON."""
+        return {name: getattr(self, name).tolist() for name in self.__slots__}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, list[float]]) -> "Response":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : dict
+            What :meth:`to_dict` returned.
+        """
+        return cls(**{name: np.asarray(values, dtype=float) for name, values in data.items()})
+
+
+@dataclass(frozen=True, slots=True)
+class CellEstimate:
+    """Impedance of one participant at one timing point, case or group.
+
+    Parameters
+    ----------
+    participant : str
+        The participant's id.
+    timing_point : str
+        Timing point, or the case, trial or group of a bench study.
+    onset_gait_pct : float or None
+        Mean measured onset of the pulses used, % of the gait cycle.
+    parameters : tuple of ParameterEstimate
+        The parameters.
+    vaf_pct : float or None
+        Variance accounted for on the average response (2.7), %.
+    n_used, n_excluded : int
+        Pulses used and left out; together all pulses at this timing point.
+    method : str
+        Name of the method.
+    baseline : str
+        What was subtracted as unperturbed motion.
+    condition_number : float or None
+        Of the scaled regressors.
+    displacement_rad : float or None
+        Largest angle response inside the window.
+    response : Response or None
+        The average response, for figures.
+    """
+
+    participant: str
+    timing_point: str
+    onset_gait_pct: float | None
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float | None
+    n_used: int
+    n_excluded: int
+    method: str
+    baseline: str = ""
+    condition_number: float | None = None
+    displacement_rad: float | None = None
+    response: Response | None = None
+
+    def parameter(self, name: str) -> ParameterEstimate | None:
+        """Return a parameter by name, None where the cell has it not.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``stiffness``.
+        """
+        return next((p for p in self.parameters if p.name == name), None)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a parameter, in the columns of ``estimates.csv``."""
+        return [
+            {
+                "participant": self.participant,
+                "timing_point": self.timing_point,
+                "onset_gait_pct": self.onset_gait_pct,
+                "parameter": p.name,
+                "value": p.value,
+                "unit": p.unit,
+                "ci_low": p.ci_low,
+                "ci_high": p.ci_high,
+                "ci_level": p.ci_level,
+                "vaf_pct": self.vaf_pct,
+                "n_used": self.n_used,
+                "n_excluded": self.n_excluded,
+                "method": self.method,
+                "status": p.status,
+            }
+            for p in self.parameters
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        data = {name: getattr(self, name) for name in self.__slots__}
+        data["parameters"] = [
+            {name: getattr(p, name) for name in p.__slots__} for p in self.parameters
+        ]
+        data["response"] = self.response.to_dict() if self.response else None
+        return data
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "CellEstimate":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : dict
+            What :meth:`to_dict` returned.
+        """
+        values = dict(data)
+        values["parameters"] = tuple(ParameterEstimate(**p) for p in values["parameters"])
+        response = values.get("response")
+        values["response"] = Response.from_dict(response) if response else None
+        return cls(**values)
+
+
+#: Columns of ``estimates.csv`` and ``comparison.csv``.
+ESTIMATE_COLUMNS = (
+    "participant",
+    "timing_point",
+    "onset_gait_pct",
+    "parameter",
+    "value",
+    "unit",
+    "ci_low",
+    "ci_high",
+    "ci_level",
+    "vaf_pct",
+    "n_used",
+    "n_excluded",
+    "method",
+    "status",
+)

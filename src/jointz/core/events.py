@@ -1,0 +1,82 @@
+"""What happened in a recording: strides, pulses, and what was left out."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StrideRecord:
+    """A stride, from one heel strike to the next.
+
+    Parameters
+    ----------
+    participant, recording, condition : str
+        Where it was found.
+    start_s, duration_s : float, s
+        The heel strike that begins it and its length.
+    code : str
+        ``""`` for an accepted stride, else a code of
+        :class:`jointz.core.codes.Exclusion`.
+    detail : str
+        More about the code.
+    """
+
+    participant: str
+    recording: str
+    condition: str
+    start_s: float
+    duration_s: float
+    code: str = ""
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PulseRecord:
+    """A perturbation pulse and what became of it.
+
+    Parameters
+    ----------
+    participant, recording : str
+        Where it was found.
+    onset_s, duration_s : float, s
+        Commanded onset and length.
+    amplitude : float
+        N*m, or rad for steps of the angle; signed.
+    timing_point : str
+        Timing point, case, trial or group.
+    target_pct, measured_pct : float or None
+        Planned and measured onset, % of the gait cycle.
+    code : str
+        ``""`` for a pulse used, else a code of
+        :class:`jointz.core.codes.Exclusion`.
+    detail : str
+        More about the code.
+    """
+
+    participant: str
+    recording: str
+    onset_s: float
+    duration_s: float
+    amplitude: float
+    timing_point: str
+    target_pct: float | None = None
+    measured_pct: float | None = None
+    code: str = ""
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GapRecord:
+    """A hole in the time stamps of a recording.
+
+    Parameters
+    ----------
+    participant, recording : str
+        Where it was found.
+    start_s, duration_s : float, s
+        The last sample before the hole and the time to the next.
+    """
+
+    participant: str
+    recording: str
+    start_s: float
+    duration_s: float

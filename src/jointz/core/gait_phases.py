@@ -1,0 +1,68 @@
+"""Phases of the gait cycle (Perry) and the timing points in their middles."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+#: Phase name -> (start, end), % of the gait cycle.
+PHASES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "ICO": (0.0, 2.0),
+        "LRE": (2.0, 12.0),
+        "MST": (12.0, 31.0),
+        "TST": (31.0, 50.0),
+        "PSW": (50.0, 62.0),
+        "ISW": (62.0, 75.0),
+        "MSW": (75.0, 87.0),
+        "TSW": (87.0, 100.0),
+    }
+)
+
+#: The six timing points of the dissertation (4.2.2), % of the gait cycle.
+TIMING_POINTS: Mapping[str, float] = MappingProxyType(
+    {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
+)
+
+
+def phase_name(gait_pct: float) -> str:
+    """Name the gait phase at a percentage of the cycle.
+
+    Parameters
+    ----------
+    gait_pct : float
+        % of the gait cycle; values outside 0..100 are wrapped.
+
+    Returns
+    -------
+    str
+        One of ``ICO`` .. ``TSW``.
+
+    Examples
+    --------
+    >>> phase_name(7.0)
+    'LRE'
+    """
+    wrapped = gait_pct % 100.0
+    return next(name for name, (_, end) in PHASES.items() if wrapped < end)
+
+
+def nearest_timing_point(gait_pct: float, timing_points: Mapping[str, float]) -> str:
+    """Name the timing point nearest on the circle of the gait cycle.
+
+    Parameters
+    ----------
+    gait_pct : float
+        % of the gait cycle.
+    timing_points : mapping of str to float
+        Timing point -> % of the gait cycle.
+
+    Examples
+    --------
+    >>> nearest_timing_point(97.0, {"ICO": 1.0, "MSW": 81.0})
+    'ICO'
+    """
+
+    def distance(name: str) -> float:
+        apart = abs(gait_pct - timing_points[name]) % 100.0
+        return min(apart, 100.0 - apart)
+
+    return min(timing_points, key=distance)

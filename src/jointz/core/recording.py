@@ -1,0 +1,192 @@
+"""A recording in memory: an ``xarray.Dataset`` that was validated once.
+
+Schema
+------
+dimension : ``time``
+coordinate ``time`` : (n,) float64, s, finite, strictly increasing.
+data variables : (n,) float64 each, SI, ``attrs["units"]`` one of
+    :data:`jointz.core.channels.CHANNEL_UNITS`; a channel of the user's own
+    keeps its name and the SI unit it was converted to. NaN is a missing sample.
+attributes : ``participant``, ``condition``, ``file``, ``session``, ``trial``,
+    ``side``, ``joint``, ``positive``, ``contact_kind`` (text, ``""`` where
+    unknown), ``first_row`` (row of the file that the first sample came from),
+    ``sha256`` of the file and ``history`` (JSON list, one entry a step).
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.errors import DataError
+
+_TEXT_ATTRIBUTES = (
+    "participant",
+    "condition",
+    "file",
+    "session",
+    "trial",
+    "side",
+    "joint",
+    "positive",
+    "contact_kind",
+    "sha256",
+)
+
+
+def build_recording(
+    time: np.ndarray,
+    channels: Mapping[str, np.ndarray],
+    *,
+    units: Mapping[str, str] | None = None,
+    first_row: int = 1,
+    history: tuple[dict[str, Any], ...] = (),
+    **attributes: str,
+) -> xr.Dataset:
+    """Build a validated recording from arrays in SI units.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Time stamps.
+    channels : mapping of str to (n,) float
+        Channel name -> samples, SI.
+    units : mapping of str to str, optional
+        SI unit of each channel; known channels have a default.
+    first_row : int
+        Row of the source file that holds the first sample, for messages.
+    history : tuple of dict
+        What was done to the data so far.
+    **attributes : str
+        ``participant``, ``condition``, ``file``, ``session``, ``trial``,
+        ``side``, ``joint``, ``positive``, ``contact_kind``, ``sha256``.
+
+    Returns
+    -------
+    xarray.Dataset
+        The recording; see the module's schema.
+
+    Raises
+    ------
+    DataError
+        When the arrays do not make a recording; all problems in one message.
+
+    Examples
+    --------
+    >>> rec = build_recording(np.arange(3) * 0.001, {"angle": np.zeros(3)})
+    >>> rec["angle"].attrs["units"]
+    'rad'
+    """
+    units = dict(units or {})
+    data = {
+        name: (
+            "time",
+            np.asarray(values, dtype=float),
+            {"units": units.get(name, CHANNEL_UNITS.get(name, ("1",))[0])},
+        )
+        for name, values in channels.items()
+    }
+    attrs: dict[str, Any] = dict.fromkeys(_TEXT_ATTRIBUTES, "")
+    attrs.update(attributes)
+    attrs["first_row"] = first_row
+    attrs["history"] = json.dumps(list(history))
+    coords = {"time": ("time", np.asarray(time, dtype=float), {"units": "s"})}
+    try:
+        recording = xr.Dataset(data, coords=coords, attrs=attrs)
+    except ValueError as exc:
+        lengths = {"time": len(time)} | {name: len(v) for name, v in channels.items()}
+        raise DataError(
+            f"{attributes.get('file', 'recording')}: channels differ in length: {lengths}. "
+            "Give every channel one sample per time stamp.",
+        ) from exc
+    return validate_recording(recording)
+
+
+def validate_recording(recording: xr.Dataset) -> xr.Dataset:
+    """Check a recording against the schema and return it unchanged.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same object.
+
+    Raises
+    ------
+    DataError
+        Naming every problem and the row of the first bad time stamp.
+    """
+    where = str(recording.attrs.get("file") or "recording")
+    problems = _time_problems(recording) + _channel_problems(recording)
+    if problems:
+        raise DataError(f"{where}: " + " ".join(problems), path=where)
+    return recording
+
+
+def history_of(recording: xr.Dataset) -> list[dict[str, Any]]:
+    """Return the processing history of a recording.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording.
+    """
+    entries: list[dict[str, Any]] = json.loads(recording.attrs.get("history", "[]"))
+    return entries
+
+
+def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Dataset:
+    """Return the recording with one more entry in its history.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording; it is not modified.
+    step : str
+        Name of the function applied.
+    **arguments : Any
+        Its settings; must be JSON-serialisable.
+    """
+    entries = [*history_of(recording), {"step": step, **arguments}]
+    return recording.assign_attrs(history=json.dumps(entries))
+
+
+def _time_problems(recording: xr.Dataset) -> list[str]:
+    if "time" not in recording.coords:
+        return ["it has no coordinate 'time'."]
+    time = recording["time"].to_numpy()
+    first_row = int(recording.attrs.get("first_row", 1))
+    if time.size < 2:
+        return [f"it has {time.size} sample(s); at least two are needed."]
+    if not np.isfinite(time).all():
+        row = first_row + int(np.flatnonzero(~np.isfinite(time))[0])
+        return [f"row {row}: the time stamp is not a number. Repair or remove the row."]
+    bad = np.flatnonzero(np.diff(time) <= 0)
+    if bad.size == 0:
+        return []
+    at = int(bad[0])
+    word = "repeats" if time[at + 1] == time[at] else "goes back"
+    return [
+        f"row {first_row + at + 1}: time {word} ({time[at + 1]:.6g} s after {time[at]:.6g} s; "
+        f"{bad.size} such row(s)). Time must increase; sort the file, or separate trials with "
+        "[channels.trial]."
+    ]
+
+
+def _channel_problems(recording: xr.Dataset) -> list[str]:
+    problems = []
+    for name, variable in recording.data_vars.items():
+        allowed = CHANNEL_UNITS.get(str(name))
+        unit = variable.attrs.get("units")
+        if variable.dims != ("time",):
+            problems.append(f"channel '{name}' has dimensions {variable.dims}, expected ('time',).")
+        if allowed and unit not in allowed:
+            problems.append(f"channel '{name}' must be in {' or '.join(allowed)}, got {unit!r}.")
+    return problems

@@ -1,0 +1,251 @@
+"""The study as people write it: the models behind ``study.toml``.
+
+Only shape and vocabulary are checked here; units, files and columns are
+checked where they are read (:mod:`jointz.io.study`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+
+Condition = Literal["unperturbed", "perturbed", "no_device"]
+Baseline = Literal["pre_pulse", "unperturbed_mean", "matched_strides", "predicted"]
+
+
+def _condition(value: Any) -> Any:
+    if isinstance(value, str):
+        return CONDITIONS.get(value.strip().lower(), value)
+    return value
+
+
+def _text(value: Any) -> Any:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _direction(value: Any) -> Any:
+    if isinstance(value, str) and value not in OPPOSITE_DIRECTION:
+        raise ValueError(f"expected one of {', '.join(sorted(OPPOSITE_DIRECTION))}; got {value!r}")
+    return value
+
+
+ConditionField = Annotated[Condition, BeforeValidator(_condition)]
+Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
+Direction = Annotated[str, BeforeValidator(_direction)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ChannelSpec(_Model):
+    """Where one channel stands in a file, and how it is to be read."""
+
+    column: str | int
+    unit: str | None = None
+    kind: Literal["contact", "voltage", "pulse"] | None = None
+    positive: Direction | None = None
+    values: dict[str, str] | None = None
+
+
+class Calibrated(_Model):
+    """A calibrated value and its standard deviation."""
+
+    value: float
+    sd: float = Field(ge=0.0)
+
+
+class CalibrationSpec(_Model):
+    """What is known about the instruments; every entry carries its sd."""
+
+    angle_lag_s: Calibrated | None = None
+    torque_lag_s: Calibrated | None = None
+    torque_gain: Calibrated | None = None
+    angle_gain: Calibrated | None = None
+    intrinsic_stiffness: Calibrated | None = None
+    intrinsic_damping: Calibrated | None = None
+    intrinsic_inertia: Calibrated | None = None
+
+    @model_validator(mode="after")
+    def _gains_are_positive(self) -> "CalibrationSpec":
+        for name in ("torque_gain", "angle_gain"):
+            entry = getattr(self, name)
+            if entry is not None and entry.value <= 0:
+                raise ValueError(f"{name}: measured over true must be positive, got {entry.value}")
+        return self
+
+    def overridden_by(self, other: "CalibrationSpec | None") -> "CalibrationSpec":
+        """Return this calibration with the entries that ``other`` gives.
+
+        Parameters
+        ----------
+        other : CalibrationSpec or None
+            The calibration of a participant or a recording.
+        """
+        if other is None:
+            return self
+        given = {name: getattr(other, name) for name in other.model_fields_set}
+        return self.model_copy(update=given)
+
+
+class TorqueModelSpec(_Model):
+    """Torque out of current (equations 3.1 to 3.3 and 4.1).
+
+    Velocity and acceleration are those of the output, after the gear.
+    """
+
+    gear_ratio: float = Field(gt=0)
+    torque_constant: float
+    bias: float = 0.0
+    viscous_friction: float = 0.0
+    coulomb_friction: float = 0.0
+    gear_friction: float = 0.0
+    rotor_inertia: float = 0.0
+
+
+class ParticipantSpec(_Model):
+    """A person, or a case on a bench."""
+
+    id: Name
+    mass_kg: float | None = Field(default=None, gt=0)
+    height_m: float | None = Field(default=None, gt=0)
+    group: Name | None = None
+    calibration: CalibrationSpec | None = None
+
+
+class RecordingSpec(_Model):
+    """One file, or the part of a file that belongs to one participant."""
+
+    participant: Name
+    file: str = Field(min_length=1)
+    condition: ConditionField | None = None
+    perturbations: str | None = None
+    session: Name | None = None
+    side: Literal["left", "right"] | None = None
+    calibration: CalibrationSpec | None = None
+
+
+class GroupSpec(_Model):
+    """Groups of pulses by the value of a channel at onset."""
+
+    channel: str
+    edges: tuple[float, ...] = Field(min_length=2)
+    unit: str | None = None
+
+    @model_validator(mode="after")
+    def _edges_increase(self) -> "GroupSpec":
+        if any(b <= a for a, b in zip(self.edges, self.edges[1:], strict=False)):
+            raise ValueError(f"edges must increase, got {list(self.edges)}")
+        return self
+
+
+class PerturbationsSpec(_Model):
+    """How pulses are found, grouped and compared with an unperturbed baseline."""
+
+    timing_points: dict[str, float] | None = None
+    source: Literal["command", "table", "reference", "angle"] | None = None
+    baseline: Baseline | None = None
+    window_s: float = Field(default=0.1, gt=0)
+    cutoff_hz: float = Field(default=20.0, gt=0)
+    group: GroupSpec | None = None
+
+    @model_validator(mode="after")
+    def _timing_points_in_cycle(self) -> "PerturbationsSpec":
+        for name, pct in (self.timing_points or {}).items():
+            if not 0 <= pct < 100:
+                raise ValueError(f"timing_points.{name}: expected 0 <= % of cycle < 100, got {pct}")
+        return self
+
+
+class FilesSpec(_Model):
+    """How text files are laid out."""
+
+    delimiter: str | None = Field(default=None, min_length=1)
+    decimal: Literal[".", ","] = "."
+    skip_rows: int = Field(default=0, ge=0)
+    header: bool = True
+
+
+class StudySpec(_Model):
+    """The whole of a ``study.toml``, schema version 1."""
+
+    jointz: Literal[1]
+    joint: str = Field(min_length=1)
+    kind: Literal["walking", "bench"]
+    positive: Direction = "flexion"
+    torque_acts_on: Literal["joint", "device"] = "joint"
+    sample_rate_hz: float | None = Field(default=None, gt=0)
+    channels: dict[str, ChannelSpec]
+    participants: tuple[ParticipantSpec, ...] = Field(min_length=1)
+    recordings: tuple[RecordingSpec, ...] = Field(min_length=1)
+    perturbations: PerturbationsSpec = PerturbationsSpec()
+    files: FilesSpec = FilesSpec()
+    calibration: CalibrationSpec = CalibrationSpec()
+    torque_model: TorqueModelSpec | None = None
+
+    def participant(self, participant_id: str) -> ParticipantSpec:
+        """Return the participant with this id.
+
+        Parameters
+        ----------
+        participant_id : str
+            The id.
+        """
+        return next(p for p in self.participants if p.id == participant_id)
+
+    def calibration_of(self, recording: RecordingSpec) -> CalibrationSpec:
+        """Return what is known of the instruments in one recording.
+
+        Parameters
+        ----------
+        recording : RecordingSpec
+            The recording; its own entries stand over its participant's, and
+            these over the study's.
+        """
+        person = self.participant(recording.participant)
+        return self.calibration.overridden_by(person.calibration).overridden_by(
+            recording.calibration
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class UserExclusion:
+    """A line of the user's ``exclusions.csv``."""
+
+    participant: str
+    recording: str
+    onset_s: float
+    action: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A study that was opened and checked.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        The folder of ``study.toml``.
+    spec : StudySpec
+        What it says.
+    sha256 : str
+        Hash of ``study.toml``.
+    units : mapping of str to tuple
+        Channel -> (SI unit, factor, offset): ``si = factor * value + offset``.
+    group_edges : tuple of float
+        Edges of the groups in SI, empty where there are none.
+    user_exclusions : tuple of UserExclusion
+        The user's own exclusions.
+    """
+
+    root: Path
+    spec: StudySpec
+    sha256: str
+    units: Mapping[str, tuple[str, float, float]]
+    group_edges: tuple[float, ...] = ()
+    user_exclusions: tuple[UserExclusion, ...] = field(default_factory=tuple)

@@ -1,0 +1,1 @@
+"""Heel strikes, strides and the phase of a sample."""

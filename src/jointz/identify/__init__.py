@@ -1,0 +1,1 @@
+"""Responses out of recordings, and impedance out of responses."""

@@ -1,0 +1,1 @@
+"""Array functions without labels: numpy, scipy and numba only."""

@@ -1,0 +1,1 @@
+"""Physical simulations whose truth is known."""
