@@ -112,9 +112,7 @@ class StudyAnalysis:
 
     def strides_frame(self) -> pd.DataFrame:
         """Return every stride found, accepted or not."""
-        return pd.DataFrame(
-            [asdict(s) for s in self.strides], columns=list(StrideRecord.__slots__)
-        )
+        return pd.DataFrame([asdict(s) for s in self.strides], columns=list(StrideRecord.__slots__))
 
     def pulses_frame(self) -> pd.DataFrame:
         """Return every pulse found, used or not."""

@@ -6,6 +6,7 @@ checked where they are read (:mod:`jointz.io.study`).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -138,7 +139,7 @@ class GroupSpec(_Model):
 
     @model_validator(mode="after")
     def _edges_increase(self) -> "GroupSpec":
-        if any(b <= a for a, b in zip(self.edges, self.edges[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(self.edges)):
             raise ValueError(f"edges must increase, got {list(self.edges)}")
         return self
 

@@ -1,0 +1,132 @@
+"""``jointz analyze``: recordings to impedance, figures and report."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from jointz.cli.console import (
+    EXIT_NOTHING_STANDS,
+    EXIT_OK,
+    emit,
+    emit_json,
+    emit_table,
+    progress_bar,
+)
+from jointz.cli.options import Debug, Json, Quiet
+
+if TYPE_CHECKING:
+    from jointz.core.analysis import StudyAnalysis
+
+
+def analyze(
+    study: Annotated[Path, typer.Argument(help="Folder that holds study.toml.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method", help="recommended, dissertation, pre_pulse or matched_strides."
+        ),
+    ] = "recommended",
+    resamples: Annotated[
+        int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")
+    ] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a results folder that exists.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Estimate joint impedance from the recordings of a study.
+
+    Writes estimates.csv, excluded.csv, figures and report.html to a new folder.
+    Exit status: 0 an estimate stands, 1 none does, 2 the input cannot be trusted.
+
+    Example: jointz analyze my-study --out results
+    """
+    del debug
+    from jointz.workflows.analysis import analyze as analyze_study
+    from jointz.workflows.analysis import check_method
+    from jointz.workflows.results_folder import MARKER, check_free, write_results
+
+    _usage(check_method, method)
+    check_free(out, marker=MARKER, overwrite=overwrite)
+    with progress_bar(shown=not (quiet or as_json)) as progress:
+        analysis = analyze_study(
+            study, method=method, resamples=resamples, seed=seed, progress=progress
+        )
+        if progress:
+            progress(1, 1, "drawing the report")
+        report = write_results(analysis, out, overwrite=overwrite)
+    if as_json:
+        emit_json(_as_json(analysis, out))
+    elif not quiet:
+        _print(analysis, report)
+    raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NOTHING_STANDS)
+
+
+def _usage(check: Any, value: str) -> None:
+    try:
+        check(value)
+    except ValueError as exc:
+        raise typer.BadParameter(str(exc)) from exc
+
+
+def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
+    return {
+        "status": "ok" if analysis.n_standing else "nothing_stands",
+        "results": str(out),
+        "report": str(out / "report.html"),
+        "settings": dict(analysis.settings),
+        "n_estimates": sum(len(c.parameters) for c in analysis.cells),
+        "n_standing": analysis.n_standing,
+        "n_pulses": len(analysis.pulses),
+        "n_excluded": sum(bool(p.code) for p in analysis.pulses),
+        "estimates": [row for cell in analysis.cells for row in cell.rows()],
+        "statistics": dict(analysis.statistics),
+    }
+
+
+def _print(analysis: "StudyAnalysis", report: Path) -> None:
+    rows = [
+        [
+            p.timing_point,
+            p.parameter,
+            f"{p.value:.4g}" if p.value is not None else "-",
+            f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
+            p.unit,
+            str(p.n_participants),
+        ]
+        for p in analysis.population
+    ]
+    if any(p.n_participants > 1 for p in analysis.population):
+        header = ["timing point", "parameter", "mean", "95 % interval", "unit", "people"]
+        emit_table(rows, header, title="Means over people")
+    else:
+        _print_cells(analysis)
+    emit(analysis.summary().splitlines()[0])
+    for note in analysis.statistics.get("notes", []):
+        emit(f"note: {note}")
+    failed = {p.status for c in analysis.cells for p in c.parameters if not p.stands}
+    if failed:
+        emit(f"without an estimate: {', '.join(sorted(failed))}")
+    emit(f"Report: {report}")
+
+
+def _print_cells(analysis: "StudyAnalysis") -> None:
+    rows = [
+        [
+            f"{cell.participant} {cell.timing_point}",
+            p.name,
+            f"{p.value:.4g}" if p.value is not None else "-",
+            f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
+            p.unit,
+            p.status,
+        ]
+        for cell in analysis.cells
+        for p in cell.parameters
+    ]
+    header = ["participant, point", "parameter", "value", "95 % interval", "unit", "status"]
+    emit_table(rows, header, title="Estimates")

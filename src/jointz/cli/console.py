@@ -1,0 +1,100 @@
+"""What commands print: results on stdout, progress and errors on stderr."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jointz.workflows.analysis import Progress
+
+EXIT_OK = 0
+EXIT_NOTHING_STANDS = 1
+EXIT_BAD_INPUT = 2
+
+
+def emit(text: str = "") -> None:
+    """Print a line of results.
+
+    Parameters
+    ----------
+    text : str
+        The line.
+    """
+    sys.stdout.write(text + "\n")
+
+
+def emit_json(content: Mapping[str, Any]) -> None:
+    """Print one JSON object on stdout.
+
+    Parameters
+    ----------
+    content : mapping
+        JSON-serialisable.
+    """
+    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> None:
+    """Print a table: by rich on a terminal, tab-separated elsewhere.
+
+    Parameters
+    ----------
+    rows : list of list of str
+        The cells.
+    header : list of str
+        The column names.
+    title : str
+        Above the table.
+    """
+    if not sys.stdout.isatty():
+        if title:
+            emit(title)
+        for row in [header, *rows]:
+            emit("\t".join(row))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title or None, title_justify="left", header_style="bold")
+    for k, name in enumerate(header):
+        table.add_column(name, justify="left" if k == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+@contextmanager
+def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
+    """Give a progress callback that draws a bar on a terminal's stderr.
+
+    Parameters
+    ----------
+    shown : bool
+        False under ``--quiet`` and ``--json``.
+
+    Yields
+    ------
+    callable or None
+        Called with (done, of how many, what comes next).
+    """
+    if not shown or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1)
+
+        def update(done: int, total: int, what: str) -> None:
+            bar.update(task, completed=done, total=total, description=what)
+
+        yield update

@@ -1,0 +1,117 @@
+"""``jointz identify``: one time series to a model."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
+from jointz.cli.options import Debug, Json, Quiet
+
+if TYPE_CHECKING:
+    from jointz.core.joint_fit import JointFit
+
+identify = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Fit a model to a file.")
+
+
+@identify.callback()
+def _identify() -> None:
+    """Identify a model from one time series."""
+
+
+@identify.command("joint")
+def joint(
+    file: Annotated[Path, typer.Argument(help="Recording: csv, csv.gz, parquet, nc, mat.")],
+    angle: Annotated[str, typer.Option("--angle", help="COL[:unit] of the angle (rad).")],
+    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque (N*m).")],
+    command: Annotated[
+        str | None,
+        typer.Option("--command", help="COL[:unit] of the commanded torque (N*m)."),
+    ] = None,
+    time: Annotated[str | None, typer.Option("--time", help="COL[:unit] of time (s).")] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
+    ] = None,
+    perturbed: Annotated[
+        str, typer.Option("--input", help="What was perturbed: torque or angle.")
+    ] = "torque",
+    torque_acts_on: Annotated[
+        str, typer.Option("--torque-acts-on", help="joint, or device: the sign is flipped.")
+    ] = "joint",
+    model: Annotated[
+        str, typer.Option("--model", help="kbj: stiffness, damping, inertia.")
+    ] = "kbj",
+    estimator: Annotated[
+        str | None,
+        typer.Option(
+            "--estimator",
+            help="least_squares, bounded_least_squares, admittance or instrumental_variable.",
+        ),
+    ] = None,
+    cutoff_hz: Annotated[
+        float, typer.Option("--cutoff-hz", help="Low-pass of all signals, Hz.")
+    ] = 30.0,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Fit torque = K*angle + B*velocity + J*acceleration to one recording.
+
+    Example: jointz identify joint knee.csv --angle knee:deg --torque tau:N*m --time t
+    """
+    del debug
+    from jointz.core.errors import EstimationError
+    from jointz.workflows.identification import identify_joint_file
+
+    given = {"angle": angle, "torque": torque, "time": time, "command": command}
+    try:
+        fit, columns = identify_joint_file(
+            file,
+            {name: text for name, text in given.items() if text is not None},
+            rate_hz=rate,
+            perturbed=perturbed,
+            model=model,
+            estimator=estimator,
+            cutoff_hz=cutoff_hz,
+            torque_acts_on=torque_acts_on,
+        )
+    except EstimationError as exc:
+        if as_json:
+            emit_json({"model": model, "status": f"failed:{exc.code}", "message": str(exc)})
+        else:
+            typer.echo(f"jointz: {exc}", err=True)
+        raise typer.Exit(EXIT_NOTHING_STANDS) from exc
+    if figure is not None:
+        _save(fit, figure)
+    if as_json:
+        echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
+        emit_json({**fit.to_dict(), "file": str(file), "columns": echoed})
+    elif not quiet:
+        _print(fit)
+    standing = any(p.stands for p in fit.parameters)
+    raise typer.Exit(0 if standing else EXIT_NOTHING_STANDS)
+
+
+def _save(fit: "JointFit", figure: Path) -> None:
+    from matplotlib.figure import Figure
+
+    canvas = Figure(figsize=(7.1, 3.5))
+    fit.plot(canvas.subplots())
+    canvas.savefig(figure, bbox_inches="tight")
+
+
+def _print(fit: "JointFit") -> None:
+    def number(value: float | None) -> str:
+        return "-" if value is None else f"{value:.4g}"
+
+    rows: list[list[str]] = [
+        [p.name, number(p.value), f"{number(p.ci_low)} to {number(p.ci_high)}", p.unit, p.status]
+        for p in fit.parameters
+    ]
+    emit_table(rows, ["parameter", "value", "95 % interval", "unit", "status"])
+    emit(fit.summary())
+
+

@@ -1,0 +1,73 @@
+"""The ``jointz`` command."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from jointz import __version__
+from jointz.cli.analyze import analyze
+from jointz.cli.console import EXIT_BAD_INPUT, emit, emit_json
+from jointz.cli.demo import demo
+from jointz.cli.identify import identify
+from jointz.core.errors import JointzError
+
+_EXIT_BUG = 70
+
+app = typer.Typer(
+    name="jointz",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    add_completion=False,
+)
+app.command("demo")(demo)
+app.command("analyze")(analyze)
+app.add_typer(identify, name="identify")
+
+
+def _version(value: bool) -> None:
+    if value:
+        emit(f"jointz {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _jointz(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error, for a bug report.")
+    ] = False,
+) -> None:
+    """Joint mechanical impedance: stiffness, damping and inertia with honest intervals.
+
+    Start with: jointz demo
+    """
+    del version, debug
+
+
+def run() -> None:
+    """Run the command line; errors become one message and an exit status."""
+    if "--debug" in sys.argv:
+        app()
+        return
+    try:
+        app()
+    except JointzError as exc:
+        _report(type(exc).__name__, str(exc))
+        sys.exit(EXIT_BAD_INPUT)
+    except KeyboardInterrupt:
+        _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
+        sys.exit(130)
+    except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
+        what = f"{type(exc).__name__}: {exc}"
+        _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
+        sys.exit(_EXIT_BUG)
+
+
+def _report(kind: str, message: str) -> None:
+    if "--json" in sys.argv:
+        emit_json({"status": "error", "error": kind, "message": message})
+    sys.stderr.write(f"jointz: {message}\n")

@@ -1,0 +1,234 @@
+"""The fit of one time series of a joint: stiffness, damping, inertia."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.estimates import ParameterEstimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.JointFit/1"
+
+_AXIS_LABELS = {"torque": "torque (N*m)", "angle": "angle (rad)"}
+
+
+@dataclass(frozen=True, slots=True)
+class FitSeries:
+    """A readable stretch of the record beside the model, offsets removed.
+
+    Parameters
+    ----------
+    time_s : tuple of float
+        Time of the record.
+    measured, modelled : tuple of float
+        Low-passed measurement and model; N*m or rad, see ``JointFit.vaf_of``.
+    """
+
+    time_s: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+    modelled: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class JointFit:
+    """Impedance of a joint out of one time series.
+
+    Parameters
+    ----------
+    model : str
+        ``kbj``: torque = K*angle + B*velocity + J*acceleration + offset.
+    estimator : str
+        How the parameters were found.
+    input : str
+        What was perturbed: ``torque`` or ``angle``.
+    parameters : tuple of ParameterEstimate
+        ``stiffness``, ``damping``, ``inertia``.
+    vaf_pct : float
+        Variance accounted for (2.7), %, offsets removed.
+    vaf_of : str
+        The signal that ``vaf_pct`` and ``series`` are about.
+    status : str
+        ``ok``, ``at_bound`` or ``undecided``: the weakest of the parameters.
+    n_samples : int
+        Samples that entered the fit.
+    rate_hz, cutoff_hz : float
+        Sampling rate, and the low-pass filter on every signal.
+    condition_number : float
+        Of the scaled regressors.
+    covariance : tuple of tuple of float
+        (3, 3) of K, B, J; empty where no interval could be made.
+    residual_correlation_time_s : float
+        Integral correlation time of the residuals.
+    ci_method : str
+        How covariance and intervals were made.
+    settings : mapping
+        Everything that was chosen, and the version of jointz.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    series : FitSeries
+        Measured and modelled signal, for the figure.
+    """
+
+    model: str
+    estimator: str
+    input: str
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float
+    vaf_of: str
+    status: str
+    n_samples: int
+    rate_hz: float
+    cutoff_hz: float
+    condition_number: float
+    covariance: tuple[tuple[float, ...], ...]
+    residual_correlation_time_s: float
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    series: FitSeries = field(default_factory=FitSeries)
+
+    def parameter(self, name: str) -> ParameterEstimate:
+        """Return a parameter by name.
+
+        Parameters
+        ----------
+        name : str
+            ``stiffness``, ``damping`` or ``inertia``.
+
+        Raises
+        ------
+        KeyError
+            When the fit has no such parameter.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        known = ", ".join(p.name for p in self.parameters)
+        raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter."""
+        rows = [
+            {
+                "parameter": p.name,
+                "value": p.value,
+                "unit": p.unit,
+                "ci_low": p.ci_low,
+                "ci_high": p.ci_high,
+                "ci_level": p.ci_level,
+                "status": p.status,
+                "vaf_pct": self.vaf_pct,
+                "n_samples": self.n_samples,
+                "model": self.model,
+                "estimator": self.estimator,
+            }
+            for p in self.parameters
+        ]
+        return pd.DataFrame(rows)
+
+    def summary(self) -> str:
+        """Return a short text: parameters, intervals, quality, warnings."""
+        seconds = self.n_samples / self.rate_hz
+        lines = [
+            f"Joint impedance, estimator {self.estimator}, {self.input} perturbed: {self.status}",
+            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz",
+            *(f"  {_sentence(p)}" for p in self.parameters),
+            f"  VAF of the {self.vaf_of} {self.vaf_pct:.1f} %; intervals: {self.ci_method}",
+            *(f"  Note: {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw measured and modelled signal over a readable stretch.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+        axes.plot(self.series.time_s, self.series.measured, label="measured", linewidth=1.5)
+        axes.plot(self.series.time_s, self.series.modelled, label="model", linestyle="--")
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(_AXIS_LABELS[self.vaf_of])
+        drawn = ", ".join(_figure(p) for p in self.parameters)
+        axes.set_title(f"{drawn}\nVAF of the {self.vaf_of} {self.vaf_pct:.1f} %", fontsize="medium")
+        axes.legend()
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON; see DESIGN section 5."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        data |= {name: getattr(self, name) for name in self.__slots__}
+        data["parameters"] = {p.name: _parameter_to_dict(p) for p in self.parameters}
+        data["covariance"] = [list(row) for row in self.covariance]
+        data["settings"] = dict(self.settings)
+        data["warnings"] = list(self.warnings)
+        data["series"] = {n: list(getattr(self.series, n)) for n in FitSeries.__slots__}
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "JointFit":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
+        values = {name: value for name, value in data.items() if name != "schema"}
+        values["parameters"] = tuple(
+            _parameter_from_dict(name, entry) for name, entry in data["parameters"].items()
+        )
+        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
+        values["settings"] = dict(data["settings"])
+        values["warnings"] = tuple(data["warnings"])
+        values["series"] = FitSeries(**{n: tuple(v) for n, v in data["series"].items()})
+        return cls(**values)
+
+
+_SAME_IN_DICT = ("value", "status", "ci_level", "ci_method", "share_at_bound", "unbounded")
+
+
+def _parameter_to_dict(parameter: ParameterEstimate) -> dict[str, Any]:
+    entry = {name: getattr(parameter, name) for name in _SAME_IN_DICT}
+    return entry | {"unit": parameter.unit, "ci": [parameter.ci_low, parameter.ci_high]}
+
+
+def _parameter_from_dict(name: str, entry: Mapping[str, Any]) -> ParameterEstimate:
+    low, high = entry["ci"]
+    same = {key: entry[key] for key in _SAME_IN_DICT}
+    return ParameterEstimate(name=name, ci_low=low, ci_high=high, **same)
+
+
+def _sentence(parameter: ParameterEstimate) -> str:
+    if parameter.value is None:
+        return f"{parameter.name:<10} {parameter.status}"
+    interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
+    measure = f"{parameter.name:<10} {parameter.value:.4g} {parameter.unit}"
+    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
+
+
+def _figure(parameter: ParameterEstimate) -> str:
+    symbol = {"stiffness": "K", "damping": "B", "inertia": "J"}[parameter.name]
+    if parameter.value is None:
+        return f"{symbol} {parameter.status}"
+    return f"{symbol} = {parameter.value:.3g} {parameter.unit}"

@@ -1,0 +1,29 @@
+"""Where a result came from: versions, hashes, settings, time."""
+
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+_PACKAGES = ("numpy", "scipy", "pandas", "xarray", "numba", "h5netcdf", "matplotlib")
+
+
+def software() -> dict[str, Any]:
+    """Return the versions of jointz, Python and the packages a number depends on."""
+    return {
+        "jointz": _version("jointz"),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in _PACKAGES},
+    }
+
+
+def now() -> str:
+    """Return the time in UTC, to the second, in ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,398 @@
+"""Heel strikes out of footswitches, vertical forces and stride counters.
+
+Every detector is a Schmitt trigger with a refractory time. Its thresholds are
+calibrated in two stages: coarse levels of the whole record first, then the
+medians of the samples below and above their middle. A rise counts only where it
+was seen: the first sample of a recording and a rise hidden by a hole or by
+missing samples are no strikes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import median_filter
+
+from jointz.core.codes import Exclusion
+from jointz.core.errors import EstimationError
+from jointz.gait.timestamps import longest_step_s
+
+#: Refractory time: at first, then as a share of the median interval.
+_REFRACTORY_S = 0.3
+_REFRACTORY_SHARE = 0.4
+
+#: Of two rises in the refractory time the later stands where the earlier came before the
+#: first figure and the later within the others, as shares of the expected interval.
+_EARLY, _ON_TIME = 0.85, (0.9, 1.1)
+
+#: Contact chatter; the shortest run that tells of stance and swing; shares of the median stance
+#: and swing below which a run is a blip or a drop-out; low on both sides of a blip, in its length.
+_CHATTER_S, _RUN_S = 0.05, 0.1
+_BLIP_SHARE, _DROPOUT_SHARE, _BLIP_ALONE = 0.1, 0.3, 3.0
+
+#: Levels closer than this many standard deviations of the signal about them are one level.
+_SEPARATION = 4.0
+_MAD_TO_SD = 1.4826
+
+#: Vertical force: strike, sure contact (N, or share of the load), least load of a foot.
+_STRIKE_N, _CONTACT_N, _CONTACT_SHARE, _LOAD_N = 20.0, 50.0, 0.05, 100.0
+
+#: Drift of a voltage is followed in blocks of this length: several strides.
+_BLOCK_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeelStrikes:
+    """Heel strikes of one foot.
+
+    Parameters
+    ----------
+    time_s : (n,) float, s
+        Heel strikes, increasing.
+    rejected_s : (m,) float, s
+        Rises that are no strikes: bounces, drop-outs of the contact, brief false
+        contacts, and rises inside the refractory time.
+    low, high : float
+        Thresholds of the trigger, in units of the signal; of a voltage, at the
+        middle of its drift. NaN where the signal never switches and for a
+        stride counter.
+    method : str
+        ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``.
+    """
+
+    time_s: np.ndarray
+    rejected_s: np.ndarray
+    low: float
+    high: float
+    method: str
+
+
+def find_heel_strikes(recording: xr.Dataset) -> HeelStrikes:
+    """Find the heel strikes of a recording.
+
+    The channel ``contact`` is used where it exists, else
+    ``ground_reaction_force``, else ``cycle``. A contact whose kind is not
+    declared is read as ``contact`` where it has two values, else as ``voltage``.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        A recording (:mod:`jointz.core.recording`); it is not modified.
+
+    Returns
+    -------
+    HeelStrikes
+        None are found in a channel that never switches; that is no error.
+
+    Raises
+    ------
+    EstimationError
+        Code ``no_heel_strikes``, where the recording has none of the channels.
+    """
+    time = recording["time"].to_numpy()
+    if "contact" in recording:
+        signal = recording["contact"].to_numpy()
+        kind = recording.attrs.get("contact_kind") or _kind(signal)
+        return _FOOTSWITCHES[kind](time, signal)
+    if "ground_reaction_force" in recording:
+        return strikes_from_force(time, recording["ground_reaction_force"].to_numpy())
+    if "cycle" in recording:
+        return strikes_from_cycle(time, recording["cycle"].to_numpy())
+    where = recording.attrs.get("file") or "recording"
+    raise EstimationError(
+        Exclusion.NO_HEEL_STRIKES.value,
+        f"{where}: heel strikes need a channel 'contact', 'ground_reaction_force' or 'cycle', "
+        f"found {', '.join(map(str, recording.data_vars)) or 'no channel'}. "
+        "Declare one of them under [channels] in study.toml.",
+    )
+
+
+def strikes_from_contact(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
+    """Find heel strikes in a two-level contact, high while the foot is on the ground.
+
+    The strike is the first sample of each contact. Drop-outs shorter than 0.05 s or
+    0.3 of the median swing make none, nor do lone contacts shorter than 0.1 of the
+    median stance.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    signal : (n,) float
+        The contact; NaN where missing.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 5, 0.01)
+    >>> strikes_from_contact(t, np.mod(t + 0.5, 1.1) < 0.7).time_s.round(2).tolist()
+    [0.6, 1.7, 2.8, 3.9]
+    """
+    t, x = _finite(time, signal)
+    if t.size < 2:
+        return _none("contact")
+    return _from_levels(t, x, _coarse_levels(x), method="contact")
+
+
+def strikes_from_voltage(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
+    """Find heel strikes in the voltage of an analog footswitch, high on the ground.
+
+    Noise is lowered by a running median of 11 ms, which keeps edges where they
+    are; drift is followed by the middle between the 5th and 95th percentile of
+    5 s blocks that switch. The strike is the interpolated crossing of the lower
+    threshold; bounces are treated as in a contact.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    signal : (n,) float
+        The voltage, any gain (positive) and offset; NaN where missing.
+    """
+    t, x = _finite(time, signal)
+    if t.size < 2:
+        return _none("voltage")
+    half = int(0.0055 / np.median(np.diff(t)))
+    x = _without_drift(t, median_filter(x, size=2 * half + 1, mode="nearest"))
+    return _from_levels(t, x, _coarse_levels(x), method="voltage")
+
+
+def strikes_from_pulse(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
+    """Find heel strikes in a signal that pulses briefly at each of them.
+
+    Levels are the median and the typical peak of 2.5 s blocks, as the pulses may
+    fill less than 1 % of the record. The strike is the first sample of the pulse.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    signal : (n,) float
+        The pulses, upward; NaN where missing.
+    """
+    t, x = _finite(time, signal)
+    if t.size < 2:
+        return _none("pulse")
+    blocks = np.array_split(x, _block_count(t, 0.5 * _BLOCK_S))
+    peak = float(np.percentile([block.max() for block in blocks], 90))
+    return _from_levels(t, x, (float(np.median(x)), peak), method="pulse")
+
+
+def strikes_from_force(time: np.ndarray, force: np.ndarray) -> HeelStrikes:
+    """Find heel strikes in the vertical force under one foot, positive upward on the foot.
+
+    The strike is the interpolated upward crossing of 20 N above the unloaded
+    level, as in ground reaction force studies; it counts only where the force
+    goes on to 50 N or 5 % of the load, whichever is more, so that noise at toe-off
+    and in swing makes none.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    force : (n,) float, N
+        Vertical force; NaN where missing.
+    """
+    t, x = _finite(time, force)
+    if t.size < 2:
+        return _none("force")
+    low, high = _coarse_levels(x)
+    unloaded = x[x <= low + 0.1 * (high - low)]
+    loaded = x[x >= 0.5 * (low + high)]
+    level, spread = _level(unloaded)
+    load = float(np.median(loaded)) - level
+    if load < max(_LOAD_N, _SEPARATION * spread):
+        return _none("force")
+    thresholds = (level + _STRIKE_N, level + max(_CONTACT_N, _CONTACT_SHARE * load))
+    return _trigger(t, x, thresholds, method="force")
+
+
+def strikes_from_cycle(time: np.ndarray, cycle: np.ndarray) -> HeelStrikes:
+    """Find heel strikes where a stride number changes.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    cycle : (n,) float
+        Number of the stride; NaN where missing.
+    """
+    t, x = _finite(time, cycle)
+    if t.size < 2:
+        return _none("cycle")
+    seen = np.diff(t) <= _limit(t)
+    at = np.flatnonzero((np.diff(x) != 0) & seen) + 1
+    return HeelStrikes(t[at], np.empty(0), np.nan, np.nan, "cycle")
+
+
+_INTERPOLATED = ("voltage", "force")
+_FOOTSWITCHES = {
+    "contact": strikes_from_contact,
+    "voltage": strikes_from_voltage,
+    "pulse": strikes_from_pulse,
+}
+
+
+def _none(method: str) -> HeelStrikes:
+    return HeelStrikes(np.empty(0), np.empty(0), np.nan, np.nan, method)
+
+
+def _kind(signal: np.ndarray) -> str:
+    return "contact" if np.unique(signal[np.isfinite(signal)]).size <= 2 else "voltage"
+
+
+def _finite(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    signal = np.asarray(signal, dtype=float)
+    good = np.isfinite(signal)
+    return np.asarray(time, dtype=float)[good], signal[good]
+
+
+def _limit(t: np.ndarray) -> float:
+    """Return the longest step over which a rise is timed, with room for rounding errors."""
+    return longest_step_s(t) * (1.0 + 1e-9)
+
+
+def _coarse_levels(x: np.ndarray) -> tuple[float, float]:
+    """Return stage one: robust percentiles, or the extremes where these coincide."""
+    low, high = np.percentile(x, [1, 99])
+    return (float(low), float(high)) if high > low else (float(x.min()), float(x.max()))
+
+
+def _level(x: np.ndarray) -> tuple[float, float]:
+    """Return the median and the standard deviation that its median deviation stands for."""
+    middle = float(np.median(x))
+    return middle, _MAD_TO_SD * float(np.median(np.abs(x - middle)))
+
+
+def _thresholds(x: np.ndarray, coarse: tuple[float, float]) -> tuple[float, float] | None:
+    """Return stage two: thresholds between the two levels, or None where there is one level.
+
+    The level of stance may have steps of its own (heel, heel and toe, toe), so the
+    spread about it counts by half, and never less than that about the lower level.
+    """
+    above = x >= 0.5 * (coarse[0] + coarse[1])
+    if above.all() or not above.any():
+        return None
+    (low, low_spread), (high, high_spread) = _level(x[~above]), _level(x[above])
+    spread = max(low_spread, 0.5 * (low_spread + high_spread))
+    if high - low <= _SEPARATION * spread:
+        return None
+    return low + 0.3 * (high - low), low + 0.7 * (high - low)
+
+
+def _block_count(t: np.ndarray, block_s: float) -> int:
+    return max(1, min(t.size, round(float(t[-1] - t[0]) / block_s)))
+
+
+def _without_drift(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Subtract the slow wander of the middle between the levels, keeping its median."""
+    blocks = _block_count(t, _BLOCK_S)
+    ends = np.array([np.percentile(b, [5, 95]) for b in np.array_split(x, blocks)])
+    centre = np.array([b.mean() for b in np.array_split(t, blocks)])
+    swing = ends[:, 1] - ends[:, 0]
+    switches = swing >= 0.5 * np.percentile(swing, 90)
+    middle = ends[switches].mean(axis=1)
+    steady: np.ndarray = x - np.interp(t, centre[switches], middle - np.median(middle))
+    return steady
+
+
+def _from_levels(
+    t: np.ndarray, x: np.ndarray, coarse: tuple[float, float], *, method: str
+) -> HeelStrikes:
+    thresholds = _thresholds(x, coarse)
+    if thresholds is None:
+        return _none(method)
+    return _trigger(t, x, thresholds, method=method)
+
+
+def _trigger(
+    t: np.ndarray, x: np.ndarray, thresholds: tuple[float, float], *, method: str
+) -> HeelStrikes:
+    """Find the rises, when they crossed the lower threshold, and which are strikes."""
+    low, high = thresholds
+    index = np.arange(t.size)
+    decided = np.maximum.accumulate(np.where((x >= high) | (x < low), index, -1))
+    # What stands between the thresholds at the very beginning may be a contact already.
+    state = (decided < 0) | (x[decided] >= high)
+    rise = np.flatnonzero(~state[:-1] & state[1:]) + 1
+    fall = np.flatnonzero(state[:-1] & ~state[1:]) + 1
+    below = np.maximum.accumulate(np.where(x < low, index, -1))[rise - 1]
+    lost = np.append(0, np.cumsum(np.diff(t) > _limit(t)))
+    time_s = t[below + 1]
+    if method in _INTERPOLATED:
+        share = (low - x[below]) / (x[below + 1] - x[below])
+        time_s = t[below] + share * (time_s - t[below])
+    kept = np.ones(rise.size, dtype=bool) if method == "pulse" else _debounced(t, rise, fall)
+    strike, rejected = _select(time_s, kept, seen=lost[rise] == lost[below])
+    return HeelStrikes(strike, rejected, low, high, method)
+
+
+def _debounced(t: np.ndarray, rise: np.ndarray, fall: np.ndarray) -> np.ndarray:
+    """Tell which rises begin a contact that is neither chatter, a blip, nor after a drop-out.
+
+    In this order: contacts apart by no more than chatter become one; contacts that
+    are short against stance and against the low runs around them go; contacts apart
+    by little against swing become one.
+    """
+    on, off = t[rise], t[fall]
+    if off.size and (on.size == 0 or off[0] < on[0]):
+        on = np.append(-np.inf, on)
+    if off.size < on.size:
+        off = np.append(off, np.inf)
+    on, off = _joined(on, off, _CHATTER_S)
+    low = np.concatenate([[np.inf], on[1:] - off[:-1], [np.inf]])
+    high = off - on
+    alone = np.minimum(low[:-1], low[1:]) > _BLIP_ALONE * high
+    blip = alone & (high < _BLIP_SHARE * _typical(high))
+    on, off = on[~blip], off[~blip]
+    on, _ = _joined(on, off, _DROPOUT_SHARE * _typical(on[1:] - off[:-1]))
+    kept: np.ndarray = np.isin(t[rise], on)
+    return kept
+
+
+def _joined(on: np.ndarray, off: np.ndarray, shortest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Join contacts that are apart by less than ``shortest``."""
+    apart = on[1:] - off[:-1] >= shortest
+    return on[np.append(True, apart)[: on.size]], off[np.append(apart, True)[-off.size :]]
+
+
+def _typical(length: np.ndarray) -> float:
+    """Return the median of the runs that may be a stance or a swing, 0 where there is none."""
+    long = length[np.isfinite(length) & (length > _RUN_S)]
+    return float(np.median(long)) if long.size else 0.0
+
+
+def _select(
+    time_s: np.ndarray, kept: np.ndarray, *, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Apply the refractory time, twice; rises that were not seen block what follows them."""
+    stands = _outside_refractory(time_s, kept, wait_s=_REFRACTORY_S, expected=np.nan)
+    if stands.size > 1:
+        interval = float(np.median(np.diff(time_s[stands])))
+        wait_s = _REFRACTORY_SHARE * interval
+        stands = _outside_refractory(time_s, kept, wait_s=wait_s, expected=interval)
+    strike = np.zeros(time_s.size, dtype=bool)
+    strike[stands] = True
+    return time_s[strike & seen], time_s[~strike & seen]
+
+
+def _outside_refractory(
+    time_s: np.ndarray, kept: np.ndarray, *, wait_s: float, expected: float
+) -> np.ndarray:
+    """Return the rises that stand: of two closer than ``wait_s``, as a rule the first.
+
+    The second stands, debounced or not, where the first came early and the second
+    in time, by the median of the last five intervals: the first was a false contact.
+    """
+    stands: list[int] = []
+    for k, (now, clean) in enumerate(zip(time_s.tolist(), kept.tolist(), strict=True)):
+        apart = now - time_s[stands[-1]] if stands else np.inf
+        if clean and apart >= wait_s:
+            stands.append(k)
+        elif len(stands) > 1 and apart < wait_s:
+            recent = np.diff(time_s[stands[-7:-1]])
+            usual = float(np.median(recent)) if recent.size == 5 else expected
+            before = time_s[stands[-2]]
+            early = time_s[stands[-1]] - before < _EARLY * usual
+            if early and _ON_TIME[0] <= (now - before) / usual <= _ON_TIME[1]:
+                stands[-1] = k
+    return np.array(stands, dtype=int)

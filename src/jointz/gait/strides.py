@@ -1,0 +1,181 @@
+"""Strides between heel strikes, and which of them can be believed."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Exclusion
+from jointz.core.errors import DataError
+
+#: Accepted durations, as multiples of the expected one.
+SHORTEST, LONGEST = 0.75, 1.33
+
+#: Accepted strides that make the expected duration, and agreeing rejected ones that restart it.
+_MEMORY = 5
+
+#: A hole shorter than this share of the expected stride leaves the stride standing.
+_GAP_SHARE = 0.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strides:
+    """Consecutive strides, each from one heel strike to the next.
+
+    Parameters
+    ----------
+    start_s, duration_s : (n,) float, s
+        The heel strike that begins each stride, and its length.
+    accepted : (n,) bool
+        Strides that can be believed; ``code`` is ``""`` there.
+    touches_gap : (n,) bool
+        A hole in the time stamps, of any length, lies inside.
+    code : tuple of str
+        ``""``, or a code of :class:`jointz.core.codes.Exclusion`.
+    detail : tuple of str
+        More about the code, and about holes in accepted strides.
+    """
+
+    start_s: np.ndarray
+    duration_s: np.ndarray
+    accepted: np.ndarray
+    touches_gap: np.ndarray
+    code: tuple[str, ...]
+    detail: tuple[str, ...]
+
+    @property
+    def strike_s(self) -> np.ndarray:
+        """Heel strikes that bound the strides, (n + 1,) s; empty without a stride."""
+        if self.start_s.size == 0:
+            return np.empty(0)
+        return np.append(self.start_s, self.start_s[-1] + self.duration_s[-1])
+
+    @property
+    def end_s(self) -> np.ndarray:
+        """Heel strike that ends each stride, (n,) s."""
+        return self.strike_s[1:]
+
+
+def find_strides(
+    strike_s: np.ndarray, gaps: np.ndarray, *, gap_tolerance_s: float | None = None
+) -> Strides:
+    """Cut a recording into strides and say which can be believed.
+
+    A stride is accepted when it lasts 0.75 to 1.33 times the median of the last
+    five accepted strides (at the start: the median of all intervals counts as
+    one) and no hole lies inside. Too long is ``missing_strike``, too short
+    ``spurious_strike``: a false strike inside a stride makes two short strides.
+    A hole longer than the tolerance is ``gap``, whatever the duration; it neither
+    moves nor restarts the band. After five rejected strides in a row that lie
+    within 0.75 to 1.33 of their own median, the cadence has changed for good:
+    the band restarts at that median, and the five stay rejected.
+
+    Parameters
+    ----------
+    strike_s : (n,) float, s
+        Heel strikes, increasing.
+    gaps : (k, 2) float, s
+        Start and end of holes, in order (:func:`jointz.gait.timestamps.find_gaps`).
+    gap_tolerance_s : float, s, optional
+        Holes shorter than this leave a stride accepted, with ``touches_gap``
+        set; by default 0.15 of the expected stride.
+
+    Returns
+    -------
+    Strides
+        One stride between every two consecutive strikes.
+
+    Raises
+    ------
+    DataError
+        When the strikes do not increase.
+
+    Examples
+    --------
+    >>> find_strides(np.array([0.0, 1.1, 2.2, 3.3, 5.5, 6.6]), np.empty((0, 2))).code
+    ('', '', '', 'missing_strike', '')
+    """
+    strike_s = np.asarray(strike_s, dtype=float)
+    duration = np.diff(strike_s)
+    if not np.all(duration > 0):
+        at = int(np.flatnonzero(~(duration > 0))[0])
+        raise DataError(
+            f"heel strikes must increase, got {strike_s[at + 1]:.6g} s after {strike_s[at]:.6g} s. "
+            "Sort the strikes, and separate trials whose time restarts."
+        )
+    longest_gap = _longest_gap(strike_s, np.asarray(gaps, dtype=float).reshape(-1, 2))
+    verdicts = _judge(duration, longest_gap, gap_tolerance_s)
+    return Strides(
+        start_s=strike_s[:-1],
+        duration_s=duration,
+        accepted=np.array([code == "" for code, _ in verdicts], dtype=bool),
+        touches_gap=longest_gap > 0,
+        code=tuple(code for code, _ in verdicts),
+        detail=tuple(detail for _, detail in verdicts),
+    )
+
+
+class _Band:
+    """The expected duration, following the walker."""
+
+    def __init__(self, seed: float) -> None:
+        self._recent = deque([seed], maxlen=_MEMORY)
+        self._rejected: deque[float] = deque(maxlen=_MEMORY)
+
+    @property
+    def expected(self) -> float:
+        return float(np.median(list(self._recent)))
+
+    def accept(self, duration: float) -> None:
+        self._recent.append(duration)
+        self._rejected.clear()
+
+    def reject(self, duration: float) -> None:
+        self._rejected.append(duration)
+        middle = float(np.median(list(self._rejected)))
+        agree = all(SHORTEST <= d / middle <= LONGEST for d in self._rejected)
+        if len(self._rejected) == _MEMORY and agree:
+            self._recent = deque([middle], maxlen=_MEMORY)
+            self._rejected.clear()
+
+
+def _judge(
+    duration: np.ndarray, longest_gap: np.ndarray, gap_tolerance_s: float | None
+) -> list[tuple[str, str]]:
+    if duration.size == 0:
+        return []
+    band = _Band(float(np.median(duration)))
+    verdicts = []
+    for length, gap in zip(duration.tolist(), longest_gap.tolist(), strict=True):
+        expected = band.expected
+        tolerance = _GAP_SHARE * expected if gap_tolerance_s is None else gap_tolerance_s
+        hole = f"gap of {gap:.3f} s" if gap else ""
+        if gap >= tolerance and gap:
+            verdicts.append((Exclusion.GAP.value, hole))
+            continue
+        code, detail = _by_duration(length, expected)
+        verdicts.append((code, "; ".join(filter(None, [detail, hole]))))
+        if code:
+            band.reject(length)
+        else:
+            band.accept(length)
+    return verdicts
+
+
+def _by_duration(length: float, expected: float) -> tuple[str, str]:
+    ratio = length / expected
+    if ratio > LONGEST:
+        return Exclusion.MISSING_STRIKE.value, f"{ratio:.1f} x {expected:.2f} s"
+    if ratio < SHORTEST:
+        return Exclusion.SPURIOUS_STRIKE.value, f"{ratio:.2f} x {expected:.2f} s"
+    return "", ""
+
+
+def _longest_gap(strike_s: np.ndarray, gaps: np.ndarray) -> np.ndarray:
+    """Return the longest hole that reaches into each stride, 0 without one."""
+    length = gaps[:, 1] - gaps[:, 0]
+    first = np.searchsorted(gaps[:, 1], strike_s[:-1], side="right")
+    after = np.searchsorted(gaps[:, 0], strike_s[1:], side="left")
+    return np.array(
+        [length[a:b].max(initial=0.0) for a, b in zip(first, after, strict=True)], dtype=float
+    )

@@ -1,0 +1,187 @@
+"""Time stamps of a recording: rate, holes, unbroken stretches, uniform grids.
+
+The nominal rate of a recording is never assumed; everything here follows from
+the time stamps that were logged. Jittered stamps are resampled linearly, not
+by spline, and never across a hole (SCIENCE.md, section 4).
+"""
+
+import numpy as np
+
+#: A step longer than this many median steps is a hole.
+_GAP_STEPS = 1.75
+
+#: Steps this far from the median are jitter, as a share of the median.
+_JITTER = 0.02
+
+#: A long step that this share of all steps reach is the clock's habit, not a hole.
+_HABIT = 0.05
+_HABIT_COUNT = 10
+
+
+def rate_hz(time: np.ndarray) -> float:
+    """Return the sampling rate, from the median step.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps, at least two.
+
+    Returns
+    -------
+    float
+        Samples a second, Hz.
+
+    Examples
+    --------
+    >>> round(rate_hz(np.array([0.0, 0.01, 0.02, 0.5, 0.51])))
+    100
+    """
+    return 1.0 / float(np.median(np.diff(time)))
+
+
+def longest_step_s(time: np.ndarray) -> float:
+    """Return the longest step between samples that is not a hole.
+
+    It is 1.75 median steps. A clock that rounds its stamps (900 Hz written in
+    whole milliseconds) or alternates short and long periods has long steps that
+    are no holes: where more than one step in twenty, and at least ten, are long,
+    1.75 of these are allowed.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps, at least two.
+
+    Returns
+    -------
+    float
+        The longest step of an unbroken recording, s.
+    """
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    rank = steps.size - 1 - max(_HABIT_COUNT, int(_HABIT * steps.size))
+    if rank > 0:
+        usual = max(usual, float(np.partition(steps, rank)[rank]))
+    return _GAP_STEPS * usual
+
+
+def find_gaps(time: np.ndarray) -> np.ndarray:
+    """Find the holes in the time stamps.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+
+    Returns
+    -------
+    (k, 2) float, s
+        The last sample before each hole and the first after it.
+
+    Examples
+    --------
+    >>> find_gaps(np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
+    array([[2., 5.]])
+    """
+    if len(time) < 2:
+        return np.empty((0, 2))
+    at = np.flatnonzero(np.diff(time) > longest_step_s(time))
+    return np.column_stack([time[at], time[at + 1]])
+
+
+def stretches(time: np.ndarray, finite: np.ndarray) -> list[slice]:
+    """Cut a recording into its longest unbroken stretches.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    finite : (n,) bool
+        Where every channel of interest has a number.
+
+    Returns
+    -------
+    list of slice
+        Maximal runs of samples without a hole and without a missing sample; a
+        run may be a single sample.
+
+    Examples
+    --------
+    >>> stretches(np.arange(5.0), np.array([True, True, False, True, True]))
+    [slice(0, 2, None), slice(3, 5, None)]
+    """
+    good = np.flatnonzero(finite)
+    if good.size == 0:
+        return []
+    broken = np.diff(good) > 1
+    if len(time) > 1:
+        broken |= np.diff(time[good]) > longest_step_s(time)
+    cuts = np.flatnonzero(broken)
+    first = good[np.concatenate([[0], cuts + 1])]
+    last = good[np.concatenate([cuts, [good.size - 1]])]
+    return [slice(int(a), int(b) + 1) for a, b in zip(first, last, strict=True)]
+
+
+def is_uniform(time: np.ndarray, *, step_s: float | None = None) -> bool:
+    """Tell whether every step is within 2 % of the expected one.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    step_s : float, s, optional
+        The expected step; by default the median one.
+
+    Returns
+    -------
+    bool
+        False where the stamps jitter, or where there is a hole.
+    """
+    if len(time) < 2:
+        return True
+    steps = np.diff(time)
+    expected = float(np.median(steps)) if step_s is None else step_s
+    return bool(np.all(np.abs(steps - expected) <= _JITTER * expected))
+
+
+def resample_stretch(
+    time: np.ndarray, values: np.ndarray, *, step_s: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Put one unbroken stretch on a uniform grid, linearly.
+
+    A stretch whose steps are all within 2 % of the wanted one is returned as it
+    is. Linear interpolation low-passes white noise a little and never
+    overshoots; a spline through jittered stamps does (SCIENCE.md, section 4).
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps of one stretch (see :func:`stretches`).
+    values : (..., n) float
+        Signals at these times.
+    step_s : float, s, optional
+        Step of the grid; by default the stretch's median. Give the recording's
+        where several stretches must share one rate.
+
+    Returns
+    -------
+    time : (m,) float, s
+        Uniform times, from the first stamp to the last grid point not after
+        the last stamp.
+    values : (..., m) float
+        Signals at the uniform times.
+
+    Examples
+    --------
+    >>> t, x = resample_stretch(np.array([0.0, 1.0, 2.2, 3.0]), np.array([0.0, 1.0, 2.2, 3.0]))
+    >>> x.tolist()
+    [0.0, 1.0, 2.0, 3.0]
+    """
+    if len(time) < 2 or is_uniform(time, step_s=step_s):
+        return time, values
+    step = float(np.median(np.diff(time))) if step_s is None else step_s
+    count = int((time[-1] - time[0]) / step * (1.0 + 1e-12) + 1e-9) + 1
+    grid = time[0] + step * np.arange(count)
+    rows = np.asarray(values, dtype=float).reshape(-1, len(time))
+    resampled = np.stack([np.interp(grid, time, row) for row in rows])
+    return grid, resampled.reshape(*np.shape(values)[:-1], count)

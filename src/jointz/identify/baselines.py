@@ -1,0 +1,224 @@
+"""What the joint would have done without the pulse: three baselines.
+
+``unperturbed_mean``
+    Mean of the unperturbed condition, aligned at heel strike, in time
+    (dissertation 4.2.3).
+``pre_pulse``
+    The mean level just before the onset. All four signals lose their own
+    level, so the second-order model holds for the differences exactly.
+``matched_strides``
+    Mean of the unperturbed strides of the same recording whose angle was most
+    alike before the onset.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Exclusion
+from jointz.identify.conditioning import ANGLE, Conditioned
+
+PRE_PULSE_S = 0.05
+MATCH_S = 0.15
+N_MATCHES = 10
+_FEWEST_MATCHES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """Unperturbed windows for every pulse of a cell.
+
+    Parameters
+    ----------
+    windows : (n_pulse, k, 4, n) float
+        Candidate unperturbed windows of each pulse; 0 where not valid.
+    sources : (n_pulse, k) int
+        The stride each window is from; strides are what is resampled.
+    valid : (n_pulse, k) bool
+        Which windows there are.
+    """
+
+    windows: np.ndarray
+    sources: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def codes(self) -> list[str]:
+        """``""`` for each pulse that has a baseline, else ``no_baseline``."""
+        return ["" if any_valid else Exclusion.NO_BASELINE.value for any_valid in self.valid.any(1)]
+
+    @property
+    def n_sources(self) -> int:
+        """How many strides there are to draw from."""
+        return int(self.sources.max(initial=-1)) + 1
+
+    def mean(self) -> np.ndarray:
+        """Return the mean window of each pulse, (n_pulse, 4, n)."""
+        counts = np.maximum(self.valid.sum(axis=1), 1)
+        return np.asarray(self.windows.sum(axis=1) / counts[:, None, None])
+
+    def resampled_means(self, draws: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield, pulse by pulse, its mean window under resampled strides.
+
+        A draw that holds none of a pulse's strides falls back to all of them.
+
+        Parameters
+        ----------
+        draws : (n_resamples, n_sources) float
+            How often each stride was drawn.
+
+        Yields
+        ------
+        (n_resamples, 4, n) float
+            The mean window of the next pulse.
+        """
+        for windows, sources, valid in zip(self.windows, self.sources, self.valid, strict=True):
+            weights = draws[:, sources] * valid
+            totals = weights.sum(axis=1, keepdims=True)
+            weights = np.where(totals > 0, weights, valid)
+            weights /= weights.sum(axis=1, keepdims=True)
+            flat = weights @ windows.reshape(len(windows), -1)
+            yield flat.reshape(len(draws), *windows.shape[1:])
+
+    def take(self, pulses: np.ndarray) -> "Baseline":
+        """Return the baseline of some of the pulses.
+
+        Parameters
+        ----------
+        pulses : (m,) int or bool
+            Which pulses.
+        """
+        return Baseline(self.windows[pulses], self.sources[pulses], self.valid[pulses])
+
+
+@dataclass(frozen=True, slots=True)
+class StridePool:
+    """Unperturbed strides to learn from: where each begins, in which recording.
+
+    Parameters
+    ----------
+    recordings : tuple of Conditioned
+        The recordings.
+    starts_s : tuple of (m,) float, s
+        Heel strikes (or starts of a bench trial) in each.
+    """
+
+    recordings: tuple[Conditioned, ...]
+    starts_s: tuple[np.ndarray, ...]
+
+    @property
+    def size(self) -> int:
+        """How many strides there are."""
+        return sum(len(s) for s in self.starts_s)
+
+    def windows(
+        self, elapsed_s: Sequence[float], *, window_s: float, before_s: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Cut one window a stride and elapsed time.
+
+        Parameters
+        ----------
+        elapsed_s : (p,) float, s
+            Time since the stride's start.
+        window_s, before_s : float, s
+            Length after and before that moment.
+
+        Returns
+        -------
+        windows : (p, m, 4, n) float
+            0 where a window could not be cut.
+        valid : (p, m) bool
+            Which ones could.
+        """
+        elapsed = np.asarray(elapsed_s, dtype=float)
+        parts = []
+        for recording, starts in zip(self.recordings, self.starts_s, strict=True):
+            moments = (elapsed[:, None] + starts[None, :]).ravel()
+            cut, _ = recording.cut(moments, before_s=before_s, after_s=window_s)
+            parts.append(cut.reshape(elapsed.size, len(starts), *cut.shape[1:]))
+        windows = np.concatenate(parts, axis=1)
+        valid = ~np.isnan(windows[:, :, 0, 0])
+        return np.where(valid[:, :, None, None], windows, 0.0), valid
+
+
+def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: float) -> Baseline:
+    """Return every unperturbed stride at the same time since heel strike.
+
+    Parameters
+    ----------
+    pool : StridePool
+        Strides of the unperturbed condition.
+    elapsed_s : (p,) float, s
+        Time of each pulse since its heel strike.
+    window_s : float, s
+        Length of the window.
+    """
+    windows, valid = pool.windows(elapsed_s, window_s=window_s)
+    sources = np.broadcast_to(np.arange(pool.size), valid.shape)
+    return Baseline(windows, sources, valid)
+
+
+def matched_strides(
+    pool: StridePool,
+    elapsed_s: Sequence[float],
+    before: np.ndarray,
+    *,
+    window_s: float,
+) -> Baseline:
+    """Return the unperturbed strides most alike before the onset.
+
+    Parameters
+    ----------
+    pool : StridePool
+        Strides of the perturbed recording far from any pulse.
+    elapsed_s : (p,) float, s
+        Time of each pulse since its heel strike.
+    before : (p, n) float, rad
+        Filtered angle of each pulse over the :data:`MATCH_S` before its onset.
+    window_s : float, s
+        Length of the window.
+
+    Notes
+    -----
+    Alike means the smallest root mean square difference of angle. The angle
+    alone is compared: torque is near zero between pulses.
+    """
+    rows = [
+        _best_matches(pool, e, b, window_s=window_s) for e, b in zip(elapsed_s, before, strict=True)
+    ]
+    return Baseline(
+        np.stack([r.windows[0] for r in rows]),
+        np.stack([r.sources[0] for r in rows]),
+        np.stack([r.valid[0] for r in rows]),
+    )
+
+
+def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
+    """Return each pulse's own level before its onset, held over the window.
+
+    Parameters
+    ----------
+    before : (p, 4, m) float
+        Signals over the :data:`PRE_PULSE_S` before each onset.
+    n_samples : int
+        Length of the window in samples.
+    """
+    level = before.mean(axis=2, keepdims=True)
+    windows = np.repeat(level, n_samples, axis=2)[:, None]
+    valid = np.isfinite(windows[:, :, 0, 0])
+    sources = np.arange(len(before))[:, None]
+    return Baseline(np.where(valid[:, :, None, None], windows, 0.0), sources, valid)
+
+
+def _best_matches(
+    pool: StridePool, elapsed_s: float, before: np.ndarray, *, window_s: float
+) -> Baseline:
+    n_before = before.size
+    windows, valid = pool.windows([elapsed_s], window_s=window_s, before_s=MATCH_S)
+    windows, valid = windows[0], valid[0]
+    difference = windows[:, ANGLE, :n_before] - before
+    distance = np.where(valid, np.sqrt((difference**2).mean(axis=1)), np.inf)
+    best = np.argsort(distance, kind="stable")[:N_MATCHES]
+    enough = valid.sum() >= _FEWEST_MATCHES
+    return Baseline(windows[best][None, :, :, n_before:], best[None], (valid[best] & enough)[None])

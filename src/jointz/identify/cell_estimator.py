@@ -1,0 +1,235 @@
+"""Every cell of a participant by one method: windows, baselines, fits, failures."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.errors import EstimationError
+from jointz.core.estimates import CellEstimate
+from jointz.core.events import PulseRecord
+from jointz.identify import baselines
+from jointz.identify.assignment import Candidate
+from jointz.identify.baselines import Baseline, StridePool
+from jointz.identify.cells import FitSettings, Method, failed_parameters, fit_cell
+from jointz.identify.conditioning import ANGLE
+from jointz.identify.sources import ParticipantSettings, Source
+
+
+class CellEstimator:
+    """Estimates every cell of a participant by one method."""
+
+    def __init__(
+        self,
+        participant: str,
+        method: Method,
+        sources: Sequence[Source],
+        settings: ParticipantSettings,
+    ) -> None:
+        self._participant = participant
+        self._method = method
+        self._sources = sources
+        self._settings = settings
+        self._baseline = settings.perturbations.baseline or method.baseline
+        self._pools: dict[int, StridePool] = {}
+
+    def run(
+        self, candidates: Sequence[Candidate]
+    ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
+        """Return the cells and the pulses with their final codes."""
+        records = [c.record for c in candidates]
+        cells = []
+        for label in dict.fromkeys(r.timing_point for r in records if r.timing_point):
+            chosen = [k for k, r in enumerate(records) if r.timing_point == label]
+            cell, codes = self._cell(label, [candidates[k] for k in chosen])
+            cells.append(cell)
+            for k, code in zip(chosen, codes, strict=True):
+                records[k] = replace(records[k], code=code)
+        return tuple(cells), records
+
+    def _cell(self, label: str, candidates: Sequence[Candidate]) -> tuple[CellEstimate, list[str]]:
+        codes = [c.record.code for c in candidates]
+        usable = [k for k, code in enumerate(codes) if not code]
+        windows = baseline = None
+        if usable:
+            windows, baseline = self._windows([candidates[k] for k in usable])
+            for k, code in zip(usable, baseline.codes, strict=True):
+                codes[k] = code
+        fine = np.array([not codes[k] for k in usable], dtype=bool)
+        used = [candidates[k] for k, keep in zip(usable, fine, strict=True) if keep]
+        if windows is None or baseline is None or len(used) < 2:
+            if len(used) == 1:
+                codes = [code or Exclusion.LONE_PULSE.value for code in codes]
+            return self._failed(label, codes, self._why(codes)), codes
+        try:
+            return self._fitted(label, used, windows[fine], baseline.take(fine), len(codes)), codes
+        except EstimationError as exc:
+            return self._failed(label, codes, Failure(exc.code), n_used=len(used)), codes
+
+    def _fitted(
+        self,
+        label: str,
+        used: Sequence[Candidate],
+        windows: np.ndarray,
+        baseline: Baseline,
+        n_pulses: int,
+    ) -> CellEstimate:
+        source = self._sources[used[0].source]
+        letter = self._method.name == "dissertation" and self._baseline == self._method.baseline
+        fit = fit_cell(
+            windows,
+            np.array([c.pulse.sign for c in used]),
+            baseline,
+            settings=FitSettings(
+                n_resamples=self._settings.n_resamples,
+                seed=self._settings.seed,
+                rate_hz=source.signals.rate_hz,
+                letter=letter,
+                calibration=source.given.calibration,
+                mass_kg=self._settings.mass_kg,
+                wants_per_mass=self._settings.walking,
+            ),
+        )
+        return CellEstimate(
+            participant=self._participant,
+            timing_point=label,
+            onset_gait_pct=_mean_phase([c.record.measured_pct for c in used]),
+            parameters=fit.parameters,
+            vaf_pct=fit.vaf_pct,
+            n_used=len(used),
+            n_excluded=n_pulses - len(used),
+            method=self._method.name,
+            baseline=self._baseline,
+            condition_number=fit.condition_number,
+            displacement_rad=fit.displacement_rad,
+            response=fit.response,
+        )
+
+    def _failed(
+        self, label: str, codes: Sequence[str], failure: Failure, *, n_used: int = 0
+    ) -> CellEstimate:
+        parameters = failed_parameters(
+            failure, mass_kg=self._settings.mass_kg, wants_per_mass=self._settings.walking
+        )
+        return CellEstimate(
+            participant=self._participant,
+            timing_point=label,
+            onset_gait_pct=None,
+            parameters=parameters,
+            vaf_pct=None,
+            n_used=n_used,
+            n_excluded=len(codes) - n_used,
+            method=self._method.name,
+            baseline=self._baseline,
+        )
+
+    def _why(self, codes: Sequence[str]) -> Failure:
+        kinds = set(codes)
+        if Exclusion.NO_BASELINE in kinds:
+            conditions = {s.given.condition for s in self._sources}
+            if self._baseline == "unperturbed_mean" and "unperturbed" not in conditions:
+                return Failure.NO_UNPERTURBED_RECORDING
+            return Failure.NO_UNPERTURBED_STRIDES
+        if Exclusion.LONE_PULSE in kinds:
+            return Failure.TOO_FEW_PULSES
+        if kinds == {Exclusion.NO_HEEL_STRIKES.value}:
+            return Failure.NO_HEEL_STRIKES
+        return Failure.ALL_PULSES_EXCLUDED
+
+    def _windows(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
+        """Cut the pulses' windows and their baselines, recording by recording."""
+        order = [c.source for c in candidates]
+        parts = []
+        for index in dict.fromkeys(order):
+            mine = [c for c in candidates if c.source == index]
+            parts.append((index, *self._of_source(index, mine)))
+        windows = np.concatenate([w for _, w, _ in parts])
+        baseline = _stacked([b for _, _, b in parts])
+        # Back into the order of the candidates.
+        placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
+        back = np.argsort(placed)
+        return windows[back], baseline.take(back)
+
+    def _of_source(
+        self, index: int, candidates: Sequence[Candidate]
+    ) -> tuple[np.ndarray, Baseline]:
+        signals = self._sources[index].signals
+        window_s = self._settings.perturbations.window_s
+        onsets = np.array([c.pulse.onset_s for c in candidates])
+        elapsed = [c.elapsed_s for c in candidates]
+        windows, _ = signals.cut(onsets, before_s=0.0, after_s=window_s)
+        if self._baseline == "pre_pulse":
+            before, _ = signals.cut(onsets, before_s=baselines.PRE_PULSE_S, after_s=0.0)
+            return windows, baselines.pre_pulse(before, n_samples=windows.shape[2])
+        pool = self._pool(index)
+        if pool.size == 0 or np.isnan(elapsed).any():
+            return windows, _no_baseline(windows)
+        if self._baseline == "unperturbed_mean":
+            return windows, baselines.unperturbed_mean(pool, elapsed, window_s=window_s)
+        before, _ = signals.cut(onsets, before_s=baselines.MATCH_S, after_s=0.0)
+        angle = np.nan_to_num(before[:, ANGLE])
+        return windows, baselines.matched_strides(pool, elapsed, angle, window_s=window_s)
+
+    def _pool(self, index: int) -> StridePool:
+        if index not in self._pools:
+            own = self._baseline == "matched_strides"
+            self._pools[index] = (
+                _own_pool(self._sources[index])
+                if own
+                else _unperturbed_pool(self._sources, walking=self._settings.walking)
+            )
+        return self._pools[index]
+
+
+def _no_baseline(windows: np.ndarray) -> Baseline:
+    n = len(windows)
+    return Baseline(
+        np.zeros((n, 1, *windows.shape[1:])), np.zeros((n, 1), dtype=int), np.zeros((n, 1), bool)
+    )
+
+
+def _stacked(parts: Sequence[Baseline]) -> Baseline:
+    """Join baselines of several recordings; their strides stay apart."""
+    widest = max(b.windows.shape[1] for b in parts)
+    windows, sources, valid, first = [], [], [], 0
+    for part in parts:
+        pad = widest - part.windows.shape[1]
+        windows.append(np.pad(part.windows, ((0, 0), (0, pad), (0, 0), (0, 0))))
+        sources.append(np.pad(part.sources + first, ((0, 0), (0, pad)), mode="edge"))
+        valid.append(np.pad(part.valid, ((0, 0), (0, pad))))
+        first += part.n_sources
+    return Baseline(np.concatenate(windows), np.concatenate(sources), np.concatenate(valid))
+
+
+def _mean_phase(phases: Sequence[float | None]) -> float | None:
+    """Return the circular mean of phases in %, None where any is missing."""
+    known = [p for p in phases if p is not None]
+    if not known or len(known) < len(phases):
+        return None
+    angles = np.asarray(known) * 2 * np.pi / 100.0
+    mean = np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi)
+    return float(mean % 100.0)
+
+
+def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
+    """Collect the strides of the unperturbed condition; a bench trial is one stride."""
+    recordings, starts = [], []
+    for source in sources:
+        if source.given.condition != "unperturbed" or (walking and source.strides is None):
+            continue
+        recordings.append(source.signals)
+        if source.strides is None:
+            starts.append(source.given.recording["time"].to_numpy()[:1])
+        else:
+            starts.append(source.strides.start_s[source.undisturbed])
+    return StridePool(tuple(recordings), tuple(starts))
+
+
+def _own_pool(source: Source) -> StridePool:
+    """Collect the strides of a perturbed recording that neither hold nor follow a pulse."""
+    if source.strides is None:
+        return StridePool((), ())
+    after_one = np.concatenate([[False], source.undisturbed[:-1]])
+    start = source.strides.start_s[source.undisturbed & after_one]
+    return StridePool((source.signals,), (start,))

@@ -1,0 +1,286 @@
+"""From a recording to filtered signals on a uniform clock, calibrated.
+
+Angle and torque go through the same zero-phase filter, derivatives are taken
+of the filtered angle, and only then is anything cut (SCIENCE trap 5): the
+second-order model then holds for the filtered signals exactly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.codes import Exclusion
+from jointz.core.errors import DataError
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+
+#: Rows of a stretch's signals.
+ANGLE, VELOCITY, ACCELERATION, TORQUE = range(4)
+_RATE_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A run of filtered samples without a gap.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Time stamps; kept, because a clock may drift against its nominal rate.
+    signals : (4, n) float
+        Angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m).
+    """
+
+    time: np.ndarray
+    signals: np.ndarray
+
+    def nearest(self, times_s: np.ndarray) -> np.ndarray:
+        """Return the index of the sample nearest to each time.
+
+        Parameters
+        ----------
+        times_s : (k,) float, s
+            Times inside the stretch.
+        """
+        after = np.clip(np.searchsorted(self.time, times_s), 1, self.time.size - 1)
+        earlier = times_s - self.time[after - 1] < self.time[after] - times_s
+        return np.asarray(after - earlier)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditioned:
+    """A recording ready for cutting windows.
+
+    Parameters
+    ----------
+    stretches : tuple of Stretch
+        In order of time.
+    rate_hz : float
+        Samples a second, the same in all stretches.
+    guard_s : float, s
+        What the filter smears: a window keeps this far from a stretch's ends.
+    start_s, end_s : float, s
+        First and last time stamp of the recording.
+    gaps : (k, 2) float, s
+        Holes in the time stamps.
+    """
+
+    stretches: tuple[Stretch, ...]
+    rate_hz: float
+    guard_s: float
+    start_s: float
+    end_s: float
+    gaps: np.ndarray
+
+    def cut(
+        self, starts_s: np.ndarray, *, before_s: float, after_s: float
+    ) -> tuple[np.ndarray, list[str]]:
+        """Cut one window a start.
+
+        Parameters
+        ----------
+        starts_s : (k,) float, s
+            Where the windows begin; the nearest sample is taken.
+        before_s, after_s : float, s
+            How far the window reaches before and after its start.
+
+        Returns
+        -------
+        windows : (k, 4, n) float
+            NaN where a window could not be cut.
+        codes : list of str
+            ``""``, or why not: a code of :class:`jointz.core.codes.Exclusion`.
+        """
+        starts = np.asarray(starts_s, dtype=float)
+        n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
+        windows = np.full((starts.size, 4, n_before + n_after), np.nan)
+        codes = [""] * starts.size
+        offsets = np.arange(-n_before, n_after)
+        home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
+        for index in np.unique(home[home >= 0]):
+            chosen = np.flatnonzero(home == index)
+            stretch = self.stretches[index]
+            columns = stretch.nearest(starts[chosen])[:, None] + offsets
+            windows[chosen] = stretch.signals[:, columns].transpose(1, 0, 2)
+        for k in np.flatnonzero(home < 0):
+            codes[k] = self._why_not(starts[k] - before_s, starts[k] + after_s)
+        return windows, codes
+
+    def _home(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return the index of the stretch that holds each window whole, else -1."""
+        if not self.stretches:
+            return np.full(begins.size, -1)
+        first = np.array([s.time[0] for s in self.stretches])
+        last = np.array([s.time[-1] for s in self.stretches])
+        half_a_sample = 0.5 / self.rate_hz
+        index = np.searchsorted(first, begins + half_a_sample, side="right") - 1
+        inside = (index >= 0) & (ends <= last[np.maximum(index, 0)] + half_a_sample)
+        return np.where(inside, index, -1)
+
+    def _why_not(self, begin: float, end: float) -> str:
+        if begin - self.guard_s < self.start_s or end + self.guard_s > self.end_s:
+            return Exclusion.EDGE_OF_RECORD.value
+        near = (self.gaps[:, 0] < end + self.guard_s) & (self.gaps[:, 1] > begin - self.guard_s)
+        return Exclusion.GAP.value if near.any() else Exclusion.NOT_FINITE.value
+
+
+def condition(
+    recording: xr.Dataset,
+    *,
+    cutoff_hz: float,
+    calibration: CalibrationSpec,
+    target_rate_hz: float | None = None,
+) -> Conditioned:
+    """Filter, differentiate and calibrate a recording.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``angle`` and ``torque``; without a device the torque is zero.
+    cutoff_hz : float
+        Of the fourth-order zero-phase Butterworth low-pass on both sides.
+    calibration : CalibrationSpec
+        Gains are divided out, lags are shifted out, each by its own value.
+    target_rate_hz : float, optional
+        Rate the signals are wanted at; the recording's own by default.
+
+    Returns
+    -------
+    Conditioned
+        Signals of every stretch that is long enough for the filter.
+
+    Raises
+    ------
+    DataError
+        When the cut-off lies above half the sampling rate.
+    """
+    time = recording["time"].to_numpy()
+    torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(time.size)
+    raw = np.vstack([recording["angle"].to_numpy(), torque])
+    raw /= np.array([[_value(calibration, "angle_gain", 1.0)], [_torque_gain(calibration)]])
+    own_rate = rate_hz(time)
+    if cutoff_hz >= own_rate / 2:
+        raise DataError(
+            f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
+            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. Lower cutoff_hz.",
+            path=str(recording.attrs.get("file")),
+        )
+    lags = (_value(calibration, "angle_lag_s", 0.0), _value(calibration, "torque_lag_s", 0.0))
+    finite = np.isfinite(raw).all(axis=0)
+    runs = [
+        _stretch(
+            time[part],
+            raw[:, part],
+            cutoff_hz=cutoff_hz,
+            lags_s=lags,
+            rates_hz=(own_rate, target_rate_hz or own_rate),
+        )
+        for part in stretches(time, finite)
+        if part.stop - part.start > shortest_record()
+    ]
+    return Conditioned(
+        stretches=tuple(runs),
+        rate_hz=target_rate_hz or own_rate,
+        guard_s=1.0 / cutoff_hz,
+        start_s=float(time[0]),
+        end_s=float(time[-1]),
+        gaps=find_gaps(time),
+    )
+
+
+def torque_from_current(
+    recording: xr.Dataset, model: TorqueModelSpec, *, cutoff_hz: float
+) -> np.ndarray:
+    """Return the torque on the joint from motor current (equations 3.3 and 4.1).
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``current`` and any of ``motor_velocity``, ``motor_angle``,
+        ``velocity`` or ``angle``; all of the output, after the gear.
+    model : TorqueModelSpec
+        Constants of the actuator.
+    cutoff_hz : float
+        Low-pass of a velocity or acceleration that has to be differentiated.
+
+    Returns
+    -------
+    (n,) float, N*m
+        NaN where current or motion are missing.
+    """
+    current = recording["current"].to_numpy()
+    velocity, acceleration = _motor_motion(recording, cutoff_hz)
+    friction = model.coulomb_friction + model.gear_friction * np.abs(current)
+    return np.asarray(
+        model.bias
+        + model.gear_ratio * model.torque_constant * current
+        - model.viscous_friction * velocity
+        - friction * np.sign(velocity)
+        - model.rotor_inertia * acceleration
+    )
+
+
+def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    angle = next(n for n in ("motor_angle", "angle") if n in recording)
+    velocity, acceleration = _derivatives(recording, recording[angle].to_numpy(), cutoff_hz)
+    measured = next((n for n in ("motor_velocity", "velocity") if n in recording), None)
+    if measured:
+        velocity = recording[measured].to_numpy()
+        acceleration = _derivatives(recording, velocity, cutoff_hz)[0]
+    if "motor_acceleration" in recording:
+        acceleration = recording["motor_acceleration"].to_numpy()
+    return velocity, acceleration
+
+
+def _derivatives(
+    recording: xr.Dataset, values: np.ndarray, cutoff_hz: float
+) -> tuple[np.ndarray, np.ndarray]:
+    time = recording["time"].to_numpy()
+    rate = rate_hz(time)
+    first, second = np.full_like(values, np.nan), np.full_like(values, np.nan)
+    for part in stretches(time, np.isfinite(values)):
+        if part.stop - part.start > shortest_record():
+            smooth = lowpass_zero_phase(values[part], cutoff_hz=cutoff_hz, rate_hz=rate)
+            first[part] = derivative(smooth, rate_hz=rate)
+            second[part] = derivative(first[part], rate_hz=rate)
+    return first, second
+
+
+def _stretch(
+    time: np.ndarray,
+    raw: np.ndarray,
+    *,
+    cutoff_hz: float,
+    lags_s: Sequence[float],
+    rates_hz: tuple[float, float],
+) -> Stretch:
+    own_rate, rate = rates_hz
+    uniform, values = resample_stretch(time, raw, step_s=1.0 / own_rate)
+    smooth = lowpass_zero_phase(values, cutoff_hz=cutoff_hz, rate_hz=own_rate)
+    velocity = derivative(smooth[0], rate_hz=own_rate)
+    signals = np.vstack([smooth[:1], velocity, derivative(velocity, rate_hz=own_rate), smooth[1:]])
+    wanted = uniform
+    if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
+        wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
+    late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
+    if wanted is not uniform or late_s.any():
+        signals = np.vstack(
+            [
+                np.interp(wanted + late, uniform, row)
+                for row, late in zip(signals, late_s, strict=True)
+            ]
+        )
+    return Stretch(time=wanted, signals=signals)
+
+
+def _value(calibration: CalibrationSpec, name: str, default: float) -> float:
+    entry = getattr(calibration, name)
+    return default if entry is None else float(entry.value)
+
+
+def _torque_gain(calibration: CalibrationSpec) -> float:
+    return _value(calibration, "torque_gain", 1.0)

@@ -1,0 +1,446 @@
+"""Estimators of K, B, J from one prepared time series of a joint.
+
+All fit torque = K*angle + B*velocity + J*acceleration + offset (1.5, 2.1). They
+differ in which signal holds the error:
+
+``least_squares``, ``bounded_least_squares``
+    Torque on angle. Right when the angle was perturbed; with the torque
+    perturbed, torque arising inside the joint biases K by about -18 %.
+``admittance``
+    Angle simulated from measured torque (output error). Right when the torque
+    was perturbed and the actuator does not react to the angle.
+``instrumental_variable``
+    Torque on angle with the commanded torque as the instrument. Right in a
+    loop too, such as a device with stiffness of its own.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import least_squares as minimise_squares
+from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
+
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
+from jointz.kernels.block_sandwich import autocorrelation
+from jointz.kernels.derivatives import derivative
+
+#: Above this the regressors are one and the same motion (such as a single sine).
+_LARGEST_CONDITION = 1e5
+#: First-stage F of the weakest direction below which instruments are weak (Staiger and
+#: Stock 1997, doi:10.2307/2171753).
+_WEAK_F = 10.0
+#: A parameter below this share of torque over motion stands at its bound.
+_AT_BOUND = 1e-6
+_START_FLOOR = 1e-3
+#: Passes of the refined instruments; they change little after the second.
+_IV_PASSES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class JointSignals:
+    """Filtered, uniformly sampled signals of one record, edges dropped.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sampling rate.
+    time : (n,) float, s
+        Time.
+    angle, velocity, acceleration : (n,) float, rad, rad/s, rad/s^2
+        Motion, offset of the angle removed.
+    torque : (n,) float, N*m
+        Torque on the joint, offset removed.
+    command : (n,) float or None, N*m
+        Commanded torque.
+    """
+
+    rate_hz: float
+    time: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+    command: np.ndarray | None = None
+
+    def regressors(self) -> np.ndarray:
+        """Return (n, 4): angle, velocity, acceleration, one."""
+        ones = np.ones_like(self.angle)
+        return np.column_stack([self.angle, self.velocity, self.acceleration, ones])
+
+    def scale(self) -> np.ndarray:
+        """Return (3,): torque over motion, the order of size K, B and J may have."""
+        motion = np.column_stack([self.angle, self.velocity, self.acceleration])
+        scale: np.ndarray = np.std(self.torque) / np.std(motion, axis=0)
+        return scale
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """What an estimator found, with all that an interval needs.
+
+    Parameters
+    ----------
+    kbj : (3,) float
+        K, B, J.
+    instruments : (n, p) float
+        Estimating equations: the sum of instrument times residual is zero;
+        p >= 3, the first three belong to K, B, J.
+    bread : (p, p) float
+        Sum of instrument times regressor.
+    residual : (n,) float
+        Measured minus modelled, N*m or rad.
+    measured : (n,) float
+        The signal that was fitted.
+    fitted_signal : str
+        ``torque`` or ``angle``.
+    condition_number : float
+        Of the scaled regressors.
+    at_bound : (3,) bool
+        Which parameters stand at zero, their bound.
+    unbounded : (3,) float or None
+        The values without bounds, where known.
+    doubt : str
+        Why the values decide nothing; ``""`` where they do.
+    """
+
+    kbj: np.ndarray
+    instruments: np.ndarray
+    bread: np.ndarray
+    residual: np.ndarray
+    measured: np.ndarray
+    fitted_signal: str
+    condition_number: float
+    at_bound: np.ndarray
+    unbounded: np.ndarray | None = None
+    doubt: str = ""
+
+
+def least_squares(signals: JointSignals) -> Solution:
+    """Regress torque on angle, velocity and acceleration.
+
+    Parameters
+    ----------
+    signals : JointSignals
+        The record.
+
+    Raises
+    ------
+    EstimationError
+        ``ill_conditioned`` when the motion cannot tell the parameters apart.
+    """
+    X = signals.regressors()
+    condition = _checked_condition(X[:, :3])
+    size = np.linalg.norm(X, axis=0)
+    coefficients = np.linalg.lstsq(X / size, signals.torque, rcond=None)[0] / size
+    return _torque_solution(signals, X, coefficients, condition)
+
+
+def bounded_least_squares(signals: JointSignals) -> Solution:
+    """Regress torque on motion with K, B, J >= 0, as the dissertation does (4.2.3).
+
+    Parameters
+    ----------
+    signals : JointSignals
+        The record.
+
+    Raises
+    ------
+    EstimationError
+        ``ill_conditioned`` when the motion cannot tell the parameters apart.
+    """
+    free = least_squares(signals)
+    X = free.instruments
+    size = np.linalg.norm(X, axis=0)
+    Q, R = np.linalg.qr(X / size)
+    lower = np.array([0.0, 0.0, 0.0, -np.inf])
+    solved = lsq_linear(R, Q.T @ signals.torque, bounds=(lower, np.inf), method="bvls")
+    at_bound = solved.active_mask[:3] < 0
+    coefficients = solved.x / size
+    coefficients[:3][at_bound] = 0.0
+    return _torque_solution(
+        signals,
+        X,
+        coefficients,
+        free.condition_number,
+        at_bound=at_bound,
+        unbounded=free.kbj,
+    )
+
+
+def instrumental_variable(signals: JointSignals) -> Solution:
+    """Regress torque on motion with the commanded torque as the instrument.
+
+    Instruments are the angle, velocity and acceleration that the command alone
+    would cause in the joint of the previous pass (refined instruments, Young
+    2011, Recursive Estimation, chapter 8); the first pass takes least squares.
+    What arises inside the joint, or comes back through the device, is
+    uncorrelated with them.
+
+    Parameters
+    ----------
+    signals : JointSignals
+        The record, with its command.
+
+    Raises
+    ------
+    DataError
+        When there is no command, or it is constant.
+    EstimationError
+        ``ill_conditioned`` when the motion cannot tell the parameters apart.
+    """
+    command = signals.command
+    if command is None:
+        raise DataError(
+            "instrumental_variable: expected the commanded torque as the instrument, found no "
+            "channel 'command'. Give command=, or choose estimator='admittance'.",
+            channel="command",
+        )
+    if np.ptp(command) == 0:
+        raise DataError(
+            "instrumental_variable: the channel 'command' is constant and cannot be an "
+            "instrument. Give the torque that was commanded, or estimator='admittance'.",
+            channel="command",
+        )
+    start = least_squares(signals)
+    return _with_instruments(signals, command, start)
+
+
+def admittance(signals: JointSignals) -> Solution:
+    """Fit the angle that the measured torque causes in a second-order joint.
+
+    Minimises the squared angle error over K, B, J >= 0. The joint is stepped
+    exactly for a torque linear between samples; initial angle and velocity and
+    the offset of the angle are projected out (variable projection, Kaufman
+    1975, doi:10.1007/BF01932995). Torque arising inside the joint is error of
+    the output and leaves no bias, so long as the measured torque does not react
+    to the angle.
+
+    Parameters
+    ----------
+    signals : JointSignals
+        The record.
+
+    Raises
+    ------
+    EstimationError
+        ``ill_conditioned`` when the motion cannot tell the parameters apart.
+    """
+    drive = _compensated_for_hold(signals.torque)
+    unit = float(np.std(signals.angle))
+
+    def residual(values: np.ndarray) -> np.ndarray:
+        error: np.ndarray = _simulate(values, drive, signals)[0] / unit
+        return error
+
+    def jacobian(values: np.ndarray) -> np.ndarray:
+        slope: np.ndarray = -_sensitivities(values, drive, signals)[0] / unit
+        return slope
+
+    start = _admittance_start(signals, residual)
+    solved = minimise_squares(
+        residual, start, jacobian, bounds=(0.0, np.inf), x_scale=start, xtol=1e-9, ftol=1e-12
+    )
+    sensitivity, error = _sensitivities(solved.x, drive, signals)
+    at_bound = solved.x < _AT_BOUND * signals.scale()
+    return Solution(
+        kbj=np.where(at_bound, 0.0, solved.x),
+        instruments=sensitivity,
+        bread=sensitivity.T @ sensitivity,
+        residual=error,
+        measured=signals.angle,
+        fitted_signal="angle",
+        condition_number=_checked_condition(sensitivity),
+        at_bound=at_bound,
+        doubt="" if solved.success else "the output-error fit did not converge",
+    )
+
+
+#: Estimators by name.
+ESTIMATORS: Mapping[str, Callable[[JointSignals], Solution]] = MappingProxyType(
+    {
+        "least_squares": least_squares,
+        "bounded_least_squares": bounded_least_squares,
+        "admittance": admittance,
+        "instrumental_variable": instrumental_variable,
+    }
+)
+
+
+def _torque_solution(
+    signals: JointSignals,
+    Z: np.ndarray,
+    coefficients: np.ndarray,
+    condition: float,
+    *,
+    at_bound: np.ndarray | None = None,
+    unbounded: np.ndarray | None = None,
+    doubt: str = "",
+) -> Solution:
+    X = signals.regressors()
+    return Solution(
+        kbj=coefficients[:3],
+        instruments=Z,
+        bread=Z.T @ X,
+        residual=signals.torque - X @ coefficients,
+        measured=signals.torque,
+        fitted_signal="torque",
+        condition_number=condition,
+        at_bound=np.zeros(3, dtype=bool) if at_bound is None else at_bound,
+        unbounded=unbounded,
+        doubt=doubt,
+    )
+
+
+def _checked_condition(motion: np.ndarray) -> float:
+    centred = motion - motion.mean(axis=0)
+    condition = float(np.linalg.cond(centred / np.linalg.norm(centred, axis=0)))
+    if not condition < _LARGEST_CONDITION:
+        raise EstimationError(
+            Failure.ILL_CONDITIONED.value,
+            "stiffness, damping and inertia cannot be told apart: the scaled regressors have "
+            f"condition number {condition:.3g}, expected below {_LARGEST_CONDITION:.0g}. Perturb "
+            "with more than one frequency, or raise cutoff_hz so that it does not remove them.",
+        )
+    return condition
+
+
+def _with_instruments(signals: JointSignals, source: np.ndarray, start: Solution) -> Solution:
+    """Solve Z'X b = Z'y with instruments made from ``source``."""
+    drive = _compensated_for_hold(source - source.mean())
+    X = signals.regressors()
+    X_size = np.linalg.norm(X, axis=0)
+    values = start.kbj
+    for _ in range(_IV_PASSES):
+        Z = _instruments(_stable(values, signals), drive, signals.rate_hz)
+        Z /= np.linalg.norm(Z, axis=0)
+        solved = np.linalg.lstsq(Z.T @ (X / X_size), Z.T @ signals.torque, rcond=None)[0]
+        coefficients = solved / X_size
+        values = coefficients[:3]
+    return _torque_solution(signals, Z, coefficients, start.condition_number, doubt=_weakness(Z, X))
+
+
+def _instruments(values: np.ndarray, drive: np.ndarray, rate_hz: float) -> np.ndarray:
+    numerator, denominator = _discrete_joint(values, rate_hz)
+    angle = lfilter(numerator, denominator, drive)
+    velocity = derivative(angle, rate_hz=rate_hz)
+    acceleration = derivative(velocity, rate_hz=rate_hz)
+    return np.column_stack([angle, velocity, acceleration, np.ones_like(angle)])
+
+
+def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
+    """Say why the instruments are weak, ``""`` where they are not.
+
+    The smallest canonical correlation of instruments and regressors makes the
+    first-stage F of the worst direction; samples are counted as independent
+    ones (Bartlett 1935: n over the sum of both autocorrelations' product).
+    """
+    centred = [np.linalg.qr(M[:, :3] - M[:, :3].mean(axis=0))[0] for M in (Z, X)]
+    smallest = float(np.linalg.svd(centred[0].T @ centred[1], compute_uv=False)[-1])
+    product = autocorrelation(Z[:, 0]) * autocorrelation(X[:, 0])
+    independent = Z.shape[0] / max(1.0, 1.0 + 2.0 * float(product[1:].sum()))
+    F = smallest**2 * independent / max(1.0 - smallest**2, np.finfo(float).tiny)
+    if F >= _WEAK_F:
+        return ""
+    return (
+        "the command is a weak instrument: it explains too little of the motion (smallest "
+        f"canonical correlation {smallest:.2g}, F {F:.2g}, at least {_WEAK_F:g} needed); check "
+        "that command and angle belong together, or record longer"
+    )
+
+
+def _stable(values: np.ndarray, signals: JointSignals) -> np.ndarray:
+    """Return the nearest joint that can be simulated for a minute without running away."""
+    stable: np.ndarray = np.maximum(values, _START_FLOOR * signals.scale())
+    return stable
+
+
+def _admittance_start(
+    signals: JointSignals, residual: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Choose the better of two starts: regression, and torque as its own instrument."""
+    regression = least_squares(signals)
+    refined = _with_instruments(signals, signals.torque, regression)
+    starts = [_stable(fit.kbj, signals) for fit in (regression, refined)]
+    return min(starts, key=lambda values: float(np.sum(residual(values) ** 2)))
+
+
+def _simulate(
+    values: np.ndarray, drive: np.ndarray, signals: JointSignals
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angle error and the basis (n, 3) of what was projected out."""
+    numerator, denominator = _discrete_joint(values, signals.rate_hz)
+    forced = lfilter(numerator, denominator, drive)
+    basis = np.column_stack([_free_responses(denominator, drive.size), np.ones(drive.size)])
+    Q = np.linalg.qr(basis)[0]
+    error = signals.angle - forced
+    return error - Q @ (Q.T @ error), Q
+
+
+def _sensitivities(
+    values: np.ndarray, drive: np.ndarray, signals: JointSignals
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return d angle / d (K, B, J), (n, 3), nuisance projected out, and the angle error.
+
+    With H = 1/(J s^2 + B s + K): dH/dK = -H^2, dH/dB = -s H^2, dH/dJ = -s^2 H^2.
+    """
+    error, Q = _simulate(values, drive, signals)
+    numerator, denominator = _discrete_joint(values, signals.rate_hz)
+    modelled = _compensated_for_hold(signals.angle - error)
+    stiffness = -lfilter(numerator, denominator, modelled - modelled.mean())
+    damping = derivative(stiffness, rate_hz=signals.rate_hz)
+    inertia = derivative(damping, rate_hz=signals.rate_hz)
+    S = np.column_stack([stiffness, damping, inertia])
+    return S - Q @ (Q.T @ S), error
+
+
+def _discrete_joint(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return numerator and denominator of torque to angle, exact for a linear torque."""
+    K, B, J = values
+    step = 1.0 / rate_hz
+    M = np.zeros((4, 4))
+    M[0, 1] = step
+    M[1] = -K / J * step, -B / J * step, step / J, 0.0
+    M[2, 3] = 1.0
+    E = expm(M)
+    now, after = E[:2, 2] - E[:2, 3], E[:2, 3]
+    numerator = np.array(
+        [
+            after[0],
+            now[0] - E[1, 1] * after[0] + E[0, 1] * after[1],
+            E[0, 1] * now[1] - E[1, 1] * now[0],
+        ]
+    )
+    denominator = np.array([1.0, -(E[0, 0] + E[1, 1]), np.exp(-B / J * step)])
+    return numerator, denominator
+
+
+def _free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
+    """Return (n, 2): two independent motions of the joint without torque."""
+    slowest = float(np.abs(np.roots(denominator)).max())
+    # Past 1e-17 of its start a response is zero: denormal numbers are slow to filter.
+    lasting = n if slowest >= 1.0 else min(n, int(-39.0 / np.log(slowest)) + 3)
+    impulse = np.zeros(lasting)
+    impulse[0] = 1.0
+    responses = np.zeros((n, 2))
+    responses[:lasting, 0] = lfilter([1.0, -1.0], denominator, impulse)
+    responses[:lasting, 1] = lfilter([0.0, 1.0], denominator, impulse)
+    return responses
+
+
+def _compensated_for_hold(x: np.ndarray) -> np.ndarray:
+    """Return the samples whose straight-line interpolation has the spectrum of ``x``.
+
+    Joining samples by lines multiplies the spectrum by (sin(wT/2)/(wT/2))^2,
+    -1 % at 30 Hz and 500 Hz sampling; 1 - d^2/12 + d^4/90 (d: central
+    difference) undoes it to 1e-5.
+    """
+    d2, d4 = np.array([0, 1, -2, 1, 0]), np.array([1, -4, 6, -4, 1])
+    kernel = np.array([0, 0, 1, 0, 0]) - d2 / 12.0 + d4 / 90.0
+    padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
+    compensated: np.ndarray = np.convolve(padded, kernel, mode="valid")
+    return compensated

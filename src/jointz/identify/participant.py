@@ -1,0 +1,118 @@
+"""One participant's recordings to impedance at every timing point."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from jointz.core.codes import Exclusion
+from jointz.core.estimates import CellEstimate
+from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.gait.timestamps import find_gaps
+from jointz.identify.assignment import assign_pulses
+from jointz.identify.cell_estimator import CellEstimator
+from jointz.identify.cells import METHODS
+from jointz.identify.sources import ParticipantSettings, RecordingInput, Source, prepare_sources
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantResult:
+    """Everything found in one participant's recordings.
+
+    Parameters
+    ----------
+    cells : mapping of str to tuple of CellEstimate
+        Method -> cells.
+    pulses, strides, gaps : tuple
+        Every one found.
+    """
+
+    cells: Mapping[str, tuple[CellEstimate, ...]]
+    pulses: tuple[PulseRecord, ...]
+    strides: tuple[StrideRecord, ...]
+    gaps: tuple[GapRecord, ...]
+
+
+def analyze_participant(
+    participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
+) -> ParticipantResult:
+    """Estimate one participant's impedance at every timing point or group.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    recordings : sequence of RecordingInput
+        All recordings of this participant.
+    settings : ParticipantSettings
+        What to do.
+
+    Returns
+    -------
+    ParticipantResult
+        Estimates of every method, and every pulse, stride and gap.
+
+    Raises
+    ------
+    DataError
+        When a recording cannot be used as the study describes it.
+    """
+    sources = prepare_sources(recordings, settings)
+    candidates = assign_pulses(participant, sources, settings)
+    cells: dict[str, tuple[CellEstimate, ...]] = {}
+    records = [c.record for c in candidates]
+    for i, name in enumerate(settings.methods):
+        estimator = CellEstimator(participant, METHODS[name], sources, settings)
+        cells[name], judged = estimator.run(candidates)
+        if i == 0:
+            records = judged
+    return ParticipantResult(
+        cells=cells,
+        pulses=tuple(records),
+        strides=tuple(_stride_records(participant, sources, settings)),
+        gaps=tuple(_gap_records(participant, sources)),
+    )
+
+
+def _stride_records(
+    participant: str, sources: Sequence[Source], settings: ParticipantSettings
+) -> list[StrideRecord]:
+    records = []
+    for source in sources:
+        strides = source.strides
+        if strides is None:
+            continue
+        for k in range(strides.start_s.size):
+            start_s = float(strides.start_s[k])
+            code = strides.code[k] or _own_code(
+                source, start_s, undisturbed=bool(source.undisturbed[k]), settings=settings
+            )
+            records.append(
+                StrideRecord(
+                    participant=participant,
+                    recording=source.given.file,
+                    condition=source.given.condition,
+                    start_s=start_s,
+                    duration_s=float(strides.duration_s[k]),
+                    code=code,
+                    detail=strides.detail[k],
+                )
+            )
+    return records
+
+
+def _gap_records(participant: str, sources: Sequence[Source]) -> list[GapRecord]:
+    return [
+        GapRecord(participant, source.given.file, float(a), float(b - a))
+        for source in sources
+        for a, b in find_gaps(source.given.recording["time"].to_numpy())
+    ]
+
+
+def _own_code(
+    source: Source, start_s: float, *, undisturbed: bool, settings: ParticipantSettings
+) -> str:
+    """Return why a stride of good length is not used, "" where it is."""
+    if settings.leaves_out(source.given.file, start_s):
+        return Exclusion.USER.value
+    if source.given.condition == "unperturbed" and not undisturbed:
+        return Exclusion.PULSE_IN_STRIDE.value
+    return ""

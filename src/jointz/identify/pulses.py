@@ -1,0 +1,190 @@
+"""Where the perturbation pulses of a recording are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.signal import find_peaks
+
+from jointz.core.errors import DataError
+from jointz.gait.timestamps import rate_hz, stretches
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+
+#: A command above this share of its largest value is a pulse.
+_COMMAND_SHARE = 1e-3
+#: A step counts as one when its speed reaches this share of the fastest steps'.
+_SPEED_SHARE = 0.3
+#: A step begins where its speed first exceeds this share of its own peak.
+_ONSET_SHARE = 0.1
+_QUIET_S = 0.06
+_SETTLE_S = (0.03, 0.08)
+_QUIET_SHARE = 0.2
+_SIZE_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """One pulse as planned or found.
+
+    Parameters
+    ----------
+    onset_s, duration_s : float, s
+        Commanded onset and length.
+    amplitude : float
+        N*m, or rad for a step of the angle; signed, NaN where unknown.
+    timing_point : str
+        As the pulse table names it, else "".
+    """
+
+    onset_s: float
+    duration_s: float
+    amplitude: float
+    timing_point: str = ""
+
+    @property
+    def sign(self) -> float:
+        """+1 or -1; responses are turned by it before they are averaged."""
+        return -1.0 if self.amplitude < 0 else 1.0
+
+
+def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
+    """Return the pulses of a pulse table, in order of time.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``onset_s``, ``duration_s``, ``amplitude_nm``, ``timing_point``.
+    """
+    ordered = table.sort_values("onset_s", kind="stable")
+    return tuple(
+        Pulse(float(r.onset_s), float(r.duration_s), float(r.amplitude_nm), str(r.timing_point))
+        for r in ordered.itertuples()
+    )
+
+
+def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
+    """Return the runs in which the commanded torque is not zero.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``command``; 0 outside pulses. Missing samples count as 0.
+    """
+    time = recording["time"].to_numpy()
+    return _runs(time, np.nan_to_num(recording["command"].to_numpy()))
+
+
+def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tuple[Pulse, ...]:
+    """Return the runs in which perturbed and unperturbed reference differ.
+
+    The two recordings are aligned at their first samples; only what both cover
+    is compared.
+
+    Parameters
+    ----------
+    recording, unperturbed : xarray.Dataset
+        With ``reference``.
+    """
+    time = recording["time"].to_numpy()
+    other = unperturbed["time"].to_numpy()
+    since = time - time[0]
+    common = since <= other[-1] - other[0]
+    plain = np.interp(since, other - other[0], unperturbed["reference"].to_numpy())
+    reference = recording["reference"].to_numpy()
+    difference = np.where(common, reference - plain, 0.0)
+    difference = np.nan_to_num(difference)
+    # Rounding of two logs of the same reference is not a pulse.
+    noise = 1e-6 * float(np.nanmax(np.abs(reference), initial=0.0))
+    difference[np.abs(difference) <= noise] = 0.0
+    return _runs(time, difference)
+
+
+def pulses_from_angle(recording: xr.Dataset, *, cutoff_hz: float) -> tuple[Pulse, ...]:
+    """Return the steps of the angle itself, for position perturbations.
+
+    A step is a burst of speed after at least 60 ms of quiet. It begins where
+    the speed of the filtered angle first exceeds a tenth of its peak: the
+    filter that the analysis applies smears a step, and the whole of its
+    response must lie inside the window.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``angle``.
+    cutoff_hz : float
+        Low-pass of the analysis.
+    """
+    time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
+    rate = rate_hz(time)
+    found: list[Pulse] = []
+    for part in stretches(time, np.isfinite(angle)):
+        if part.stop - part.start > shortest_record():
+            smooth = lowpass_zero_phase(angle[part], cutoff_hz=cutoff_hz, rate_hz=rate)
+            found += _steps(time[part], angle[part], derivative(smooth, rate_hz=rate), rate)
+    if not found:
+        return ()
+    typical = float(np.median([abs(p.amplitude) for p in found]))
+    return tuple(p for p in found if abs(p.amplitude) > _SIZE_SHARE * typical)
+
+
+def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
+    size = np.abs(command)
+    largest = float(size.max(initial=0.0))
+    if largest == 0.0:
+        return ()
+    active = np.concatenate([[False], size > _COMMAND_SHARE * largest, [False]])
+    edges = np.flatnonzero(active[1:] != active[:-1])
+    pulses = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        peak = first + int(np.argmax(size[first:last]))
+        end = time[last] if last < time.size else time[-1]
+        pulses.append(Pulse(float(time[first]), float(end - time[first]), float(command[peak])))
+    return tuple(pulses)
+
+
+def _steps(time: np.ndarray, angle: np.ndarray, speed: np.ndarray, rate: float) -> list[Pulse]:
+    size = np.abs(speed)
+    quiet, settled = round(_QUIET_S * rate), [round(s * rate) for s in _SETTLE_S]
+    peaks, _ = find_peaks(
+        size, height=_SPEED_SHARE * float(np.percentile(size, 99)), distance=max(quiet, 1)
+    )
+    steps: list[Pulse] = []
+    for peak in peaks:
+        below = np.flatnonzero(size[:peak] < _ONSET_SHARE * size[peak])
+        onset = int(below[-1]) + 1 if below.size else 0
+        if onset < quiet or peak + settled[1] >= time.size:
+            continue
+        before = angle[onset - quiet : onset]
+        step = float(np.median(angle[peak + settled[0] : peak + settled[1]]) - np.median(before))
+        if np.ptp(before) < _QUIET_SHARE * abs(step):
+            steps.append(Pulse(float(time[onset]), np.nan, step))
+    return steps
+
+
+def check_onsets(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> None:
+    """Refuse pulses of a table that lie outside the recording's time.
+
+    Parameters
+    ----------
+    pulses : tuple of Pulse
+        Pulses of the recording's table.
+    recording : xarray.Dataset
+        The recording.
+
+    Raises
+    ------
+    DataError
+        When every onset lies outside: the table is another recording's, or its
+        clock has another zero.
+    """
+    time = recording["time"].to_numpy()
+    inside = [time[0] <= p.onset_s <= time[-1] for p in pulses]
+    if pulses and not any(inside):
+        raise DataError(
+            f"{recording.attrs.get('file')}: all {len(pulses)} onsets of its pulse table lie "
+            f"outside the recording ({time[0]:.6g} to {time[-1]:.6g} s). Is it the right table, "
+            "and does its clock start at the same zero?",
+            path=str(recording.attrs.get("file")),
+        )

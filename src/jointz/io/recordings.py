@@ -1,0 +1,297 @@
+"""Read the recordings of a study into SI, the study's direction and one condition each."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from jointz.core.channels import (
+    CHANNEL_UNITS,
+    CONDITIONS,
+    DEVICE_SIDE_CHANNELS,
+    LABEL_CHANNELS,
+    MOTOR_CHANNELS,
+)
+from jointz.core.errors import DataError, UnitError
+from jointz.core.recording import build_recording
+from jointz.core.study import RecordingSpec, Study, StudySpec
+from jointz.io.registry import RawTable, read_table
+from jointz.io.study import data_file
+from jointz.io.units import conversion, si_unit_of
+
+Unit = tuple[str, float, float]
+
+_FULL_TURN_RAD = 2 * np.pi
+_RATE_TOLERANCE = 0.05
+_PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
+
+
+def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]:
+    """Read one recording; a file of several conditions or trials gives several.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    entry : RecordingSpec
+        One of its recordings.
+
+    Returns
+    -------
+    tuple of xarray.Dataset
+        One a contiguous run of condition and trial, in the order of the file,
+        in SI units, positive in the study's direction, torque on the joint.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be trusted; names file, row or channel.
+    """
+    spec = study.spec
+    path = data_file(study.root, entry.file)
+    columns = {name: channel.column for name, channel in spec.channels.items()}
+    labels = [
+        name
+        for name in LABEL_CHANNELS
+        if name in columns and not (name == "condition" and entry.condition)
+    ]
+    numeric = [
+        name
+        for name in columns
+        if name not in LABEL_CHANNELS and not _may_be_absent(name, entry, columns)
+    ]
+    table = read_table(
+        path,
+        numeric=[columns[n] for n in numeric],
+        labels=[columns[n] for n in labels],
+        files=spec.files,
+    )
+    converted = {n: _in_si(study, entry, n, table) for n in numeric}
+    channels = {n: values for n, (values, _) in converted.items()}
+    units = {n: unit for n, (_, unit) in converted.items()}
+    text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
+    pieces = _split(text, len(next(iter(channels.values()))))
+    return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
+
+
+def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
+    """Read the pulse table of a recording, None where it has none.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    entry : RecordingSpec
+        One of its recordings.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        ``onset_s``, ``duration_s``, ``amplitude_nm`` (NaN where not given) and
+        ``timing_point`` ("" where not given).
+
+    Raises
+    ------
+    DataError
+        For a missing ``onset_s``, unknown columns or cells that are no numbers.
+    """
+    if entry.perturbations is None:
+        return None
+    path = data_file(study.root, entry.perturbations)
+    try:
+        table = pd.read_csv(path, encoding="utf-8-sig", dtype=str, keep_default_na=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as exc:
+        raise DataError(f"{path.name}: not a readable pulse table: {exc}.", path=str(path)) from exc
+    unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
+    if "onset_s" not in table.columns or unknown:
+        raise DataError(
+            f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
+            f"(onset_s is required), got {', '.join(map(str, table.columns))}.",
+            path=str(path),
+        )
+    pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
+    for name in ("duration_s", "amplitude_nm"):
+        pulses[name] = (
+            _numbers(path, table, name, required=False) if name in table.columns else np.nan
+        )
+    given = table["timing_point"] if "timing_point" in table.columns else ""
+    pulses["timing_point"] = given
+    return pulses
+
+
+def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> np.ndarray:
+    text = table[name].str.strip()
+    values = pd.to_numeric(text.where(text != "", "nan"), errors="coerce").to_numpy(dtype=float)
+    bad = ~np.isfinite(values) & (required | (text != "").to_numpy())
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise DataError(
+            f"{path.name}, row {row + 2}, column '{name}': expected a number, found "
+            f"'{text.iloc[row]}'. Correct the cell.",
+            path=str(path),
+            channel=name,
+            row=row + 2,
+        )
+    return values
+
+
+def _may_be_absent(name: str, entry: RecordingSpec, columns: Mapping[str, str | int]) -> bool:
+    """Without a device only kinematics and contact are expected in the file."""
+    kept = {"time", "angle", "velocity", "contact", "ground_reaction_force"}
+    return entry.condition == "no_device" and name not in kept and name in columns
+
+
+def _in_si(
+    study: Study, entry: RecordingSpec, name: str, table: RawTable
+) -> tuple[np.ndarray, str]:
+    """Convert one column to SI, the study's direction and torque on the joint."""
+    spec = study.spec
+    column = str(spec.channels[name].column)
+    si_unit, factor, offset = study.units[name]
+    stated = table.units.get(column)
+    if stated and name != "contact":
+        si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
+    values = np.asarray(table.columns[column], dtype=float)
+    if _turned(name, spec):
+        factor, offset = -factor, -offset
+    same = (factor, offset) == (1.0, 0.0)
+    return (values if same else factor * values + offset), si_unit
+
+
+def _agreed(
+    spec: StudySpec, entry: RecordingSpec, name: str, stated: str, *, declared: Unit
+) -> Unit:
+    """Settle the unit a file states against the one the study declares."""
+    own = spec.channels[name].unit
+    if own is None and name not in CHANNEL_UNITS:
+        return si_unit_of(stated)
+    try:
+        from_file = conversion(stated, declared[0])
+    except UnitError as exc:
+        raise UnitError(f"{entry.file}, channel '{name}': {exc}", channel=name) from exc
+    if own is not None and not np.allclose(from_file, declared[1:], rtol=1e-9):
+        raise UnitError(
+            f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
+            f"{own!r}. Correct one of them.",
+            channel=name,
+        )
+    return (declared[0], *from_file)
+
+
+def _turned(name: str, spec: StudySpec) -> bool:
+    """Whether a channel's sign is opposite to the study's."""
+    direction = spec.channels[name].positive
+    if direction is None and name in MOTOR_CHANNELS and "current" in spec.channels:
+        # Current, velocity and friction of a motor change sign together.
+        direction = spec.channels["current"].positive
+    against = direction is not None and direction != spec.positive
+    on_device = name in DEVICE_SIDE_CHANNELS and spec.torque_acts_on == "device"
+    return against != on_device
+
+
+def _split(labels: Mapping[str, np.ndarray], n: int) -> list[slice]:
+    """Cut at every change of condition or trial; cycles do not cut."""
+    changes = np.zeros(max(n - 1, 0), dtype=bool)
+    for name, values in labels.items():
+        if name != "cycle":
+            changes |= values[1:] != values[:-1]
+    cuts = [0, *(np.flatnonzero(changes) + 1).tolist(), n]
+    return [slice(a, b) for a, b in pairwise(cuts)]
+
+
+def _piece(
+    study: Study,
+    entry: RecordingSpec,
+    table: RawTable,
+    content: tuple[Mapping[str, np.ndarray], Mapping[str, str], Mapping[str, np.ndarray]],
+    *,
+    rows: slice,
+) -> xr.Dataset:
+    spec = study.spec
+    channels, units, labels = content
+    data = {name: values[rows] for name, values in channels.items() if name != "time"}
+    if "cycle" in labels:
+        data["cycle"] = pd.factorize(labels["cycle"][rows])[0].astype(float)
+    time = _time(spec, entry, channels, rows)
+    contact = spec.channels.get("contact")
+    recording = build_recording(
+        time,
+        data,
+        units={name: units[name] for name in data if name in units},
+        first_row=table.first_row + rows.start,
+        history=(_reading_step(study, entry, table),),
+        participant=entry.participant,
+        condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
+        file=entry.file,
+        session=entry.session or "",
+        trial=str(labels["trial"][rows][0]) if "trial" in labels else "",
+        side=entry.side or "",
+        joint=spec.joint,
+        positive=spec.positive,
+        contact_kind=(contact.kind or "contact") if contact else "",
+        sha256=table.sha256,
+    )
+    _check_angle(entry, recording)
+    return recording
+
+
+def _time(
+    spec: StudySpec, entry: RecordingSpec, channels: Mapping[str, np.ndarray], rows: slice
+) -> np.ndarray:
+    declared = spec.sample_rate_hz
+    if "time" not in channels:
+        n = len(next(iter(channels.values()))[rows])
+        return np.arange(n) / float(declared or 1.0)
+    time = channels["time"][rows]
+    step = float(np.nanmedian(np.diff(time))) if time.size > 1 else 0.0
+    if declared and step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
+        raise DataError(
+            f"{entry.file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "
+            f"{declared:.6g}. Correct the unit of time, or remove sample_rate_hz.",
+            path=entry.file,
+            channel="time",
+        )
+    return time
+
+
+def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:
+    mapping = spec.channels["condition"].values or {}  # noqa: PD011 - a field, not a frame
+    name = CONDITIONS.get(mapping.get(value, value).lower())
+    if name is None:
+        raise DataError(
+            f"{entry.file}: column '{spec.channels['condition'].column}' holds '{value}', which "
+            f"channels.condition.values does not name (it names {', '.join(mapping) or 'none'}).",
+            path=entry.file,
+            channel="condition",
+        )
+    return name
+
+
+def _reading_step(study: Study, entry: RecordingSpec, table: RawTable) -> dict[str, object]:
+    return {
+        "step": "read",
+        "file": entry.file,
+        "sha256": table.sha256,
+        "units": {n: c.unit or study.units[n][0] for n, c in study.spec.channels.items()},
+        "turned": _turned_channels(study.spec),
+    }
+
+
+def _turned_channels(spec: StudySpec) -> Sequence[str]:
+    return [name for name in spec.channels if _turned(name, spec)]
+
+
+def _check_angle(entry: RecordingSpec, recording: xr.Dataset) -> None:
+    """Refuse an angle no joint has: most likely degrees declared as rad."""
+    angle = recording["angle"].to_numpy()
+    finite = angle[np.isfinite(angle)]
+    if finite.size and np.ptp(finite) > _FULL_TURN_RAD:
+        raise DataError(
+            f"{entry.file}: the joint's angle spans {np.rad2deg(np.ptp(finite)):.0f} deg, more "
+            "than a full turn. Is its unit right in study.toml (deg declared as rad?)",
+            path=entry.file,
+            channel="angle",
+        )

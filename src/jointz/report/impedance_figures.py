@@ -1,0 +1,303 @@
+"""Impedance over the gait cycle, chosen method beside the others, estimate against truth."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.report.style import (
+    BLUE,
+    FAINT,
+    INK,
+    SKY,
+    WIDTH_MM,
+    circular_mean_pct,
+    legend_line,
+    new_figure,
+    panel_heading,
+    place_axes,
+    place_legend,
+    shade_phases,
+)
+from jointz.report.wording import SHARED, format_count, parameter_label, parameter_name
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+_LEFT_MM: Final = 16.0
+_PANEL_MM: Final = 42.0
+_WIDEST_FAN_PCT: Final = 4.5
+# An interval this many times longer than the largest value would hide all others.
+_LONGEST_INTERVAL: Final = 1.8
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """One estimate to draw: where, what, and whether it stands at its bound."""
+
+    x: float
+    value: float
+    low: float | None
+    high: float | None
+    at_bound: bool
+
+
+def shown_parameters(analysis: StudyAnalysis) -> list[str]:
+    """Return the parameters to draw: values per kg where there are any, else absolute.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    list of str
+        Parameters of which at least one estimate stands.
+    """
+    standing = {p.name for cell in analysis.cells for p in cell.parameters if p.stands}
+    pairs = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
+    picked = (next((name for name in pair if name in standing), None) for pair in pairs)
+    return [name for name in picked if name]
+
+
+def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
+    """Return timing points in the order of the gait cycle, groups as they come.
+
+    Parameters
+    ----------
+    cells : iterable of CellEstimate
+        The cells; values shared by all timing points are not counted.
+    """
+    by_name: dict[str, list[float]] = {}
+    for cell in cells:
+        if cell.timing_point != SHARED:
+            onsets = [] if cell.onset_gait_pct is None else [cell.onset_gait_pct]
+            by_name.setdefault(cell.timing_point, []).extend(onsets)
+    if not any(by_name.values()):
+        return list(by_name)
+    # A timing point without a measured onset has no place on the cycle and goes last.
+    return sorted(by_name, key=lambda name: _mean_onset(by_name[name], default=np.inf))
+
+
+def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw each person's estimates and the means over people, one panel a parameter.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or None
+        None where no estimate stands.
+    """
+    parameters = shown_parameters(analysis)
+    if not parameters:
+        return None
+    pitch = _PANEL_MM + 16.0
+    figure = new_figure(8.0 + pitch * len(parameters))
+    for row, parameter in enumerate(parameters):
+        axes = place_axes(
+            figure,
+            _LEFT_MM,
+            13.0 + row * pitch,
+            width_mm=WIDTH_MM - _LEFT_MM - 3.0,
+            height_mm=_PANEL_MM,
+        )
+        _draw_parameter(axes, analysis, parameter)
+    place_legend(figure, _legend(analysis, parameters))
+    return figure
+
+
+def _draw_parameter(axes: "Axes", analysis: StudyAnalysis, parameter: str) -> None:
+    found = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
+    means = [m for m in analysis.population if m.parameter == parameter and m.value is not None]
+    groups = {c.timing_point for c, p in found if p.stands}
+    if groups == {SHARED}:
+        marks, mean_marks = _draw_people_axis(axes, found, means)
+    else:
+        positions, fan = _group_axis(axes, [c for c, _ in found])
+        marks = _fan_out(found, positions, fan, with_mean=bool(means))
+        placed = [m for m in means if m.timing_point in positions]
+        mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
+    _draw_marks(axes, marks, colour=SKY, size=2.8, width=0.9)
+    _draw_marks(axes, mean_marks, colour=INK, size=4.0, width=1.8, marker="D")
+    beyond = _fit_height(axes, [*marks, *mean_marks])
+    axes.set_ylabel(parameter_label(parameter))
+    panel_heading(axes, parameter_name(parameter), note=_note(found, len(marks), beyond))
+
+
+def _draw_people_axis(
+    axes: "Axes",
+    found: Sequence[tuple[CellEstimate, ParameterEstimate]],
+    means: Sequence[PopulationEstimate],
+) -> tuple[list[_Mark], list[_Mark]]:
+    """Put people side by side: the axis of a value that their timing points share."""
+    people = list(dict.fromkeys(cell.participant for cell, _ in found))
+    names = [*people, "mean"] if means else people
+    axes.set_xlim(-0.6, len(names) - 0.4)
+    axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
+    axes.set_xlabel("Participant (one value for all timing points)")
+    marks = [_mark(p, people.index(c.participant)) for c, p in found if p.stands]
+    return marks, [_mean_mark(m, len(people)) for m in means[:1]]
+
+
+def _group_axis(axes: "Axes", cells: Sequence[CellEstimate]) -> tuple[dict[str, float], float]:
+    """Set up the axis of gait phase, or of the groups of a bench study."""
+    onsets: dict[str, list[float]] = {}
+    for cell in cells:
+        if cell.onset_gait_pct is not None:
+            onsets.setdefault(cell.timing_point, []).append(cell.onset_gait_pct)
+    if not onsets:
+        names = timing_points(cells)
+        axes.set_xlim(-0.6, len(names) - 0.4)
+        axes.set_xticks(range(len(names)), names, rotation=30 if len(names) > 10 else 0)
+        return {name: float(i) for i, name in enumerate(names)}, 0.36
+    positions = {name: circular_mean_pct(values) for name, values in onsets.items()}
+    x = np.sort(list(positions.values()))
+    fan = min(_WIDEST_FAN_PCT, 0.42 * float(np.diff(x).min())) if x.size > 1 else _WIDEST_FAN_PCT
+    axes.set_xlim(min(-5.0, x[0] - fan - 1.0), max(100.0, x[-1] + fan + 1.0))
+    axes.set_xticks(np.arange(0, 101, 10))
+    axes.set_xlabel("Gait cycle (%)")
+    shade_phases(axes, names=True)
+    return positions, fan
+
+
+def _fan_out(
+    found: Sequence[tuple[CellEstimate, ParameterEstimate]],
+    positions: Mapping[str, float],
+    fan: float,
+    *,
+    with_mean: bool,
+) -> list[_Mark]:
+    """Spread people around each position so that bars do not overlap."""
+    people = list(dict.fromkeys(cell.participant for cell, _ in found))
+    offsets = dict(zip(people, _offsets(len(people), fan, gap=with_mean), strict=True))
+    return [
+        _mark(p, positions[c.timing_point] + offsets[c.participant])
+        for c, p in found
+        if p.stands and c.timing_point in positions
+    ]
+
+
+def _offsets(count: int, fan: float, *, gap: bool) -> np.ndarray:
+    """Return sideways offsets, with room for the mean in the middle where it is drawn."""
+    if not gap:
+        return np.linspace(-fan, fan, count) if count > 1 else np.zeros(1)
+    half = count // 2
+    inner = 0.34 * fan
+    left = np.linspace(-fan, -inner, count - half)
+    right = np.linspace(fan, inner, half)[::-1]
+    return np.concatenate([left, right])
+
+
+def _mark(estimate: ParameterEstimate, x: float) -> _Mark:
+    value = estimate.value if estimate.value is not None else estimate.ci_low or 0.0
+    at_bound = estimate.status == "at_bound"
+    return _Mark(x, value, estimate.ci_low, estimate.ci_high, at_bound)
+
+
+def _mean_mark(mean: PopulationEstimate, x: float) -> _Mark:
+    value = mean.value if mean.value is not None else np.nan
+    return _Mark(x, value, mean.ci_low, mean.ci_high, mean.status == "at_bound")
+
+
+def _draw_marks(
+    axes: "Axes",
+    marks: Sequence[_Mark],
+    *,
+    colour: str,
+    size: float,
+    width: float,
+    marker: str = "o",
+) -> None:
+    """Draw two-sided intervals as bars, one-sided ones hanging from an open triangle."""
+    with_bar = [m for m in marks if m.low is not None and m.high is not None]
+    edge = BLUE if colour == SKY else colour
+    zorder = 3 if colour == SKY else 5
+    axes.vlines(
+        [m.x for m in with_bar],
+        [m.low for m in with_bar if m.low is not None],
+        [m.high for m in with_bar if m.high is not None],
+        colors=colour,
+        linewidth=width,
+        linestyles="solid",
+        zorder=zorder,
+    )
+    two_sided = [m for m in marks if not m.at_bound]
+    axes.plot(
+        [m.x for m in two_sided],
+        [m.value for m in two_sided],
+        linestyle="none",
+        marker=marker,
+        markersize=size,
+        markerfacecolor=edge,
+        markeredgecolor="white",
+        markeredgewidth=0.4,
+        zorder=zorder + 1,
+    )
+    limits = [m for m in marks if m.at_bound and m.high is not None]
+    axes.plot(
+        [m.x for m in limits],
+        [m.high for m in limits if m.high is not None],
+        linestyle="none",
+        marker="v",
+        markersize=size + 1.0,
+        markerfacecolor="white",
+        markeredgecolor=edge,
+        markeredgewidth=0.9,
+        zorder=zorder + 1,
+    )
+
+
+def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> int:
+    """Set the height to values and intervals; return how many intervals run beyond it."""
+    values = np.array([m.value for m in marks] + [m.high for m in marks if m.at_bound and m.high])
+    ends = np.array([e for m in marks for e in (m.low, m.high) if e is not None] or [0.0])
+    reach = _LONGEST_INTERVAL * float(np.abs(values).max())
+    top = min(max(ends.max(), values.max()), reach)
+    bottom = max(min(ends.min(), values.min(), 0.0), -reach)
+    span = (top - bottom) or 1.0
+    # The upper margin is where the names of the gait phases stand.
+    axes.set_ylim(bottom - (0.04 * span if bottom < 0 else 0.0), top + 0.14 * span)
+    if bottom < 0:
+        axes.axhline(0.0, color=FAINT, linewidth=0.6, zorder=1)
+    return int((ends > top + 1e-12).sum() + (ends < bottom - 1e-12).sum())
+
+
+def _note(found: Sequence[tuple[CellEstimate, ParameterEstimate]], drawn: int, beyond: int) -> str:
+    failed = sum(p.status.startswith("failed") for _, p in found)
+    undecided = sum(p.status == "undecided" for _, p in found)
+    elsewhere = sum(p.stands for _, p in found) - drawn
+    parts = [f"{failed} failed"] if failed else []
+    parts += [f"{undecided} undecided"] if undecided else []
+    parts += [f"{elsewhere} without an onset"] if elsewhere else []
+    note = f"not drawn: {', '.join(parts)}" if parts else ""
+    clipped = f"{format_count(beyond, 'interval')} cut off" if beyond else ""
+    return " · ".join(text for text in (note, clipped) if text)
+
+
+def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]":
+    drawn = [p for c in analysis.cells for p in c.parameters if p.name in parameters and p.stands]
+    level = f"{100 * drawn[0].ci_level:g} % interval"
+    several = len({c.participant for c in analysis.cells}) > 1
+    dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
+    handles = [legend_line(f"{'participant' if several else 'estimate'}, {level}", SKY, **dot)]
+    if any(m.value is not None and m.parameter in parameters for m in analysis.population):
+        diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
+        handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
+    if any(p.status == "at_bound" for p in drawn):
+        open_triangle = {"marker": "v", "markerfacecolor": "white", "markeredgecolor": BLUE}
+        handles.append(legend_line("at its bound: upper limit only", SKY, **open_triangle))
+    return handles
+
+
+def _mean_onset(onsets: Sequence[float], *, default: float) -> float:
+    return circular_mean_pct(onsets) if onsets else default

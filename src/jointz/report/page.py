@@ -1,0 +1,355 @@
+"""The report of an analysis: one HTML page that needs nothing else."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.report.impedance_figures import timing_points
+from jointz.report.prose import (
+    CAVEATS,
+    captions,
+    methods_paragraph,
+    pulse_counts,
+    summary_paragraph,
+)
+from jointz.report.wording import (
+    DASH,
+    PARAMETERS,
+    SHARED,
+    exclusion_meaning,
+    format_count,
+    format_estimate,
+    format_interval,
+    format_number,
+    parameter_name,
+    pretty_unit,
+    status_meaning,
+)
+
+_FIRST_ROWS: Final = 12
+_HASH_DIGITS: Final = 12
+# In the order of the page.
+_FIGURE_NAMES: Final = {
+    "impedance_over_gait": "Impedance",
+    "methods": "Comparison of methods",
+    "truth": "Truth against estimate",
+    "responses": "Responses to the pulses",
+    "onset_accuracy": "Accuracy of the onset",
+    "strides": "Strides",
+}
+_ID: Final = re.compile(r'\bid="([^"]+)"')
+_REFERENCE: Final = re.compile(r'(href="#|url\(#)([^")]+)')
+_SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
+_SVG_STYLE: Final = re.compile(r'\s*<style type="text/css">.*?</style>', re.DOTALL)
+
+_Row = dict[str, Any]
+
+
+def render_report(
+    analysis: StudyAnalysis,
+    figures: Mapping[str, str],
+    *,
+    title: str,
+    truth: pd.DataFrame | None = None,
+) -> str:
+    """Write the report as one HTML page with its figures and styles inside.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    figures : mapping of str to str
+        Name -> SVG text, as :func:`jointz.report.figures.draw_figures` returns
+        them, and ``truth`` of :func:`jointz.report.method_figures.draw_truth`;
+        figures of other names have no place on the page.
+    title : str
+        Title of the page.
+    truth : pandas.DataFrame, optional
+        Columns ``participant, timing_point, parameter, truth, estimate,
+        ci_low, ci_high, error_pct, covered``: for simulated studies.
+
+    Returns
+    -------
+    str
+        HTML that needs no network, no fonts and no script.
+
+    Examples
+    --------
+    >>> page = render_report(StudyAnalysis(cells=()), {}, title="Nothing yet")
+    >>> "Nothing yet</h1>" in page
+    True
+    """
+    environment = Environment(
+        loader=PackageLoader("jointz.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": format_number, "unit": pretty_unit}
+    parameters = _parameters(analysis)
+    return environment.get_template("report.html.j2").render(
+        title=title,
+        settings=analysis.settings,
+        provenance=analysis.provenance,
+        facts=_facts(analysis),
+        summary=summary_paragraph(analysis),
+        heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters],
+        population=_population_rows(analysis, parameters),
+        figures=_figures(analysis, figures),
+        people=_people(analysis, parameters),
+        statuses=_statuses(analysis),
+        excluded=_excluded(analysis),
+        onsets=analysis.statistics.get("onset_accuracy", ()),
+        recordings=_recordings(analysis),
+        methods=methods_paragraph(analysis),
+        caveats=CAVEATS,
+        packages=_packages(analysis.provenance),
+        inputs=_inputs(analysis.provenance),
+        study_hash=str(analysis.provenance.get("study_sha256", ""))[:_HASH_DIGITS],
+        truth=None if truth is None else _truth(truth),
+        dash=DASH,
+    )
+
+
+def inline_svg(svg: str, name: str, label: str) -> Markup:
+    """Make an SVG fit to stand in a page beside others.
+
+    Parameters
+    ----------
+    svg : str
+        One ``<svg>`` element.
+    name : str
+        Prefix of all its ids, so that figures do not use each other's glyphs.
+    label : str
+        What it shows, for those who do not see it.
+
+    Returns
+    -------
+    markupsafe.Markup
+        The element, as wide as its place, without rules that reach the page.
+    """
+    text = svg[svg.index("<svg") :]
+    text = _ID.sub(rf'id="{name}-\1"', text)
+    text = _REFERENCE.sub(rf"\1{name}-\2", text)
+    text = _SVG_STYLE.sub("", text)
+    text = _SVG_SIZE.sub(r"\1", text, count=1)
+    attributes = Markup('<svg role="img" aria-label="{}" class="figure"').format(label)
+    return Markup(text.replace("<svg", attributes, 1))
+
+
+def _parameters(analysis: StudyAnalysis) -> list[str]:
+    present = {p.name for cell in analysis.cells for p in cell.parameters}
+    return [name for name in PARAMETERS if name in present]
+
+
+def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
+    """Return the four numbers at the top of the page."""
+    used, left_out = pulse_counts(analysis)
+    total = sum(len(c.parameters) for c in analysis.cells)
+    people = len({c.participant for c in analysis.cells})
+    facts = [
+        (str(people), "participant" if people == 1 else "participants"),
+        (format_count(used, "").strip(), f"pulses used, {left_out} left out"),
+        (f"{analysis.n_standing} of {total}", "estimates stand"),
+    ]
+    vaf = analysis.statistics.get("vaf") or {}
+    if vaf.get("mean_pct") is not None:
+        facts.append((f"{vaf['mean_pct']:.1f} %", "mean VAF (fit, not accuracy)"))
+    return facts
+
+
+def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
+    held = {(m.timing_point, m.parameter): m for m in analysis.population}
+    names = [*timing_points(analysis.cells), SHARED]
+    rows = []
+    for name in names:
+        means = [held.get((name, p)) for p in parameters]
+        if any(means):
+            rows.append({"name": _point_name(name), "cells": [_mean_cell(m) for m in means]})
+    return rows
+
+
+def _mean_cell(mean: PopulationEstimate | None) -> _Row:
+    if mean is None:
+        return {"text": "", "note": ""}
+    if mean.value is None:
+        return {"text": DASH, "note": status_meaning(mean.status)}
+    sd = f"SD {format_number(mean.sd, like=mean.value)}, " if mean.sd is not None else ""
+    text = format_interval(mean.value, mean.ci_low, mean.ci_high)
+    return {"text": text, "note": f"{sd}n {mean.n_participants}"}
+
+
+def _figures(analysis: StudyAnalysis, figures: Mapping[str, str]) -> dict[str, _Row]:
+    texts = captions(analysis)
+    return {
+        name: {
+            "svg": inline_svg(figures[name], f"figure{number}", heading),
+            "caption": texts[name],
+            "number": number,
+        }
+        for number, (name, heading) in enumerate(
+            ((n, h) for n, h in _FIGURE_NAMES.items() if n in figures), start=1
+        )
+    }
+
+
+def _people(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
+    """Return participants with one row a timing point, in the order of the gait cycle."""
+    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), SHARED])}
+    by_person: dict[str, list[CellEstimate]] = {}
+    for cell in analysis.cells:
+        by_person.setdefault(cell.participant, []).append(cell)
+    return [
+        {
+            "id": person,
+            "rows": [
+                _cell_row(c, parameters) for c in sorted(cells, key=lambda c: order[c.timing_point])
+            ],
+        }
+        for person, cells in by_person.items()
+    ]
+
+
+def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
+    statuses = {p.status for p in cell.parameters}
+    # Where everything failed for one reason, one sentence says it better than five dashes.
+    common = statuses.pop() if len(statuses) == 1 else ""
+    shift = cell.displacement_rad
+    return {
+        "name": _point_name(cell.timing_point),
+        "onset": DASH if cell.onset_gait_pct is None else f"{cell.onset_gait_pct:.1f}",
+        "cells": [_estimate_cell(cell.parameter(name)) for name in parameters],
+        "failure": _badge(common) if common.startswith("failed") else None,
+        "vaf": DASH if cell.vaf_pct is None else f"{cell.vaf_pct:.1f}",
+        "displacement": DASH if shift is None else f"{np.degrees(shift):.1f}",
+        "n_used": cell.n_used,
+        "n_excluded": cell.n_excluded,
+    }
+
+
+def _estimate_cell(estimate: ParameterEstimate | None) -> _Row:
+    if estimate is None:
+        return {"text": "", "badge": None}
+    badge = None if estimate.status == "ok" else _badge(estimate.status)
+    return {"text": format_estimate(estimate), "badge": badge}
+
+
+def _badge(status: str) -> _Row:
+    kind = status.split(":")[0]
+    return {"kind": kind, "text": kind.replace("_", " "), "meaning": status_meaning(status)}
+
+
+def _statuses(analysis: StudyAnalysis) -> list[_Row]:
+    counts = Counter(p.status for c in analysis.cells for p in c.parameters)
+    return [
+        {**_badge(status), "status": status, "count": count}
+        for status, count in sorted(counts.items(), key=lambda item: -item[1])
+    ]
+
+
+def _excluded(analysis: StudyAnalysis) -> _Row:
+    frame = analysis.excluded_frame()
+    counts = Counter(zip(frame["kind"], frame["code"], strict=True))
+    return {
+        "counts": [
+            {"kind": kind, "code": code, "count": count, "meaning": exclusion_meaning(code)}
+            for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1]))
+        ],
+        "first": frame.head(_FIRST_ROWS).to_dict("records"),
+        "total": len(frame),
+    }
+
+
+def _recordings(analysis: StudyAnalysis) -> list[_Row]:
+    """Return what was found in each recording; from its gaps alone where there are no strides."""
+    rows = [dict(row) for row in analysis.statistics.get("strides", ())]
+    if rows:
+        return rows
+    gaps: dict[tuple[str, str], list[float]] = {}
+    for gap in analysis.gaps:
+        gaps.setdefault((gap.participant, gap.recording), []).append(gap.duration_s)
+    return [
+        {"participant": p, "recording": r, "n_gaps": len(own), "longest_gap_s": max(own)}
+        for (p, r), own in gaps.items()
+    ]
+
+
+def _packages(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
+    own = [(name, provenance[name]) for name in ("jointz", "python") if provenance.get(name)]
+    return own + sorted((provenance.get("packages") or {}).items())
+
+
+def _inputs(provenance: Mapping[str, Any]) -> list[_Row]:
+    return [
+        {
+            "file": entry.get("file", DASH),
+            "sha256": str(entry.get("sha256", ""))[:_HASH_DIGITS],
+            "size": _size(entry.get("size_bytes")),
+        }
+        for entry in provenance.get("inputs") or ()
+    ]
+
+
+def _size(size_bytes: float | None) -> str:
+    if size_bytes is None:
+        return DASH
+    for factor, unit in ((1e6, "MB"), (1e3, "kB")):
+        if size_bytes >= factor:
+            return f"{size_bytes / factor:.1f} {unit}"
+    return f"{size_bytes:.0f} B"
+
+
+def _truth(truth: pd.DataFrame) -> _Row:
+    known = truth.dropna(subset=["truth", "estimate"])
+    summary = []
+    for name in PARAMETERS:
+        rows = known[known["parameter"] == name]
+        errors = rows["error_pct"].to_numpy(float)
+        errors = errors[np.isfinite(errors)]  # a truth of zero has no error in %
+        if errors.size:
+            summary.append(
+                {
+                    "name": parameter_name(name),
+                    "rms_pct": float(np.sqrt(np.mean(errors**2))),
+                    "bias_pct": float(errors.mean()),
+                    "covered": int(rows["covered"].astype(bool).sum()),
+                    "n": len(rows),
+                }
+            )
+    return {"summary": summary, "rows": _truth_rows(truth.to_dict("records"))}
+
+
+def _truth_rows(records: Iterable[Mapping[Any, Any]]) -> list[_Row]:
+    return [
+        {
+            "participant": row["participant"],
+            "name": _point_name(str(row["timing_point"])),
+            "parameter": parameter_name(row["parameter"]),
+            "unit": PARAMETER_UNITS[row["parameter"]],
+            "truth": format_number(row["truth"]),
+            "estimate": format_interval(
+                _number(row["estimate"]), _number(row["ci_low"]), _number(row["ci_high"])
+            ),
+            "error": DASH if _number(row["error_pct"]) is None else f"{row['error_pct']:+.1f} %",
+            "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
+        }
+        for row in records
+    ]
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _point_name(timing_point: str) -> str:
+    return "all (one value)" if timing_point == SHARED else timing_point

@@ -1,0 +1,268 @@
+"""Sentences of the report: summary, methods to paste, captions and caveats."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.report.wording import (
+    DASH,
+    SHARED,
+    format_count,
+    format_number,
+    parameter_name,
+    pretty_unit,
+)
+
+_PHASE_NAMES: Final = (
+    "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "
+    "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
+)
+
+_BASELINES: Final[Mapping[str, str]] = {
+    "unperturbed_mean": (
+        "the mean unperturbed cycle, aligned in time at heel strike, was subtracted from each "
+        "response"
+    ),
+    "pre_pulse": "the value before each pulse was subtracted from its response",
+    "matched_strides": (
+        "the mean of the unperturbed strides most like the perturbed one was subtracted from each "
+        "response"
+    ),
+    "predicted": (
+        "the unperturbed motion and torque, predicted from what went before each pulse, were "
+        "subtracted from its response"
+    ),
+}
+
+#: What every reader of such a report should know, in plain words.
+CAVEATS: Final = (
+    (
+        "VAF is not accuracy.",
+        "The variance accounted for says how well the model follows the average response, not how "
+        "close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
+        "wrong baseline can spoil all three while VAF stays near 99 %.",
+    ),
+    (
+        "Inertia is that of joint and device together.",
+        "Everything that moves with the joint is in it: limb, brace and what hangs on them, unless "
+        "a calibrated device inertia was subtracted.",
+    ),
+    (
+        "Intervals from resampled pulses see only what differs from pulse to pulse.",
+        "Errors common to all pulses never show in them: a lag between sensor and joint, a shift "
+        "between the unperturbed and the perturbed condition, the gain of the torque. Give them "
+        "under [calibration] with their standard deviation to have them in the intervals.",
+    ),
+    (
+        "The values belong to the displacement and the window they were measured with.",
+        "Large displacements are no longer a small disturbance, reflexes may act within the "
+        "window, and stiffness that changes inside it is averaged.",
+    ),
+)
+
+
+def summary_paragraph(analysis: StudyAnalysis) -> str:
+    """Say in plain words who was measured, how, and what stands.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    if not people:
+        return "The study holds no participant with pulses, so there is nothing to report."
+    points = {c.timing_point for c in analysis.cells if c.timing_point != SHARED}
+    used, left_out = pulse_counts(analysis)
+    total = sum(len(c.parameters) for c in analysis.cells)
+    joint = analysis.settings.get("joint")
+    who = f"{format_count(len(people), 'participant')} ({_range(people)})"
+    where = f"{joint}, {_place(analysis, len(points))}" if joint else _place(analysis, len(points))
+    sentences = [
+        f"{who}: {where}.",
+        f"{format_count(used, 'pulse was', 'pulses were')} used and {left_out} left out.",
+        f"With the method {_quoted(analysis.settings.get('method'))}, {analysis.n_standing} of "
+        f"{format_count(total, 'estimate')} {'stands' if analysis.n_standing == 1 else 'stand'}"
+        f"{_not_standing(analysis)}.",
+    ]
+    return " ".join([*sentences, *_extremes(analysis.population)])
+
+
+def methods_paragraph(analysis: StudyAnalysis) -> str:
+    """Write a methods section from the settings, ready to paste into a paper.
+
+    Only what the settings say is written; what they do not hold is left out.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    settings = analysis.settings
+    version = analysis.provenance.get("jointz")
+    joint = settings.get("joint", "joint")
+    sentences = [
+        f"Mechanical impedance of the {joint} was estimated with jointz"
+        f"{f' {version}' if version else ''} (method {_quoted(settings.get('method'))}).",
+        "Torque was modelled as K·angle + B·velocity + J·acceleration about the offsets of the "
+        f"record{_window(settings)}.",
+    ]
+    if settings.get("positive"):
+        sentences.append(f"Angle and torque are positive in {settings['positive']}.")
+    if settings.get("cutoff_hz"):
+        sentences.append(
+            f"Angle and torque passed the same low-pass filter ({settings['cutoff_hz']:g} Hz)."
+        )
+    if settings.get("baseline"):
+        baseline = str(settings["baseline"])
+        text = _BASELINES.get(baseline, f"the baseline {_quoted(baseline)} was subtracted")
+        sentences.append(f"{text[0].upper()}{text[1:]}.")
+    sentences += _interval_sentences(analysis)
+    used, left_out = pulse_counts(analysis)
+    sentences.append(f"Of {format_count(used + left_out, 'pulse')}, {used} were used.")
+    return " ".join(sentences)
+
+
+def interval_methods(analysis: StudyAnalysis) -> list[str]:
+    """Return how the intervals of the standing estimates were made.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    every = (p for c in analysis.cells for p in c.parameters if p.stands and p.ci_method)
+    return list(dict.fromkeys(p.ci_method for p in every))
+
+
+def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
+    """Return how many pulses were used and left out, each counted once.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    # The row of a shared value repeats the pulses of the timing points it spans.
+    own = [c for c in analysis.cells if c.timing_point != SHARED]
+    return sum(c.n_used for c in own), sum(c.n_excluded for c in own)
+
+
+def captions(analysis: StudyAnalysis) -> dict[str, str]:
+    """Return what each figure shows, how its intervals were made, and n.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    people = format_count(len({c.participant for c in analysis.cells}), "participant")
+    used, _ = pulse_counts(analysis)
+    pulses = format_count(used, "pulse")
+    made = "; ".join(interval_methods(analysis)) or "as stated by the method"
+    walking = any(c.onset_gait_pct is not None for c in analysis.cells)
+    axis = (
+        "The participants of a timing point are spread sideways, in the order of the table, about "
+        f"the mean measured onset. Bands are the phases of the gait cycle: {_PHASE_NAMES}."
+        if walking
+        else "Groups stand in the order of the study."
+    )
+    return {
+        "impedance_over_gait": (
+            f"Impedance {'over the gait cycle' if walking else 'of each group'}. Points with bars: "
+            f"estimates of each participant with their intervals ({made}). Diamonds: means over "
+            "participants with Student's interval over participants. Open triangles: estimates at "
+            f"their bound, hanging from the upper limit of a one-sided interval. {axis} n: {people}"
+            f", {pulses}."
+        ),
+        "responses": (
+            "Average responses to the pulses, baseline removed: angle (left) and torque (right), "
+            "with the torque of the fitted model dashed. Panels of a row share their axes. Grey "
+            "numbers: pulses averaged (n, left) and variance accounted for (VAF, right); VAF says "
+            f"how well the curve is followed, not how accurate the estimates are. n: {people}, "
+            f"{pulses}; no intervals are drawn."
+        ),
+        "methods": (
+            "The chosen method beside the others on the same pulses. Points: means over the "
+            "participants whose estimate stands; bars: Student's interval over participants, or "
+            "the participant's own interval where there is one only. An estimate at its bound "
+            f"counts with the value of the bound. n: {people}."
+        ),
+        "onset_accuracy": (
+            "Measured onset of every pulse relative to its target, in % of the gait cycle: "
+            "histogram (left) and single pulses (right) of each timing point, with their mean "
+            "(line), standard deviation (SD) and number. Pulses without a measured phase are not "
+            "drawn."
+        ),
+        "strides": (
+            "Stride times in each recording (line) and histogram of the accepted strides with "
+            "mean ± SD. Marks: strides left out, by code; those beyond the axis stand at its edge. "
+            "Grey strokes: strides that hold a pulse, and are therefore not used as unperturbed. "
+            f"n: {format_count(len(analysis.strides), 'stride')}."
+        ),
+        "truth": (
+            "Estimates against the truth of the simulation. Filled: the interval holds the truth; "
+            "open: it does not. Line: equality."
+        ),
+    }
+
+
+def _range(people: Sequence[str]) -> str:
+    if len(people) <= 3:
+        return ", ".join(people)
+    return f"{people[0]} to {people[-1]}"
+
+
+def _place(analysis: StudyAnalysis, count: int) -> str:
+    if any(c.onset_gait_pct is not None for c in analysis.cells):
+        return f"{format_count(count, 'timing point')} of the gait cycle"
+    return format_count(count, "timing point or group", "timing points or groups")
+
+
+def _not_standing(analysis: StudyAnalysis) -> str:
+    statuses = [p.status for c in analysis.cells for p in c.parameters]
+    bound = statuses.count("at_bound")
+    undecided = statuses.count("undecided")
+    failed = sum(s.startswith("failed") for s in statuses)
+    parts = [f"{bound} of these as an upper limit only"] if bound else []
+    parts += [f"{undecided} undecided"] if undecided else []
+    parts += [f"{failed} failed"] if failed else []
+    return f" ({', '.join(parts)})" if parts else ""
+
+
+def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
+    """Name the timing points of largest and smallest mean stiffness."""
+    for name in ("stiffness_per_mass", "stiffness"):
+        rows = [(m.value, m) for m in population if m.parameter == name and m.value is not None]
+        if len(rows) > 1:
+            low, high = min(rows, key=lambda r: r[0]), max(rows, key=lambda r: r[0])
+            return [
+                f"Mean {parameter_name(name).lower()} ranges from "
+                f"{format_number(low[0])} ({low[1].timing_point}) to {format_number(high[0])} "
+                f"{pretty_unit(high[1].unit)} ({high[1].timing_point})."
+            ]
+    return []
+
+
+def _window(settings: Mapping[str, Any]) -> str:
+    window_s = settings.get("window_s")
+    return f", over {1000 * window_s:g} ms from the commanded onset" if window_s else ""
+
+
+def _interval_sentences(analysis: StudyAnalysis) -> list[str]:
+    settings = analysis.settings
+    level = f"{100 * settings.get('ci_level', 0.95):g} %"
+    made = interval_methods(analysis)
+    sentences = [f"{level} intervals of each participant: {'; '.join(made)}."] if made else []
+    if settings.get("resamples"):
+        seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
+        sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
+    if any(m.value is not None for m in analysis.population):
+        sentences.append(
+            f"Means over participants carry Student's {level} interval over participants."
+        )
+    return sentences
+
+
+def _quoted(name: Any) -> str:
+    return f"“{name}”" if name else DASH

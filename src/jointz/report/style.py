@@ -1,0 +1,313 @@
+"""One look for all figures, and SVG text that is the same on every run."""
+
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from jointz.core.gait_phases import PHASES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+#: Double column of most journals, mm.
+WIDTH_MM: Final = 180.0
+_MM_PER_INCH = 25.4
+
+# Okabe and Ito's palette, safe for colour-blind readers; each differs from the others in
+# lightness as well, and marks differ in shape, so that grey prints stay readable.
+INK: Final = "#1b1f24"
+MUTED: Final = "#5f6872"
+FAINT: Final = "#b9c0c8"
+PANEL: Final = "#eff2f5"
+BLUE: Final = "#0072b2"
+SKY: Final = "#7fb2d3"
+VERMILION: Final = "#d55e00"
+ORANGE: Final = "#e69f00"
+GREEN: Final = "#009e73"
+PURPLE: Final = "#a0508c"
+
+SMALL_PT: Final = 6.5
+TINY_PT: Final = 5.8
+
+_RC: Mapping[str, Any] = {
+    # DejaVu Sans comes with matplotlib: outlines drawn from it look the same everywhere.
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "legend.frameon": False,
+    "lines.linewidth": 1.0,
+    "text.parse_math": False,  # a participant may be called "$1"
+    "svg.fonttype": "path",
+    "svg.hashsalt": "jointz",
+}
+
+# Two decimals of a point are 4 micrometres. Numbers below one may be scales and stay.
+_LONG_NUMBER = re.compile(r"(?<![\w.#])(-?[1-9]\d*\.\d\d)\d+")
+_PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
+_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
+_METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
+
+
+@contextmanager
+def figure_style() -> Iterator[None]:
+    """Set the look of figures drawn inside, and put the user's own back."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        settings: Any = matplotlib.rcParams  # its stubs allow literal keys only
+        settings.update(_RC)
+        yield
+
+
+def new_figure(height_mm: float) -> "Figure":
+    """Return an empty figure of double-column width that pyplot does not know of.
+
+    Parameters
+    ----------
+    height_mm : float
+        Height, mm.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(WIDTH_MM / _MM_PER_INCH, height_mm / _MM_PER_INCH))
+
+
+def place_axes(
+    figure: "Figure", left_mm: float, top_mm: float, *, width_mm: float, height_mm: float
+) -> "Axes":
+    """Add axes at a place counted from the figure's upper left corner.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure; axes are added to it.
+    left_mm, top_mm : float
+        Upper left corner of the axes, mm.
+    width_mm, height_mm : float
+        Size of the axes, mm.
+    """
+    total = figure.get_figheight() * _MM_PER_INCH
+    bottom = total - top_mm - height_mm
+    box = (left_mm / WIDTH_MM, bottom / total, width_mm / WIDTH_MM, height_mm / total)
+    return figure.add_axes(box)
+
+
+def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
+    """Write text at a place counted from the figure's upper left corner.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure; the text is added to it.
+    left_mm, top_mm : float
+        Where, mm.
+    text : str
+        What.
+    **style : Any
+        Passed to matplotlib.
+    """
+    total = figure.get_figheight() * _MM_PER_INCH
+    figure.text(left_mm / WIDTH_MM, 1.0 - top_mm / total, text, **style)
+
+
+def place_legend(figure: "Figure", handles: "list[Line2D]") -> None:
+    """Put one row of legend at the top of a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    handles : list of matplotlib.lines.Line2D
+        What to explain; their labels are shown.
+    """
+    below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0 - below_edge),
+        ncols=len(handles),
+        columnspacing=1.6,
+        handletextpad=0.5,
+        borderaxespad=0.0,
+        borderpad=0.0,
+    )
+
+
+def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
+    """Return a handle for :func:`place_legend`.
+
+    Parameters
+    ----------
+    label, colour : str
+        What it says, and its colour.
+    **style : Any
+        Passed to matplotlib.
+    """
+    from matplotlib.lines import Line2D
+
+    small = {"markersize": 4.0, "markeredgewidth": 0.8, "linewidth": 1.0}
+    return Line2D([], [], color=colour, label=label, **(small | style))
+
+
+def panel_heading(axes: "Axes", text: str, *, note: str = "") -> None:
+    """Write a panel's name above it on the left and a note on the right.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        The panel.
+    text, note : str
+        What to write.
+    """
+    above: dict[str, Any] = {
+        "xycoords": "axes fraction",
+        "textcoords": "offset points",
+        "va": "bottom",
+    }
+    axes.annotate(text, (0, 1), xytext=(0, 3), fontweight="bold", ha="left", **above)
+    if note:
+        axes.annotate(
+            note, (1, 1), xytext=(0, 3), fontsize=SMALL_PT, color=MUTED, ha="right", **above
+        )
+
+
+def shade_phases(axes: "Axes", *, names: bool) -> None:
+    """Shade every second gait phase and write the names along the upper edge.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes over % of the gait cycle.
+    names : bool
+        Whether to write the names.
+    """
+    spans = list(PHASES.values())
+    axes.broken_barh(
+        [(start, end - start) for start, end in spans[::2]],
+        (0, 1),
+        transform=axes.get_xaxis_transform(),
+        facecolor=PANEL,
+        edgecolor="none",
+        zorder=0,
+    )
+    for name, (start, end) in PHASES.items() if names else ():
+        # The first phase is 2 % wide: its name stands left of its band.
+        narrow = end - start < 5.0
+        axes.text(
+            start - 0.6 if narrow else 0.5 * (start + end),
+            0.985,
+            name,
+            transform=axes.get_xaxis_transform(),
+            ha="right" if narrow else "center",
+            va="top",
+            fontsize=SMALL_PT,
+            color=MUTED,
+        )
+
+
+def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Join curves to one with NaN between them: one path in place of many.
+
+    Parameters
+    ----------
+    segments : iterable of ((n,) float, (n,) float)
+        Abscissae and ordinates of each curve.
+
+    Returns
+    -------
+    tuple of (m,) float arrays
+        Abscissae and ordinates; empty where there is no curve.
+
+    Examples
+    --------
+    >>> broken_line([(np.array([0.0]), np.array([1.0]))])[0]
+    array([ 0., nan])
+    """
+    parts = [(np.append(x, np.nan), np.append(y, np.nan)) for x, y in segments]
+    if not parts:
+        return np.empty(0), np.empty(0)
+    return np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
+
+
+def ticks_at(positions: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a path of short vertical strokes between two heights.
+
+    Parameters
+    ----------
+    positions : (n,) float
+        Abscissae.
+    low, high : float
+        Ends of every stroke.
+
+    Returns
+    -------
+    tuple of (3 n,) float arrays
+        Abscissae and ordinates with NaN between strokes.
+    """
+    return broken_line((np.array([x, x]), np.array([low, high])) for x in positions)
+
+
+def circular_mean_pct(values_pct: Iterable[float]) -> float:
+    """Return the mean of phases of the gait cycle, where 99 and 1 % lie side by side.
+
+    Parameters
+    ----------
+    values_pct : iterable of float
+        % of the gait cycle.
+
+    Examples
+    --------
+    >>> round(circular_mean_pct([99.0, 3.0]), 6)
+    1.0
+    """
+    turns = np.exp(2j * np.pi * np.asarray(list(values_pct)) / 100.0)
+    return float(np.angle(turns.mean()) / (2 * np.pi) * 100.0 % 100.0)
+
+
+def to_svg(figure: "Figure") -> str:
+    """Write a figure as SVG without date, prologue or outside references.
+
+    Must be called inside :func:`figure_style`.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+
+    Returns
+    -------
+    str
+        One ``<svg>`` element; text is outlines.
+    """
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue().decode("utf-8")
+    for pattern in (_PROLOGUE, _METADATA, _COMMENT):
+        text = pattern.sub("", text)
+    return _LONG_NUMBER.sub(r"\1", text)

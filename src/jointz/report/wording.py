@@ -1,0 +1,223 @@
+"""Words and numbers as people read them: names, units, significant digits, codes."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.estimates import ParameterEstimate
+
+#: The timing point of a value that all timing points of a participant share.
+SHARED: Final = "all"
+DASH: Final = "\N{EN DASH}"
+MINUS: Final = "\N{MINUS SIGN}"
+TIMES: Final = "\N{MULTIPLICATION SIGN}"
+
+#: Parameter -> (name in words, symbol), in the order of tables and figures.
+PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
+    "stiffness_per_mass": ("Stiffness per body mass", "K/m"),
+    "stiffness": ("Stiffness", "K"),
+    "damping_per_mass": ("Damping per body mass", "B/m"),
+    "damping": ("Damping", "B"),
+    "inertia": ("Inertia", "J"),
+}
+
+# Below this nothing in SI that a joint has is a quantity; it is rounding, such as 2e-14.
+_NEGLIGIBLE = 1e-9
+_SMALLEST_PLAIN = 1e-4
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def format_number(value: float | None, *, like: float | None = None, digits: int = 3) -> str:
+    """Write a number with sensible significant digits and no exponent notation.
+
+    Parameters
+    ----------
+    value : float or None
+        The number; None and NaN give a dash.
+    like : float, optional
+        The number that sets the decimals, such as the largest of an estimate
+        and its interval; ``value`` itself by default.
+    digits : int
+        Significant digits of ``like``.
+
+    Examples
+    --------
+    >>> format_number(182.349), format_number(0.05321), format_number(2e-14)
+    ('182', '0.0532', '0')
+    >>> format_number(0.5, like=182.0), format_number(2.5e-6).split()[0]
+    ('0', '2.50')
+    """
+    if value is None or not math.isfinite(value):
+        return DASH
+    reference = abs(value if like is None else like)
+    if reference < _NEGLIGIBLE:
+        return "0"
+    exponent = math.floor(math.log10(reference))
+    if reference < _SMALLEST_PLAIN:
+        mantissa = value / 10.0**exponent
+        power = str(exponent).translate(_SUPERSCRIPTS)
+        return _signed(f"{mantissa:.{digits - 1}f}") + f" {TIMES} 10{power}"
+    text = f"{value:,.{max(0, digits - 1 - exponent)}f}"
+    return _signed(text.replace(",", "\N{NARROW NO-BREAK SPACE}"))
+
+
+def format_interval(value: float | None, low: float | None, high: float | None) -> str:
+    """Write a value and its interval with the same decimals: ``3.02 [2.81, 3.24]``.
+
+    Parameters
+    ----------
+    value, low, high : float or None
+        Estimate and ends of its interval.
+
+    Examples
+    --------
+    >>> format_interval(3.0214, 2.8111, 3.2432)
+    '3.02 [2.81, 3.24]'
+    >>> format_interval(3.0214, None, None)
+    '3.02'
+    """
+    if value is None or low is None or high is None:
+        return format_number(value)
+    like = max(abs(value), abs(low), abs(high))
+    ends = f"[{format_number(low, like=like)}, {format_number(high, like=like)}]"
+    return f"{format_number(value, like=like)} {ends}"
+
+
+def format_estimate(estimate: ParameterEstimate) -> str:
+    """Write an estimate as it may be read: a value, a bound, or a dash.
+
+    Parameters
+    ----------
+    estimate : ParameterEstimate
+        The estimate.
+
+    Examples
+    --------
+    >>> format_estimate(ParameterEstimate("damping", 2e-14, 0.0, 0.31, "at_bound"))
+    '0 (at most 0.310)'
+    """
+    if not estimate.stands:
+        return DASH
+    if estimate.status == "at_bound":
+        bound = format_number(estimate.ci_low if estimate.ci_low is not None else estimate.value)
+        limit = estimate.ci_high
+        return f"{bound} (at most {format_number(limit)})" if limit is not None else bound
+    return format_interval(estimate.value, estimate.ci_low, estimate.ci_high)
+
+
+def format_count(count: int, singular: str, plural: str | None = None) -> str:
+    """Write a count with its noun: ``1 pulse``, ``2 pulses``.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    singular, plural : str
+        The noun; the plural is the singular with an s by default.
+
+    Examples
+    --------
+    >>> format_count(1, "pulse"), format_count(0, "person", "people")
+    ('1 pulse', '0 people')
+    """
+    noun = singular if count == 1 else (plural or f"{singular}s")
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") + f" {noun}"
+
+
+def pretty_unit(unit: str) -> str:
+    """Write a unit with dots and superscripts.
+
+    Parameters
+    ----------
+    unit : str
+        As in ``estimates.csv``.
+
+    Examples
+    --------
+    >>> pretty_unit("kg*m^2")
+    'kg·m²'
+    """
+    return unit.replace("*", "·").replace("^2", "²")
+
+
+def parameter_name(parameter: str) -> str:
+    """Return the name of a parameter in words.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as ``stiffness_per_mass``.
+    """
+    return PARAMETERS[parameter][0]
+
+
+def parameter_label(parameter: str) -> str:
+    """Return symbol and unit, for axes and column heads.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as ``stiffness_per_mass``.
+
+    Examples
+    --------
+    >>> parameter_label("inertia")
+    'J (kg·m²)'
+    """
+    return f"{PARAMETERS[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"
+
+
+def status_meaning(status: str) -> str:
+    """Explain a status of ``estimates.csv`` in one sentence.
+
+    Parameters
+    ----------
+    status : str
+        ``ok``, ``at_bound``, ``undecided`` or ``failed:CODE``.
+
+    Examples
+    --------
+    >>> status_meaning("failed:no_pulses")
+    'no pulse at this timing point'
+    """
+    known = {
+        "ok": "the estimate and its two-sided interval stand",
+        "at_bound": "the data do not tell the value from its bound: only an upper limit stands",
+        "undecided": "the data do not decide on a value, so none is given",
+    }
+    if status in known:
+        return known[status]
+    code = status.removeprefix("failed:")
+    return _meaning(code, lambda text: Failure(text).meaning)
+
+
+def exclusion_meaning(code: str) -> str:
+    """Explain why a stride or a pulse was left out.
+
+    Parameters
+    ----------
+    code : str
+        A code of ``excluded.csv``.
+
+    Examples
+    --------
+    >>> exclusion_meaning("user")
+    "left out by the study's exclusions.csv"
+    """
+    return _meaning(code, lambda text: Exclusion(text).meaning)
+
+
+def _meaning(code: str, look_up: Callable[[str], str]) -> str:
+    # Results of a newer version may hold codes that this one does not know.
+    try:
+        return look_up(code)
+    except ValueError:
+        return code.replace("_", " ")
+
+
+def _signed(text: str) -> str:
+    bare = text.lstrip("-")
+    is_zero = not bare.strip("0.")
+    return bare if is_zero else text.replace("-", MINUS)

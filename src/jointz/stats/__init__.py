@@ -1,0 +1,1 @@
+"""Statistics over estimates; every statistic says what its rows are."""

@@ -1,0 +1,73 @@
+"""Means over people, with intervals over people, never over replicates."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.special import stdtrit
+
+from jointz.core.analysis import PopulationEstimate
+from jointz.core.codes import Failure
+from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
+
+_LEVEL = 0.95
+_FEWEST_PEOPLE = 2
+
+
+def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate, ...]:
+    """Return the mean of every parameter at every timing point over participants.
+
+    Parameters
+    ----------
+    cells : sequence of CellEstimate
+        One a participant and timing point.
+
+    Returns
+    -------
+    tuple of PopulationEstimate
+        Student's t interval over participants; estimates at a bound count with
+        their value, failed and undecided ones do not count.
+
+    Notes
+    -----
+    The unit of analysis is the person: replicates and pulses of one person are
+    no people (SCIENCE trap 15).
+    """
+    rows = pd.DataFrame(
+        [row for cell in cells for row in cell.rows()], columns=list(ESTIMATE_COLUMNS)
+    )
+    groups = rows.groupby(["timing_point", "parameter"], sort=False)
+    return tuple(_mean(group) for _, group in groups)
+
+
+def _mean(rows: pd.DataFrame) -> PopulationEstimate:
+    standing = rows[rows["status"].isin(["ok", "at_bound"])]
+    values = standing["value"].to_numpy(dtype=float)
+    onsets = standing["onset_gait_pct"].dropna().to_numpy(dtype=float)
+    first, n = rows.iloc[0], values.size
+    mean = float(values.mean()) if n else None
+    sd = half = None
+    if n >= _FEWEST_PEOPLE:
+        sd = float(values.std(ddof=1))
+        half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
+    return PopulationEstimate(
+        timing_point=str(first["timing_point"]),
+        onset_gait_pct=_circular_mean(onsets),
+        parameter=str(first["parameter"]),
+        value=mean if half is not None else None,
+        unit=str(first["unit"]),
+        sd=sd,
+        ci_low=None if half is None or mean is None else float(mean - half),
+        ci_high=None if half is None or mean is None else float(mean + half),
+        n_participants=n,
+        method=str(first["method"]),
+        status="ok" if half is not None else Failure.TOO_FEW_PARTICIPANTS.status,
+        ci_level=_LEVEL,
+    )
+
+
+def _circular_mean(pct: np.ndarray) -> float | None:
+    if pct.size == 0:
+        return None
+    angle = np.angle(np.exp(2j * np.pi * pct / 100.0).mean())
+    return float(angle * 100.0 / (2 * np.pi) % 100.0)

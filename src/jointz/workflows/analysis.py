@@ -1,0 +1,296 @@
+"""Analyse a study: recordings in, impedance with intervals out."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from jointz.core import provenance
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, StudyError
+from jointz.core.estimates import CellEstimate
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.recording import history_of
+from jointz.core.study import Study
+from jointz.identify.assignment import group_names
+from jointz.identify.cells import METHODS, failed_parameters
+from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.sources import SAME_TIME_S, ParticipantSettings, RecordingInput
+from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.io.study import open_study
+from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
+from jointz.stats.population import population_means
+
+#: What ``recommended`` stands for until a better estimator lands.
+RECOMMENDED = "dissertation"
+DEFAULT_RESAMPLES = 1000
+
+Progress = Callable[[int, int, str], None]
+
+
+def analyze(
+    study: Study | str | os.PathLike[str],
+    *,
+    method: str = "recommended",
+    resamples: int = DEFAULT_RESAMPLES,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> StudyAnalysis:
+    """Estimate the joint impedance of every participant of a study.
+
+    Participants are read, analysed and released one by one: memory does not
+    grow with their number.
+
+    Parameters
+    ----------
+    study : Study or path
+        An opened study, or its folder.
+    method : str
+        ``recommended`` or a name of :data:`jointz.identify.cells.METHODS`.
+    resamples : int
+        Bootstrap resamples a cell.
+    seed : int
+        Of the bootstrap.
+    progress : callable, optional
+        Called with (participants done, of how many, what comes next).
+
+    Returns
+    -------
+    StudyAnalysis
+        Estimates, comparison, everything left out, provenance.
+
+    Raises
+    ------
+    StudyError
+        When recordings cannot be trusted; all of them in one message.
+    ValueError
+        For an unknown method or fewer than 2 resamples.
+    """
+    opened = study if isinstance(study, Study) else open_study(study)
+    name = check_method(method)
+    if resamples < 2:
+        raise ValueError(f"resamples: expected at least 2, got {resamples}.")
+    results: dict[str, ParticipantResult] = {}
+    inputs: dict[str, dict[str, Any]] = {}
+    problems: list[str] = []
+    people = opened.spec.participants
+    for done, person in enumerate(people):
+        if progress:
+            progress(done, len(people), person.id)
+        try:
+            settings = _settings(opened, person.id, name, resamples=resamples, seed=seed)
+            recordings = _read(opened, person.id, inputs)
+            results[person.id] = analyze_participant(person.id, recordings, settings)
+        except StudyError as exc:
+            problems += exc.problems
+        except DataError as exc:
+            problems.append(str(exc))
+    if problems:
+        raise StudyError(str(opened.root), problems)
+    if progress:
+        progress(len(people), len(people), "done")
+    return _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+
+
+def check_method(method: str) -> str:
+    """Return the name of the method that ``--method`` asks for.
+
+    Parameters
+    ----------
+    method : str
+        ``recommended`` or a name.
+
+    Raises
+    ------
+    ValueError
+        When there is no such method.
+    """
+    name = RECOMMENDED if method == "recommended" else method
+    if name not in METHODS:
+        known = ", ".join(["recommended", *METHODS])
+        raise ValueError(f"method: expected one of {known}; got {method!r}.")
+    return name
+
+
+def _settings(
+    study: Study, person_id: str, method: str, *, resamples: int, seed: int
+) -> ParticipantSettings:
+    spec = study.spec
+    walking = spec.kind == "walking"
+    others = [m for m in METHODS if m != method] if walking else []
+    own = spec.perturbations.baseline is None
+    return ParticipantSettings(
+        walking=walking,
+        perturbations=spec.perturbations,
+        group_edges=study.group_edges,
+        torque_model=spec.torque_model,
+        methods=(method, *(others if own else [])),
+        n_resamples=resamples,
+        seed=seed,
+        mass_kg=spec.participant(person_id).mass_kg,
+        user_exclusions=tuple(e for e in study.user_exclusions if e.participant == person_id),
+    )
+
+
+def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> list[RecordingInput]:
+    """Read all recordings of one participant; all unreadable ones in one error."""
+    found: list[RecordingInput] = []
+    problems: list[str] = []
+    for entry in study.spec.recordings:
+        if entry.participant != person_id:
+            continue
+        try:
+            pieces = read_recording(study, entry)
+            table = read_pulse_table(study, entry)
+        except DataError as exc:
+            problems.append(str(exc))
+            continue
+        calibration = study.spec.calibration_of(entry)
+        found += [RecordingInput(p, calibration, _own_pulses(p, table)) for p in pieces]
+        inputs[entry.file] = {
+            "file": entry.file,
+            "sha256": pieces[0].attrs["sha256"],
+            "history": history_of(pieces[0]),
+        }
+    if problems:
+        raise StudyError(str(study.root), problems)
+    return found
+
+
+def _own_pulses(piece: Any, table: Any) -> Any:
+    """Return the pulses of a table that lie in one piece of a file."""
+    if table is None or piece.attrs["condition"] != "perturbed":
+        return None
+    if not piece.attrs["trial"]:
+        return table
+    time = piece["time"].to_numpy()
+    return table[(table["onset_s"] >= time[0]) & (table["onset_s"] <= time[-1])]
+
+
+def _assembled(
+    study: Study,
+    method: str,
+    results: dict[str, ParticipantResult],
+    inputs: dict[str, dict[str, Any]],
+    *,
+    resamples: int,
+    seed: int,
+) -> StudyAnalysis:
+    cells = _completed(study, method, results)
+    others = {m for r in results.values() for m in r.cells if m != method}
+    comparison = [
+        cell for name in METHODS if name in others for cell in _completed(study, name, results)
+    ]
+    pulses = tuple(p for r in results.values() for p in r.pulses)
+    strides = tuple(s for r in results.values() for s in r.strides)
+    gaps = tuple(g for r in results.values() for g in r.gaps)
+    return StudyAnalysis(
+        cells=tuple(cells),
+        comparison=tuple(comparison),
+        population=population_means(cells),
+        pulses=pulses,
+        strides=strides,
+        gaps=gaps,
+        statistics={
+            "onset_accuracy": onset_accuracy(pulses),
+            "strides": stride_summary(strides, gaps),
+            "vaf": vaf_summary(cells),
+            "notes": _notes(study, pulses, strides),
+        },
+        settings=_settings_record(study, method, resamples=resamples, seed=seed),
+        provenance={
+            **provenance.software(),
+            "created": provenance.now(),
+            "study_sha256": study.sha256,
+            "inputs": list(inputs.values()),
+            "seed": seed,
+        },
+    )
+
+
+def _completed(
+    study: Study, method: str, results: dict[str, ParticipantResult]
+) -> list[CellEstimate]:
+    """Order the cells and add a failed one wherever a participant has none."""
+    labels = _expected_labels(study, method, results)
+    there = {
+        (person_id, cell.timing_point): cell
+        for person_id, result in results.items()
+        for cell in result.cells.get(method, ())
+    }
+    return [
+        there.get((person_id, label)) or _missing(study, person_id, label, method)
+        for person_id in results
+        for label in labels
+    ]
+
+
+def _expected_labels(study: Study, method: str, results: dict[str, ParticipantResult]) -> list[str]:
+    spec = study.spec
+    seen = list(
+        dict.fromkeys(c.timing_point for r in results.values() for c in r.cells.get(method, ()))
+    )
+    if spec.perturbations.group is not None:
+        return group_names(spec.perturbations.group)
+    if spec.kind == "bench":
+        return sorted(seen) or ["all_pulses"]
+    points = spec.perturbations.timing_points or TIMING_POINTS
+    ordered = sorted(points, key=lambda name: points[name])
+    if spec.perturbations.timing_points is None and seen:
+        ordered = [name for name in ordered if name in seen]
+    return ordered + [name for name in seen if name not in ordered]
+
+
+def _missing(study: Study, person_id: str, label: str, method: str) -> CellEstimate:
+    conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
+    perturbed = "perturbed" in conditions or None in conditions
+    failure = Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
+    mass = study.spec.participant(person_id).mass_kg
+    return CellEstimate(
+        participant=person_id,
+        timing_point=label,
+        onset_gait_pct=None,
+        parameters=failed_parameters(
+            failure, mass_kg=mass, wants_per_mass=study.spec.kind == "walking"
+        ),
+        vaf_pct=None,
+        n_used=0,
+        n_excluded=0,
+        method=method,
+        baseline=study.spec.perturbations.baseline or METHODS[method].baseline,
+    )
+
+
+def _notes(study: Study, pulses: Sequence[Any], strides: Sequence[Any]) -> list[str]:
+    """Say what the user should know and would otherwise not see."""
+    moments = [(p.participant, p.recording, p.onset_s) for p in pulses]
+    moments += [(s.participant, s.recording, s.start_s) for s in strides]
+    return [
+        f"exclusions.csv: nothing begins at {e.onset_s:g} s in {e.recording} of "
+        f"{e.participant}; the line had no effect."
+        for e in study.user_exclusions
+        if not any(
+            (person, file) == (e.participant, e.recording) and abs(t - e.onset_s) < SAME_TIME_S
+            for person, file, t in moments
+        )
+    ]
+
+
+def _settings_record(study: Study, method: str, *, resamples: int, seed: int) -> dict[str, Any]:
+    spec = study.spec
+    return {
+        "study": study.root.resolve().name,
+        "joint": spec.joint,
+        "kind": spec.kind,
+        "positive": spec.positive,
+        "torque_acts_on": spec.torque_acts_on,
+        "method": method,
+        "baseline": spec.perturbations.baseline or METHODS[method].baseline,
+        "resamples": resamples,
+        "seed": seed,
+        "ci_level": 0.95,
+        "window_s": spec.perturbations.window_s,
+        "cutoff_hz": spec.perturbations.cutoff_hz,
+        "timing_points": dict(spec.perturbations.timing_points or {}),
+        "calibration": spec.calibration.model_dump(exclude_none=True),
+    }

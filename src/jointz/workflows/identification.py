@@ -1,0 +1,132 @@
+"""Identify one recording that stands in a file by itself."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.errors import DataError, UnitError
+from jointz.core.joint_fit import JointFit
+from jointz.core.study import FilesSpec
+from jointz.identify.joint import identify_joint
+from jointz.io.registry import list_columns, read_table
+from jointz.io.units import conversion
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a file and its unit.
+
+    Parameters
+    ----------
+    name : str
+        The column.
+    unit : str
+        As written; SI where nothing was.
+    """
+
+    name: str
+    unit: str
+
+
+def parse_column(text: str, channel: str, columns: list[str] | None = None) -> Column:
+    """Read ``COL[:unit]``.
+
+    Parameters
+    ----------
+    text : str
+        As on the command line.
+    channel : str
+        ``time``, ``angle``, ``torque`` or ``command``; says what is measured.
+    columns : list of str, optional
+        Columns of the file: a name that holds a colon is then understood.
+
+    Returns
+    -------
+    Column
+        SI where no unit is given.
+
+    Raises
+    ------
+    UnitError
+        When the unit cannot be read or measures something else.
+
+    Examples
+    --------
+    >>> parse_column("knee_angle:deg", "angle")
+    Column(name='knee_angle', unit='deg')
+    """
+    si_unit = CHANNEL_UNITS[channel][0]
+    if columns is not None and text in columns:
+        return Column(text, si_unit)
+    name, colon, unit = text.rpartition(":")
+    if not colon:
+        return Column(text, si_unit)
+    try:
+        conversion(unit, si_unit)
+    except UnitError as exc:
+        raise UnitError(f"--{channel} {text}: {exc}", channel=channel) from exc
+    return Column(name, unit)
+
+
+def identify_joint_file(
+    file: Path,
+    columns: Mapping[str, str],
+    *,
+    rate_hz: float | None = None,
+    perturbed: str = "torque",
+    model: str = "kbj",
+    estimator: str | None = None,
+    cutoff_hz: float = 30.0,
+    torque_acts_on: str = "joint",
+) -> tuple[JointFit, dict[str, Column]]:
+    """Identify a joint from one time series in a file.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        Any format jointz reads.
+    columns : mapping of str to str
+        ``angle``, ``torque`` and, where there are, ``time`` and ``command`` ->
+        ``COL[:unit]``.
+    rate_hz : float, optional
+        Where the file has no time column.
+    perturbed : str
+        ``torque`` or ``angle``: which of them was perturbed.
+    model, estimator, cutoff_hz, torque_acts_on
+        As in :func:`jointz.identify_joint`.
+
+    Returns
+    -------
+    fit : JointFit
+        The result.
+    columns : dict of str to Column
+        The columns as they were understood.
+
+    Raises
+    ------
+    DataError
+        When the file or a column cannot be used.
+    """
+    if ("time" in columns) == (rate_hz is not None):
+        raise DataError("Give either --time COL[:unit] or --rate HZ, one of them.")
+    files = FilesSpec()
+    there = list_columns(file, files) if file.is_file() else None
+    parsed = {name: parse_column(text, name, there) for name, text in columns.items()}
+    table = read_table(file, numeric=[c.name for c in parsed.values()], files=files)
+    signals: dict[str, np.ndarray] = {}
+    for name, column in parsed.items():
+        factor, offset = conversion(column.unit, CHANNEL_UNITS[name][0])
+        signals[name] = factor * np.asarray(table.columns[column.name], dtype=float) + offset
+    fit = identify_joint(
+        signals,
+        rate_hz=rate_hz,
+        model=model,
+        estimator=estimator,
+        input=perturbed,
+        cutoff_hz=cutoff_hz,
+        torque_acts_on=torque_acts_on,
+    )
+    return fit, parsed

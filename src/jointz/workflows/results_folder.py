@@ -1,0 +1,166 @@
+"""Write an analysis as a folder: whole or not at all."""
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.errors import OutputError
+from jointz.report.figures import draw_figures
+from jointz.report.page import render_report
+
+#: The file that shows a folder to be one of ours, and so replaceable.
+MARKER = "provenance.json"
+_FLOAT_FORMAT = "%.10g"
+
+
+def write_results(
+    analysis: StudyAnalysis,
+    out: Path,
+    *,
+    overwrite: bool = False,
+    truth: pd.DataFrame | None = None,
+) -> Path:
+    """Write estimates, exclusions, figures and report of an analysis.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    out : pathlib.Path
+        The folder to make.
+    overwrite : bool
+        Replace a results folder that exists.
+    truth : pandas.DataFrame, optional
+        Truth against estimate of a simulated study, for the report.
+
+    Returns
+    -------
+    pathlib.Path
+        The report.
+
+    Raises
+    ------
+    OutputError
+        When the folder exists and may not be replaced.
+    """
+    with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
+        _write_tables(analysis, folder)
+        _write_json(folder / "statistics.json", dict(analysis.statistics))
+        _write_json(
+            folder / MARKER,
+            {**analysis.provenance, "settings": dict(analysis.settings)},
+        )
+        _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
+        figures = draw_figures(analysis)
+        (folder / "figures").mkdir()
+        for name, svg in figures.items():
+            (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
+        title = f"Impedance of the {analysis.settings.get('joint', 'joint')}"
+        page = render_report(analysis, figures, title=title, truth=truth)
+        (folder / "report.html").write_text(page, encoding="utf-8")
+    return out / "report.html"
+
+
+def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
+    """Raise unless a folder can be made or replaced here.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        The folder.
+    marker : str
+        File that shows a folder to be one that jointz made.
+    overwrite : bool
+        Whether such a folder may be replaced.
+
+    Raises
+    ------
+    OutputError
+        When something is there that must be kept.
+    """
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    if not out.is_dir():
+        raise OutputError(f"{out}: is a file. Name a folder that does not exist yet.")
+    if not overwrite:
+        raise OutputError(
+            f"{out}: exists and is kept. Name another folder, or add --overwrite to replace it."
+        )
+    if not (out / marker).is_file():
+        raise OutputError(
+            f"{out}: holds no {marker}, so jointz did not make it and will not replace it. "
+            "Name another folder."
+        )
+
+
+@contextmanager
+def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
+    """Give a folder to fill, which takes its name only when all went well.
+
+    Parameters
+    ----------
+    out : pathlib.Path
+        The folder to make.
+    marker : str
+        File that shows a folder to be one that jointz made.
+    overwrite : bool
+        Replace such a folder.
+
+    Yields
+    ------
+    pathlib.Path
+        A folder beside ``out``; removed when an exception passes.
+
+    Raises
+    ------
+    OutputError
+        When ``out`` must be kept.
+    """
+    check_free(out, marker=marker, overwrite=overwrite)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    try:
+        partial.chmod(0o755)
+        yield partial
+        _take_place(partial, out)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
+
+
+def _take_place(partial: Path, out: Path) -> None:
+    if not out.exists():
+        partial.rename(out)
+        return
+    retired = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    old = out.rename(retired / out.name)
+    try:
+        partial.rename(out)
+    except OSError:
+        old.rename(out)
+        raise
+    finally:
+        shutil.rmtree(retired, ignore_errors=True)
+
+
+def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
+    tables = {
+        "estimates": analysis.to_frame(),
+        "comparison": analysis.comparison_frame(),
+        "population": analysis.population_frame(),
+        "excluded": analysis.excluded_frame(),
+        "pulses": analysis.pulses_frame(),
+        "strides": analysis.strides_frame(),
+    }
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
+
+
+def _write_json(file: Path, content: object, indent: int | None = 2) -> None:
+    file.write_text(json.dumps(content, indent=indent, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,0 +1,403 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jointz.core.errors import EstimationError
+from jointz.core.recording import build_recording
+from jointz.gait.heel_strikes import (
+    find_heel_strikes,
+    strikes_from_contact,
+    strikes_from_cycle,
+    strikes_from_force,
+    strikes_from_pulse,
+    strikes_from_voltage,
+)
+from jointz.gait.strides import find_strides
+
+RATE = 1000.0
+NO_GAPS = np.empty((0, 2))
+
+
+def walk(n=30, stride=1.1, sd=0.025, seed=0, start=0.605):
+    """Return time stamps, heel strikes and the contact (62 % stance) of a walk."""
+    rng = np.random.default_rng(seed)
+    strikes = start + np.concatenate([[0.0], np.cumsum(stride * (1 + sd * rng.normal(size=n - 1)))])
+    time = np.arange(0.0, strikes[-1] + 0.9, 1.0 / RATE)
+    return time, strikes, contact_of(time, strikes, 0.62 * stride)
+
+
+def contact_of(time, strikes, stance):
+    since = time - strikes[np.maximum(np.searchsorted(strikes, time, side="right") - 1, 0)]
+    return ((since >= 0) & (since < stance)).astype(float)
+
+
+def force_of(contact, load=750.0):
+    """Smooth a contact into a force that rises to half its load in about 20 ms."""
+    ramp = np.hanning(81)
+    return load * np.convolve(contact, ramp / ramp.sum(), mode="same")
+
+
+def switched(signal, time, from_s, to_s, level):
+    out = signal.copy()
+    out[(time >= from_s) & (time < to_s)] = level
+    return out
+
+
+def assert_strikes(found, expected, within_s=1.01 / RATE):
+    assert found.time_s.size == expected.size
+    np.testing.assert_allclose(found.time_s, expected, rtol=0, atol=within_s)
+
+
+# --- contact -------------------------------------------------------------------------------
+
+
+def test_a_clean_contact_gives_its_strikes_to_the_sample():
+    time, strikes, contact = walk()
+    found = strikes_from_contact(time, contact)
+    assert_strikes(found, strikes)
+    assert found.rejected_s.size == 0
+    assert 0 < found.low < found.high < 1
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 5.0), (-3.0, -1.0), (2.0, 2.001)])
+def test_any_two_levels_will_do(low, high):
+    time, strikes, contact = walk()
+    assert_strikes(strikes_from_contact(time, low + (high - low) * contact), strikes)
+
+
+def test_a_recording_that_begins_in_stance_has_no_strike_there():
+    time, strikes, contact = walk(start=-0.2)
+    assert contact[0] == 1.0
+    assert_strikes(strikes_from_contact(time, contact), strikes[1:])
+
+
+def test_chatter_at_the_strike_and_at_toe_off_is_bounce():
+    time, strikes, contact = walk()
+    for s in strikes:
+        for edge in (s, s + 0.682):
+            contact = switched(contact, time, edge + 0.002, edge + 0.004, 0.0)
+            contact = switched(contact, time, edge + 0.006, edge + 0.009, 1.0)
+            contact = switched(contact, time, edge + 0.010, edge + 0.014, 0.0)
+    found = strikes_from_contact(time, contact)
+    assert_strikes(found, strikes)
+    assert found.rejected_s.size > strikes.size
+
+
+@pytest.mark.parametrize("into_stance_s", [0.05, 0.3, 0.6])
+def test_brief_drop_outs_in_stance_are_no_strikes(into_stance_s):
+    time, strikes, contact = walk()
+    for s in strikes:
+        contact = switched(contact, time, s + into_stance_s, s + into_stance_s + 0.06, 0.0)
+    assert_strikes(strikes_from_contact(time, contact), strikes)
+
+
+@pytest.mark.parametrize("into_swing_s", [0.03, 0.15, 0.3])
+def test_brief_false_contacts_in_swing_are_no_strikes(into_swing_s):
+    time, strikes, contact = walk(sd=0.0)
+    for s in strikes[::3]:
+        begin = s + 0.682 + into_swing_s
+        contact = switched(contact, time, begin, begin + 0.02, 1.0)
+    assert_strikes(strikes_from_contact(time, contact), strikes)
+
+
+def test_a_long_false_contact_late_in_the_stride_does_not_replace_the_strike():
+    time, strikes, contact = walk(sd=0.0)
+    contact = switched(contact, time, strikes[12] + 0.76, strikes[12] + 0.86, 1.0)
+    found = strikes_from_contact(time, contact)
+    assert_strikes(found, strikes)
+    np.testing.assert_allclose(found.rejected_s, strikes[12] + 0.76, atol=0.0011)
+
+
+def test_a_false_contact_just_before_a_strike_is_told_by_its_being_early():
+    time, strikes, contact = walk(sd=0.0)
+    begin = strikes[12] + 0.91
+    contact = switched(contact, time, begin, begin + 0.09, 1.0)
+    assert_strikes(strikes_from_contact(time, contact), strikes)
+
+
+def test_noise_that_chatters_without_end_ends_in_time():
+    contact = np.random.default_rng(0).integers(0, 2, 60_000).astype(float)
+    assert strikes_from_contact(np.arange(60_000) / RATE, contact).time_s.size <= 1
+
+
+def test_a_missed_strike_leaves_one_long_stride():
+    time, strikes, contact = walk()
+    contact = switched(contact, time, strikes[10] - 0.01, strikes[10] + 0.7, 0.0)
+    found = strikes_from_contact(time, contact)
+    assert_strikes(found, np.delete(strikes, 10))
+    assert find_strides(found.time_s, NO_GAPS).code[9] == "missing_strike"
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_five_seconds_without_strikes_cost_only_their_own_stride(level):
+    time, strikes, contact = walk(n=40)
+    quiet = (strikes > 20.0) & (strikes < 25.0)
+    from_s, to_s = strikes[quiet][0] - 0.02, strikes[quiet][-1] + 0.85
+    found = strikes_from_contact(time, switched(contact, time, from_s, to_s, level))
+    stands = ~quiet if level == 0.0 else ~((strikes > from_s) & (strikes < to_s))
+    assert abs(found.time_s.size - stands.sum()) <= 1
+    strides = find_strides(found.time_s, NO_GAPS)
+    assert strides.code.count("missing_strike") == 1
+    assert (~strides.accepted).sum() == 1
+
+
+def test_strikes_survive_a_lasting_change_of_cadence():
+    strikes = 0.5 + np.concatenate([np.arange(20) * 0.9, 19 * 0.9 + 1.6 * np.arange(1, 21)])
+    time = np.arange(0, strikes[-1] + 1.2, 1 / RATE)
+    found = strikes_from_contact(time, contact_of(time, strikes, 0.55))
+    assert_strikes(found, strikes)
+    assert find_strides(found.time_s, NO_GAPS).accepted[-10:].all()
+
+
+def test_a_rise_across_a_gap_in_time_is_no_strike():
+    time, strikes, contact = walk()
+    keep = (time < strikes[7] - 0.02) | (time > strikes[7] + 0.02)
+    assert_strikes(strikes_from_contact(time[keep], contact[keep]), np.delete(strikes, 7))
+
+
+def test_a_bounce_right_after_a_hidden_rise_does_not_stand_in_for_it():
+    time, strikes, contact = walk()
+    contact = switched(contact, time, strikes[7] + 0.03, strikes[7] + 0.04, 0.0)
+    keep = (time < strikes[7] - 0.02) | (time > strikes[7] + 0.02)
+    assert_strikes(strikes_from_contact(time[keep], contact[keep]), np.delete(strikes, 7))
+
+
+def test_a_rise_across_missing_samples_is_no_strike():
+    time, strikes, contact = walk()
+    contact = switched(contact, time, strikes[7] - 0.02, strikes[7] + 0.02, np.nan)
+    assert_strikes(strikes_from_contact(time, contact), np.delete(strikes, 7))
+
+
+def test_missing_samples_and_gaps_between_strikes_cost_none():
+    time, strikes, contact = walk()
+    contact = switched(contact, time, strikes[7] + 0.2, strikes[7] + 0.5, np.nan)
+    contact = switched(contact, time, strikes[9] + 0.5, strikes[9] + 0.9, np.nan)
+    keep = (time < strikes[11] + 0.3) | (time > strikes[11] + 0.9)
+    assert_strikes(strikes_from_contact(time[keep], contact[keep]), strikes)
+
+
+def test_a_contact_logged_at_a_tenth_of_the_rate_keeps_its_strikes():
+    time, strikes, contact = walk()
+    contact[np.arange(time.size) % 10 != 0] = np.nan
+    assert_strikes(strikes_from_contact(time, contact), strikes, within_s=0.0101)
+
+
+@pytest.mark.parametrize("detect", [strikes_from_contact, strikes_from_voltage, strikes_from_pulse])
+@pytest.mark.parametrize("signal", ["low", "nan", "noise", "sine"])
+def test_a_channel_that_never_switches_has_no_strikes(detect, signal):
+    time = np.arange(0, 30, 1 / RATE)
+    rng = np.random.default_rng(5)
+    signals = {
+        "low": np.full(time.size, 3.3),
+        "nan": np.full(time.size, np.nan),
+        "noise": rng.normal(1.0, 0.2, time.size),
+        "sine": np.sin(2 * np.pi * time),
+    }
+    found = detect(time, signals[signal])
+    assert found.time_s.size == 0
+    assert np.isnan(found.low)
+
+
+@given(
+    drop=st.lists(st.integers(0, 29), unique=True, max_size=6),
+    seed=st.integers(0, 10_000),
+    stride=st.floats(0.8, 1.6),
+)
+@settings(max_examples=25, deadline=None)
+def test_whatever_steps_are_lost_the_others_are_found(drop, seed, stride):
+    time, strikes, contact = walk(n=30, stride=stride, seed=seed)
+    for k in drop:
+        contact = switched(contact, time, strikes[k] - 0.01, strikes[k] + 0.63 * stride, 0.0)
+    assert_strikes(strikes_from_contact(time, contact), np.delete(strikes, drop))
+
+
+# --- voltage -------------------------------------------------------------------------------
+
+
+def noisy_voltage(seed=0, noise=0.25, drift=0.0, n=40):
+    time, strikes, contact = walk(n=n, seed=seed)
+    rng = np.random.default_rng(seed + 1)
+    for s in strikes:
+        contact = switched(contact, time, s + 0.010, s + 0.018, 0.0)
+        contact = switched(contact, time, s + 0.4, s + 0.43, 0.0)
+    wander = drift * np.sin(2 * np.pi * time / 40.0)
+    return time, strikes, 0.4 + 3.0 * contact + wander + noise * rng.normal(size=time.size)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.5])
+def test_a_noisy_bouncing_voltage_gives_its_strikes_within_two_samples(noise):
+    time, strikes, voltage = noisy_voltage(noise=noise)
+    assert_strikes(strikes_from_voltage(time, voltage), strikes, within_s=0.002)
+
+
+def test_a_voltage_that_drifts_by_more_than_its_step_gives_its_strikes():
+    time, strikes, voltage = noisy_voltage(drift=3.0)
+    assert_strikes(strikes_from_voltage(time, voltage), strikes, within_s=0.002)
+
+
+def test_a_drifting_voltage_keeps_its_strikes_around_a_stop():
+    time, strikes, voltage = noisy_voltage(drift=1.0)
+    standing = (time > strikes[20] + 0.3) & (time < strikes[30] + 0.3)
+    contact = (time > strikes[20] + 0.3) & standing
+    wander = np.sin(2 * np.pi * time / 40.0)
+    stopped = np.where(contact, 3.4 + wander, voltage)
+    expected = np.delete(strikes, np.arange(21, 31))
+    assert_strikes(strikes_from_voltage(time, stopped), expected, within_s=0.002)
+
+
+def test_a_footswitch_with_steps_for_heel_and_toe_strikes_with_the_heel():
+    time, strikes, contact = walk()
+    levels = contact.copy()
+    for s in strikes:
+        levels = switched(levels, time, s + 0.15, s + 0.45, 3.0)
+        levels = switched(levels, time, s + 0.45, s + 0.68, 2.0)
+    assert_strikes(strikes_from_voltage(time, levels), strikes)
+
+
+@given(
+    gain=st.floats(0.01, 100.0),
+    offset=st.floats(-50.0, 50.0),
+    shift=st.floats(-1000.0, 1000.0),
+    seed=st.integers(0, 50),
+)
+@settings(max_examples=25, deadline=None)
+def test_gain_offset_and_clock_of_a_voltage_do_not_matter(gain, offset, shift, seed):
+    time, _, voltage = noisy_voltage(seed=seed, drift=0.5, n=12)
+    plain = strikes_from_voltage(time, voltage)
+    other = strikes_from_voltage(time + shift, offset + gain * voltage)
+    assert plain.time_s.size == 12
+    np.testing.assert_allclose(other.time_s - shift, plain.time_s, rtol=0, atol=1e-6)
+
+
+# --- pulse ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width_s", [0.002, 0.03])
+def test_brief_pulses_give_strikes_whatever_noise_is_about_them(width_s):
+    time, strikes, _ = walk(n=60)
+    rng = np.random.default_rng(2)
+    pulses = contact_of(time, strikes, width_s) + 0.03 * rng.normal(size=time.size)
+    assert_strikes(strikes_from_pulse(time, pulses), strikes)
+
+
+def test_ringing_of_a_pulse_is_rejected():
+    time, strikes, _ = walk()
+    pulses = contact_of(time, strikes, 0.01) + contact_of(time, strikes + 0.05, 0.01)
+    found = strikes_from_pulse(time, pulses)
+    assert_strikes(found, strikes)
+    assert_strikes_rejected(found, strikes + 0.05)
+
+
+def assert_strikes_rejected(found, expected):
+    np.testing.assert_allclose(found.rejected_s, expected, rtol=0, atol=1.01 / RATE)
+
+
+@pytest.mark.parametrize("share", [0.65, 0.8])
+def test_a_false_pulse_shortly_before_a_strike_yields_to_it(share):
+    time, strikes, _ = walk(sd=0.0)
+    false = strikes[15] + share * 1.1
+    pulses = switched(contact_of(time, strikes, 0.01), time, false, false + 0.01, 1.0)
+    found = strikes_from_pulse(time, pulses)
+    assert_strikes(found, strikes)
+    assert_strikes_rejected(found, [false])
+
+
+def test_a_false_pulse_in_the_middle_of_a_stride_makes_two_spurious_strides():
+    time, strikes, _ = walk(sd=0.0)
+    false = strikes[15] + 0.55
+    pulses = switched(contact_of(time, strikes, 0.01), time, false, false + 0.01, 1.0)
+    strides = find_strides(strikes_from_pulse(time, pulses).time_s, NO_GAPS)
+    assert strides.code[15:17] == ("spurious_strike", "spurious_strike")
+    assert (~strides.accepted).sum() == 2
+
+
+# --- force ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("offset", [0.0, 35.0, -60.0])
+def test_the_strike_of_a_force_is_its_crossing_of_20_n(offset):
+    time, strikes, contact = walk()
+    force = force_of(contact)
+    above = force > 20.0
+    crossings = np.flatnonzero(~above[:-1] & above[1:])
+    expected = np.array(
+        [np.interp(20.0, force[k : k + 2], time[k : k + 2]) for k in crossings.tolist()]
+    )
+    found = strikes_from_force(time, force + offset)
+    assert_strikes(found, expected, within_s=1e-6)
+    assert np.all(np.abs(expected - strikes) < 0.04)
+
+
+def test_wiggles_of_30_n_in_swing_are_no_strikes():
+    time, _, contact = walk()
+    force = force_of(contact)
+    clean = strikes_from_force(time, force)
+    swing = force < 1.0
+    wiggly = force + np.where(swing, 15.0 * np.sin(2 * np.pi * 9.0 * time) + 15.0, 0.0)
+    assert strikes_from_force(time, wiggly).time_s.size == clean.time_s.size
+
+
+def test_a_plate_that_nobody_steps_on_has_no_strikes():
+    time = np.arange(0, 20, 0.01)
+    noise = np.random.default_rng(0).normal(0.0, 5.0, time.size)
+    assert strikes_from_force(time, noise).time_s.size == 0
+    assert strikes_from_force(time, np.zeros(time.size)).time_s.size == 0
+    assert strikes_from_force(time, np.full(time.size, np.nan)).time_s.size == 0
+
+
+# --- cycle, recordings ---------------------------------------------------------------------
+
+
+def test_a_stride_counter_strikes_where_it_changes_and_not_across_missing_samples():
+    time, strikes, _ = walk()
+    cycle = np.searchsorted(strikes, time, side="right").astype(float)
+    assert_strikes(strikes_from_cycle(time, cycle), strikes)
+    hidden = switched(cycle, time, strikes[4] - 0.01, strikes[4] + 0.01, np.nan)
+    assert_strikes(strikes_from_cycle(time, hidden), np.delete(strikes, 4))
+    assert strikes_from_cycle(time, np.full(time.size, np.nan)).time_s.size == 0
+
+
+def test_a_recording_uses_its_contact_first_then_force_then_cycle():
+    time, strikes, contact = walk(n=10)
+    channels = {
+        "cycle": np.searchsorted(strikes, time, side="right"),
+        "ground_reaction_force": force_of(contact),
+        "contact": contact,
+    }
+    for method in ("contact", "force", "cycle"):
+        found = find_heel_strikes(build_recording(time, channels, contact_kind="contact"))
+        assert found.method == method
+        assert found.time_s.size == strikes.size
+        channels.popitem()
+
+
+@pytest.mark.parametrize("kind", ["contact", "voltage", "pulse"])
+def test_the_declared_kind_of_contact_chooses_the_detector(kind):
+    time, strikes, contact = walk(n=10)
+    signal = contact_of(time, strikes, 0.02) if kind == "pulse" else contact
+    found = find_heel_strikes(build_recording(time, {"contact": signal}, contact_kind=kind))
+    assert found.method == kind
+    assert_strikes(found, strikes)
+
+
+def test_an_undeclared_contact_is_judged_by_its_values():
+    time, _, contact = walk(n=10)
+    assert find_heel_strikes(build_recording(time, {"contact": contact})).method == "contact"
+    noisy = contact + np.random.default_rng(0).normal(0, 0.05, time.size)
+    assert find_heel_strikes(build_recording(time, {"contact": noisy})).method == "voltage"
+
+
+def test_a_contact_that_never_switches_gives_no_strikes_and_no_error():
+    time = np.arange(0, 5, 0.01)
+    recording = build_recording(time, {"contact": np.zeros(time.size)}, contact_kind="contact")
+    assert find_heel_strikes(recording).time_s.size == 0
+
+
+def test_a_recording_without_any_of_the_channels_is_refused():
+    recording = build_recording(np.arange(3.0), {"angle": np.zeros(3)}, file="S01.csv")
+    with pytest.raises(
+        EstimationError, match=r"S01\.csv: heel strikes need .* found angle"
+    ) as info:
+        find_heel_strikes(recording)
+    assert info.value.code == "no_heel_strikes"

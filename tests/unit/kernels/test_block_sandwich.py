@@ -1,0 +1,103 @@
+"""The covariance of estimates whose residuals are correlated in time."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from jointz.kernels.block_sandwich import (
+    autocorrelation,
+    block_sandwich,
+    correlation_time,
+    count_blocks,
+)
+
+
+def test_it_equals_a_slow_loop_over_blocks_for_asymmetric_bread() -> None:
+    rng = np.random.default_rng(1)
+    scores, bread = rng.standard_normal((1003, 3)), rng.standard_normal((3, 3)) + 4 * np.eye(3)
+    edges = [b * 1003 // 7 for b in range(8)]
+    meat = np.zeros((3, 3))
+    for first, last in zip(edges, edges[1:], strict=False):
+        g = sum(scores[t] for t in range(first, last))
+        meat += np.outer(g, g)
+    inverse = np.linalg.inv(bread)
+    expected = inverse @ meat @ inverse.T * 7 / 6
+    np.testing.assert_allclose(block_sandwich(scores, bread, 7), expected, rtol=1e-10)
+
+
+def test_for_independent_residuals_it_agrees_with_the_textbook_covariance() -> None:
+    rng = np.random.default_rng(2)
+    X = rng.standard_normal((60_000, 2)) @ np.array([[3.0, 1.0], [0.0, 0.1]])
+    residual = 2.0 * rng.standard_normal(60_000)
+    covariance = block_sandwich(X * residual[:, None], X.T @ X, 3000)
+    textbook = 4.0 * np.linalg.inv(X.T @ X)
+    # The variance of a variance over 3000 blocks is 2/3000: 2.6 % sd, four of them here.
+    np.testing.assert_allclose(np.diag(covariance), np.diag(textbook), rtol=0.10)
+
+
+def test_for_correlated_residuals_it_gives_the_variance_of_the_mean() -> None:
+    rng = np.random.default_rng(3)
+    decay, n, repeats = 0.98, 20_000, 200
+    noise = lfilter([1.0], [1.0, -decay], rng.standard_normal((repeats, n + 1000)))[:, 1000:]
+    long_run = 1.0 / (1.0 - decay) ** 2 / n  # variance of the mean of this process
+    found = [
+        block_sandwich((x - x.mean())[:, None], np.array([[float(n)]]), 20)[0, 0] for x in noise
+    ]
+    # 20 blocks of 20 correlation times: the mean over repeats is known to 2 %, less end effects.
+    assert np.mean(found) == pytest.approx(long_run, rel=0.08)
+    assert long_run > 20 * np.mean([x.var() / n for x in noise])
+
+
+@pytest.mark.parametrize(
+    ("scores", "bread", "n_blocks", "message"),
+    [
+        (np.ones((10, 2)), np.eye(3), 5, "expected scores"),
+        (np.ones(10), np.eye(1), 5, "expected scores"),
+        (np.ones((10, 2)), np.eye(2), 1, "2 <= n_blocks <= 10, got 1"),
+        (np.ones((10, 2)), np.eye(2), 11, "got 11"),
+        (np.ones((10, 2)), np.zeros((2, 2)), 5, "singular"),
+    ],
+)
+def test_impossible_input_is_refused(
+    scores: np.ndarray, bread: np.ndarray, n_blocks: int, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        block_sandwich(scores, bread, n_blocks)
+
+
+def test_autocorrelation_equals_the_direct_sum() -> None:
+    x = np.random.default_rng(4).standard_normal(101)
+    centred = x - x.mean()
+    direct = [centred[k:] @ centred[: 101 - k] for k in range(101)] / (centred @ centred)
+    np.testing.assert_allclose(autocorrelation(x), direct, atol=1e-13)
+
+
+def test_autocorrelation_of_a_constant_is_zero() -> None:
+    assert not autocorrelation(np.full(5, 3.0)).any()
+
+
+def test_correlation_time_of_an_exponential_process_is_its_time_constant() -> None:
+    tau_s, rate_hz = 0.05, 1000.0
+    rng = np.random.default_rng(5)
+    x = lfilter([1.0], [1.0, -np.exp(-1.0 / (tau_s * rate_hz))], rng.standard_normal(600_000))
+    assert correlation_time(x, rate_hz=rate_hz) == pytest.approx(tau_s, rel=0.1)
+
+
+def test_correlation_time_of_a_zero_signal_is_zero() -> None:
+    assert correlation_time(np.zeros(100), rate_hz=100.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "correlation_time_s", "blocks"),
+    [
+        (300.0, 0.01, 60),  # never more than sixty
+        (30.0, 0.01, 30),  # blocks of a second
+        (60.0, 0.3, 20),  # blocks of ten correlation times
+        (4.0, 0.01, 10),  # the second gives way
+        (4.0, 0.05, 0),  # ten correlation times do not
+    ],
+)
+def test_blocks_are_long_against_the_correlation(
+    duration_s: float, correlation_time_s: float, blocks: int
+) -> None:
+    assert count_blocks(duration_s, correlation_time_s=correlation_time_s) == blocks
