@@ -11,7 +11,7 @@
     alike before the onset.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,13 +53,18 @@ class Baseline:
         """How many strides there are to draw from."""
         return int(self.sources.max(initial=-1)) + 1
 
+    @property
+    def own(self) -> bool:
+        """Whether each pulse is its own baseline: then there is nothing to draw."""
+        return bool(self.sources.shape[1] == 1)
+
     def mean(self) -> np.ndarray:
         """Return the mean window of each pulse, (n_pulse, 4, n)."""
         counts = np.maximum(self.valid.sum(axis=1), 1)
         return np.asarray(self.windows.sum(axis=1) / counts[:, None, None])
 
-    def resampled_means(self, draws: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield, pulse by pulse, its mean window under resampled strides.
+    def weights(self, draws: np.ndarray) -> np.ndarray:
+        """Return the weight of every window in its pulse's mean, under resampled strides.
 
         A draw that holds none of a pulse's strides falls back to all of them.
 
@@ -68,18 +73,15 @@ class Baseline:
         draws : (n_resamples, n_sources) float
             How often each stride was drawn.
 
-        Yields
-        ------
-        (n_resamples, 4, n) float
-            The mean window of the next pulse.
+        Returns
+        -------
+        (n_resamples, n_pulse, k) float
+            Each pulse's weights sum to one.
         """
-        for windows, sources, valid in zip(self.windows, self.sources, self.valid, strict=True):
-            weights = draws[:, sources] * valid
-            totals = weights.sum(axis=1, keepdims=True)
-            weights = np.where(totals > 0, weights, valid)
-            weights /= weights.sum(axis=1, keepdims=True)
-            flat = weights @ windows.reshape(len(windows), -1)
-            yield flat.reshape(len(draws), *windows.shape[1:])
+        weights = draws[:, self.sources] * self.valid
+        totals = weights.sum(axis=2, keepdims=True)
+        weights = np.where(totals > 0, weights, self.valid)
+        return np.asarray(weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-300))
 
     def take(self, pulses: np.ndarray) -> "Baseline":
         """Return the baseline of some of the pulses.
@@ -113,7 +115,7 @@ class StridePool:
         return sum(len(s) for s in self.starts_s)
 
     def windows(
-        self, elapsed_s: Sequence[float], *, window_s: float, before_s: float = 0.0
+        self, elapsed_s: Sequence[float], *, window_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Cut one window a stride and elapsed time.
 
@@ -121,8 +123,8 @@ class StridePool:
         ----------
         elapsed_s : (p,) float, s
             Time since the stride's start.
-        window_s, before_s : float, s
-            Length after and before that moment.
+        window_s : float, s
+            Length of the window.
 
         Returns
         -------
@@ -135,7 +137,7 @@ class StridePool:
         parts = []
         for recording, starts in zip(self.recordings, self.starts_s, strict=True):
             moments = (elapsed[:, None] + starts[None, :]).ravel()
-            cut, _ = recording.cut(moments, before_s=before_s, after_s=window_s)
+            cut, _ = recording.cut(moments, before_s=0.0, after_s=window_s)
             parts.append(cut.reshape(elapsed.size, len(starts), *cut.shape[1:]))
         windows = np.concatenate(parts, axis=1)
         valid = ~np.isnan(windows[:, :, 0, 0])
@@ -160,18 +162,14 @@ def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: 
 
 
 def matched_strides(
-    pool: StridePool,
-    elapsed_s: Sequence[float],
-    before: np.ndarray,
-    *,
-    window_s: float,
+    pool: StridePool, elapsed_s: Sequence[float], before: np.ndarray, *, window_s: float
 ) -> Baseline:
     """Return the unperturbed strides most alike before the onset.
 
     Parameters
     ----------
     pool : StridePool
-        Strides of the perturbed recording far from any pulse.
+        Strides of the perturbed recording far from any pulse; one recording.
     elapsed_s : (p,) float, s
         Time of each pulse since its heel strike.
     before : (p, n) float, rad
@@ -184,14 +182,21 @@ def matched_strides(
     Alike means the smallest root mean square difference of angle. The angle
     alone is compared: torque is near zero between pulses.
     """
-    rows = [
-        _best_matches(pool, e, b, window_s=window_s) for e, b in zip(elapsed_s, before, strict=True)
-    ]
-    return Baseline(
-        np.stack([r.windows[0] for r in rows]),
-        np.stack([r.sources[0] for r in rows]),
-        np.stack([r.valid[0] for r in rows]),
-    )
+    (recording,), (starts,) = pool.recordings, pool.starts_s
+    best = np.zeros((len(before), min(N_MATCHES, starts.size)), dtype=int)
+    moments = np.zeros(best.shape)
+    for i, (elapsed, own) in enumerate(zip(elapsed_s, before, strict=True)):
+        others, _ = recording.cut(
+            starts + elapsed, before_s=MATCH_S, after_s=0.0, rows=slice(ANGLE, ANGLE + 1)
+        )
+        distance = ((others[:, 0] - own) ** 2).mean(axis=1)
+        best[i] = np.argsort(distance, kind="stable")[: best.shape[1]]  # NaN comes last
+        moments[i] = starts[best[i]] + elapsed
+    windows, _ = recording.cut(moments.ravel(), before_s=MATCH_S, after_s=window_s)
+    windows = windows[:, :, before.shape[1] :].reshape(*best.shape, 4, -1)
+    valid = np.isfinite(windows[:, :, 0, 0])
+    valid &= valid.sum(axis=1, keepdims=True) >= _FEWEST_MATCHES
+    return Baseline(np.where(valid[:, :, None, None], windows, 0.0), best, valid)
 
 
 def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
@@ -209,16 +214,3 @@ def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
     valid = np.isfinite(windows[:, :, 0, 0])
     sources = np.arange(len(before))[:, None]
     return Baseline(np.where(valid[:, :, None, None], windows, 0.0), sources, valid)
-
-
-def _best_matches(
-    pool: StridePool, elapsed_s: float, before: np.ndarray, *, window_s: float
-) -> Baseline:
-    n_before = before.size
-    windows, valid = pool.windows([elapsed_s], window_s=window_s, before_s=MATCH_S)
-    windows, valid = windows[0], valid[0]
-    difference = windows[:, ANGLE, :n_before] - before
-    distance = np.where(valid, np.sqrt((difference**2).mean(axis=1)), np.inf)
-    best = np.argsort(distance, kind="stable")[:N_MATCHES]
-    enough = valid.sum() >= _FEWEST_MATCHES
-    return Baseline(windows[best][None, :, :, n_before:], best[None], (valid[best] & enough)[None])

@@ -236,16 +236,17 @@ def _averages(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return the averages of the resamples, (n_resamples, 4, n)."""
-    flat = responses.reshape(len(responses), -1)
-    averages = np.asarray(weights @ flat).reshape(-1, *responses.shape[1:])
-    if not settings.letter:
+    shape = (len(weights), *responses.shape[1:])
+    averages = np.asarray(weights @ responses.reshape(len(responses), -1))
+    if not (settings.letter or baseline.own):
         n_strides = baseline.n_sources
-        draws = resample_weights(n_strides, settings.n_resamples, rng) * n_strides
-        fixed = baseline.mean()
-        for i, resampled in enumerate(baseline.resampled_means(draws)):
-            change = turned[i] * (resampled - fixed[i])
-            averages -= weights[:, i, None, None] * change
-    return _lag_uncertainty(averages, settings, rng=rng)
+        draws = resample_weights(n_strides, settings.n_resamples, rng)
+        # The mean that was subtracted gives way to the mean of the strides drawn.
+        change = baseline.weights(draws) - baseline.weights(np.ones((1, n_strides)))
+        change *= (weights * turned[:, 0, 0])[:, :, None]
+        windows = baseline.windows.reshape(-1, averages.shape[1])
+        averages -= change.reshape(len(weights), -1) @ windows
+    return _lag_uncertainty(averages.reshape(shape), settings, rng=rng)
 
 
 def _lag_uncertainty(

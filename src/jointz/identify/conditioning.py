@@ -77,7 +77,12 @@ class Conditioned:
     gaps: np.ndarray
 
     def cut(
-        self, starts_s: np.ndarray, *, before_s: float, after_s: float
+        self,
+        starts_s: np.ndarray,
+        *,
+        before_s: float,
+        after_s: float,
+        rows: slice = slice(None),
     ) -> tuple[np.ndarray, list[str]]:
         """Cut one window a start.
 
@@ -87,6 +92,8 @@ class Conditioned:
             Where the windows begin; the nearest sample is taken.
         before_s, after_s : float, s
             How far the window reaches before and after its start.
+        rows : slice
+            Which of the four signals.
 
         Returns
         -------
@@ -97,7 +104,8 @@ class Conditioned:
         """
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
-        windows = np.full((starts.size, 4, n_before + n_after), np.nan)
+        n_rows = len(range(4)[rows])
+        windows = np.full((starts.size, n_rows, n_before + n_after), np.nan)
         codes = [""] * starts.size
         offsets = np.arange(-n_before, n_after)
         home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
@@ -105,7 +113,7 @@ class Conditioned:
             chosen = np.flatnonzero(home == index)
             stretch = self.stretches[index]
             columns = stretch.nearest(starts[chosen])[:, None] + offsets
-            windows[chosen] = stretch.signals[:, columns].transpose(1, 0, 2)
+            windows[chosen] = stretch.signals[rows][:, columns].transpose(1, 0, 2)
         for k in np.flatnonzero(home < 0):
             codes[k] = self._why_not(starts[k] - before_s, starts[k] + after_s)
         return windows, codes

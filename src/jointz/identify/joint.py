@@ -39,8 +39,9 @@ _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Estimators that keep K, B, J >= 0: their intervals do too.
 _BOUNDED = ("bounded_least_squares", "admittance")
 _FILTER_ORDER = 4
-#: Periods of the cutoff dropped at each end (filter transients) and least kept between.
-_EDGE_PERIODS = 1.0
+#: Periods of the cutoff dropped at each end, and least kept between. The filter's slowest
+#: transient falls to 9 % in one period, to 0.07 % in three.
+_EDGE_PERIODS = 3.0
 _SHORTEST_PERIODS = 10.0
 _LARGE_ANGLE_RAD = 0.2
 _SERIES_S = 5.0
@@ -77,7 +78,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     The model is torque = K*angle + B*velocity + J*acceleration + offset (1.5,
     2.1). Offsets are removed; every signal passes the same zero-phase
     fourth-order Butterworth low-pass before it is differentiated (8th-order
-    central differences); ``1/cutoff_hz`` is dropped at each end.
+    central differences); ``3/cutoff_hz`` is dropped at each end.
 
     Parameters
     ----------
@@ -225,6 +226,8 @@ def _check_channels(channels: Mapping[str, np.ndarray], first_row: int) -> None:
     lengths = {name: values.shape for name, values in channels.items()}
     if len(set(lengths.values())) > 1 or any(len(shape) != 1 for shape in lengths.values()):
         problems.append(f"channels must be one-dimensional and equally long, got {lengths}.")
+    if any(values.size < 2 for values in channels.values()):
+        problems.append(f"at least two samples are needed, got {lengths}.")
     for name, values in channels.items():
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
@@ -363,22 +366,28 @@ def _too_short(seconds: float, score_s: float) -> str:
 def _ci_method(n_blocks: int, block_s: float) -> str:
     return (
         f"block sandwich over {n_blocks} blocks of {block_s:.3g} s, Student's t with "
-        f"{n_blocks - 1} degrees of freedom"
+        f"{n_blocks - len(_PARAMETERS)} degrees of freedom"
     )
 
 
 def _covariance(solution: Solution, n_blocks: int) -> np.ndarray:
-    """Return (3, 3); a parameter at its bound is held there for the others' covariance."""
+    """Return (3, 3); a parameter at its bound is held there for the others' covariance.
+
+    Three fitted parameters make the block sums smaller than they are, as in
+    any regression: n_b - 3 instead of n_b - 1 makes up for it. Without, 95 %
+    intervals from ten blocks hold the truth in 91 % of simulated records.
+    """
     scores = _scores(solution)
     full = block_sandwich(scores, solution.bread, n_blocks)
+    spent = (n_blocks - 1) / (n_blocks - len(_PARAMETERS))
     if not solution.at_bound.any():
-        return full[:3, :3]
+        return spent * full[:3, :3]
     free = np.flatnonzero(~np.pad(solution.at_bound, (0, scores.shape[1] - 3)))
     covariance = np.diag(np.diag(full))
     covariance[np.ix_(free, free)] = block_sandwich(
         scores[:, free], solution.bread[np.ix_(free, free)], n_blocks
     )
-    return covariance[:3, :3]
+    return spent * covariance[:3, :3]
 
 
 def _parameters(
@@ -396,7 +405,7 @@ def _parameters(
         return tuple(
             ParameterEstimate(name, None, None, None, "undecided", **common) for name in _PARAMETERS
         )
-    both, upper = student_t.ppf([(1.0 + ci_level) / 2.0, ci_level], n_blocks - 1)
+    both, upper = student_t.ppf([(1.0 + ci_level) / 2.0, ci_level], n_blocks - len(_PARAMETERS))
     sd = np.sqrt(np.diag(covariance))
     estimates = []
     for i, name in enumerate(_PARAMETERS):

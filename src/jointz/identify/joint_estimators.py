@@ -27,10 +27,10 @@ from scipy.signal import lfilter
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.kernels.block_sandwich import autocorrelation
-from jointz.kernels.derivatives import derivative
 
-#: Above this the regressors are one and the same motion (such as a single sine).
-_LARGEST_CONDITION = 1e5
+#: Above this the regressors are one motion (a single sine): what the filter leaves at the edges,
+#: a thousandth, would decide.
+_LARGEST_CONDITION = 1e3
 #: First-stage F of the weakest direction below which instruments are weak (Staiger and
 #: Stock 1997, doi:10.2307/2171753).
 _WEAK_F = 10.0
@@ -311,25 +311,18 @@ def _checked_condition(motion: np.ndarray) -> float:
 
 def _with_instruments(signals: JointSignals, source: np.ndarray, start: Solution) -> Solution:
     """Solve Z'X b = Z'y with instruments made from ``source``."""
-    drive = _compensated_for_hold(source - source.mean())
+    source = source - source.mean()
     X = signals.regressors()
     X_size = np.linalg.norm(X, axis=0)
     values = start.kbj
     for _ in range(_IV_PASSES):
-        Z = _instruments(_stable(values, signals), drive, signals.rate_hz)
+        motion = _motion(_stable(values, signals), source, signals.rate_hz)
+        Z = np.column_stack([*motion, np.ones_like(source)])
         Z /= np.linalg.norm(Z, axis=0)
         solved = np.linalg.lstsq(Z.T @ (X / X_size), Z.T @ signals.torque, rcond=None)[0]
         coefficients = solved / X_size
         values = coefficients[:3]
     return _torque_solution(signals, Z, coefficients, start.condition_number, doubt=_weakness(Z, X))
-
-
-def _instruments(values: np.ndarray, drive: np.ndarray, rate_hz: float) -> np.ndarray:
-    numerator, denominator = _discrete_joint(values, rate_hz)
-    angle = lfilter(numerator, denominator, drive)
-    velocity = derivative(angle, rate_hz=rate_hz)
-    acceleration = derivative(velocity, rate_hz=rate_hz)
-    return np.column_stack([angle, velocity, acceleration, np.ones_like(angle)])
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
@@ -373,8 +366,8 @@ def _simulate(
     values: np.ndarray, drive: np.ndarray, signals: JointSignals
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the angle error and the basis (n, 3) of what was projected out."""
-    numerator, denominator = _discrete_joint(values, signals.rate_hz)
-    forced = lfilter(numerator, denominator, drive)
+    to_angle, _, denominator = _discrete_joint(values, signals.rate_hz)
+    forced = lfilter(to_angle, denominator, drive)
     basis = np.column_stack([_free_responses(denominator, drive.size), np.ones(drive.size)])
     Q = np.linalg.qr(basis)[0]
     error = signals.angle - forced
@@ -389,17 +382,31 @@ def _sensitivities(
     With H = 1/(J s^2 + B s + K): dH/dK = -H^2, dH/dB = -s H^2, dH/dJ = -s^2 H^2.
     """
     error, Q = _simulate(values, drive, signals)
-    numerator, denominator = _discrete_joint(values, signals.rate_hz)
-    modelled = _compensated_for_hold(signals.angle - error)
-    stiffness = -lfilter(numerator, denominator, modelled - modelled.mean())
-    damping = derivative(stiffness, rate_hz=signals.rate_hz)
-    inertia = derivative(damping, rate_hz=signals.rate_hz)
-    S = np.column_stack([stiffness, damping, inertia])
+    modelled = signals.angle - error
+    S = -np.column_stack(_motion(values, modelled - modelled.mean(), signals.rate_hz))
     return S - Q @ (Q.T @ S), error
 
 
-def _discrete_joint(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return numerator and denominator of torque to angle, exact for a linear torque."""
+def _motion(
+    values: np.ndarray, torque: np.ndarray, rate_hz: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return angle, velocity and acceleration that a torque causes in a joint at rest."""
+    K, B, J = values
+    to_angle, to_velocity, denominator = _discrete_joint(values, rate_hz)
+    drive = _compensated_for_hold(torque)
+    angle = lfilter(to_angle, denominator, drive)
+    velocity = lfilter(to_velocity, denominator, drive)
+    return angle, velocity, (torque - K * angle - B * velocity) / J
+
+
+def _discrete_joint(
+    values: np.ndarray, rate_hz: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the filters torque to angle and to velocity, exact for torque linear in a step.
+
+    Numerators of angle and velocity, and their common denominator, out of the
+    matrix exponential of the state and its first-order hold.
+    """
     K, B, J = values
     step = 1.0 / rate_hz
     M = np.zeros((4, 4))
@@ -408,15 +415,18 @@ def _discrete_joint(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.
     M[2, 3] = 1.0
     E = expm(M)
     now, after = E[:2, 2] - E[:2, 3], E[:2, 3]
-    numerator = np.array(
-        [
-            after[0],
-            now[0] - E[1, 1] * after[0] + E[0, 1] * after[1],
-            E[0, 1] * now[1] - E[1, 1] * now[0],
-        ]
-    )
-    denominator = np.array([1.0, -(E[0, 0] + E[1, 1]), np.exp(-B / J * step)])
-    return numerator, denominator
+    to_angle = [
+        after[0],
+        now[0] - E[1, 1] * after[0] + E[0, 1] * after[1],
+        E[0, 1] * now[1] - E[1, 1] * now[0],
+    ]
+    to_velocity = [
+        after[1],
+        now[1] - E[0, 0] * after[1] + E[1, 0] * after[0],
+        E[1, 0] * now[0] - E[0, 0] * now[1],
+    ]
+    denominator = [1.0, -(E[0, 0] + E[1, 1]), np.exp(-B / J * step)]
+    return np.array(to_angle), np.array(to_velocity), np.array(denominator)
 
 
 def _free_responses(denominator: np.ndarray, n: int) -> np.ndarray:

@@ -1,10 +1,10 @@
 """Text tables: comma, tab or otherwise delimited, plain or gzip.
 
-pandas parses the whole file at its own speed. Beside it, in a thread, one pass
-over the bytes hashes the file and checks that its delimiters and line ends
-repeat with the period of the header, because pandas fills short rows and cuts
-long ones without a word. Only where one of the two finds something is the file
-read again, row by row, to say which row it is and what is wrong with it.
+pandas parses the file at its own speed. Before it, one pass over the bytes
+hashes the file and checks that its delimiters and line ends repeat with the
+period of the header, because pandas fills short rows and cuts long ones without
+a word. Only where one of the two finds something is the file read again, row by
+row, to say which row it is and what is wrong with it.
 """
 
 import csv
@@ -15,7 +15,6 @@ import re
 import warnings
 import zlib
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,15 +103,10 @@ class DelimitedReader:
         wanted = _positions(layout, request)
         numeric = sorted({wanted[c] for c in request.numeric})
         labels = sorted({wanted[c] for c in request.labels})
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            scanning = pool.submit(_scan, layout)
-            parsed = _parse(layout, numeric=numeric, labels=labels)
-            scan = scanning.result()
-        frame = _trusted(layout, numeric, parsed, scan)
-        columns = {
-            str(c): np.ascontiguousarray(frame[wanted[c]], dtype=np.float64)
-            for c in request.numeric
-        }
+        scan = _scan(layout)
+        frame = _trusted(layout, numeric, _parse(layout, numeric=numeric, labels=labels), scan)
+        # Copies, because pandas hands out arrays that may not be written to.
+        columns = {str(c): np.array(frame[wanted[c]], dtype=np.float64) for c in request.numeric}
         for c in request.labels:
             columns[str(c)] = label_column(path, str(c), frame[wanted[c]].to_numpy(dtype=object))
         return RawTable(columns, {}, scan.sha256, layout.first_row)

@@ -23,7 +23,8 @@ def block_sandwich(scores: np.ndarray, bread: np.ndarray, n_blocks: int) -> np.n
     With scores ``psi_t = z_t r_t`` summed over consecutive blocks to ``g_b``
     and bread ``A = sum z_t x_t'``, the covariance is
     ``A^-1 (sum_b g_b g_b') A^-T n_b / (n_b - 1)``. Use Student's t with
-    ``n_blocks - 1`` degrees of freedom.
+    ``n_blocks - 1`` degrees of freedom; with p parameters and few blocks,
+    ``n_blocks - p`` in both places.
 
     Parameters
     ----------

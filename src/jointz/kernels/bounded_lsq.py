@@ -18,9 +18,10 @@ from jointz.kernels.resampling import resampled_normal_equations, trial_products
 #: the others are taken out (one over its variance inflation factor): few digits are left.
 SINGULAR_SHARE = 1e-12
 
-#: Resamples averaged at once: large enough for BLAS, small enough for the cache.
+#: Resamples fitted at once: large enough for BLAS, small enough for the cache.
 BLOCK_ROWS = 1024
 
+_CANCELLED_SHARE = 1e-3  # of the trials' mean power
 _N_CHANNELS = 4  # angle, velocity, acceleration, torque
 _REORDER = {"reassoc", "contract"}  # lets sums run in vector registers; NaN keeps its meaning
 
@@ -65,12 +66,6 @@ def normal_equations(averages: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     ------
     ValueError
         When the array does not have four channels.
-
-    Examples
-    --------
-    >>> gram, moment, power = normal_equations(np.ones((1, 4, 5)))
-    >>> float(gram[0, 0, 2]), float(moment[0, 1]), float(power[0])
-    (5.0, 5.0, 5.0)
     """
     values = np.ascontiguousarray(averages, dtype=np.float64)
     _check_channels("normal_equations: averages", values)
@@ -173,11 +168,6 @@ def condition_numbers(gram: np.ndarray) -> np.ndarray:
     -----
     Unit columns are within sqrt(3) of the best scaling (van der Sluis, Numer.
     Math. 14 (1969) 14, doi:10.1007/BF02165096): the units play no part.
-
-    Examples
-    --------
-    >>> condition_numbers(np.diag([1.0, 100.0, 1e6])[None])
-    array([1.])
     """
     gram = np.asarray(gram, dtype=np.float64)
     _check_gram("condition_numbers", gram)
@@ -196,7 +186,7 @@ def condition_numbers(gram: np.ndarray) -> np.ndarray:
 def bootstrap_fits(weights: np.ndarray, trials: np.ndarray) -> BootstrapFits:
     """Average the trials with each row of weights and fit K, B, J to each average.
 
-    Averages are made and fitted in blocks: only the result grows with R.
+    Resamples are fitted in blocks: only the result grows with R.
 
     Parameters
     ----------
@@ -208,7 +198,7 @@ def bootstrap_fits(weights: np.ndarray, trials: np.ndarray) -> BootstrapFits:
     Returns
     -------
     BootstrapFits
-        Bounded and unbounded fits, and the active bounds.
+        Bounded and unbounded fits, active bounds.
 
     Raises
     ------
@@ -233,13 +223,24 @@ def bootstrap_fits(weights: np.ndarray, trials: np.ndarray) -> BootstrapFits:
     products = trial_products(trials) if len(trials) <= trials.shape[2] else None
     for start in range(0, len(weights), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
-        if products is not None:
-            gram, moment = resampled_normal_equations(weights[rows], products)
-        else:
-            averages = weights[rows] @ trials.reshape(len(trials), -1)
-            gram, moment, _ = normal_equations(averages.reshape(-1, *trials.shape[1:]))
+        gram, moment = _block_equations(weights[rows], trials, products)
         _solve(gram, moment, fits.bounded[rows], fits.unbounded[rows], fits.active[rows])
     return fits
+
+
+def _block_equations(
+    weights: np.ndarray, trials: np.ndarray, products: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    if products is None:
+        averages = weights @ trials.reshape(len(trials), -1)
+        return normal_equations(averages.reshape(-1, *trials.shape[1:]))[:2]
+    gram, moment = resampled_normal_equations(weights, products)
+    # Where trials cancel in their average, as pulses of both signs do, its square keeps few digits.
+    power = np.einsum("pct,pct->c", trials[:, :3], trials[:, :3]) / len(trials)
+    lost = (np.diagonal(gram, axis1=1, axis2=2) < _CANCELLED_SHARE * power).any(axis=1)
+    if lost.any():
+        gram[lost], moment[lost] = _block_equations(weights[lost], trials, None)
+    return gram, moment
 
 
 def _empty_fits(n: int) -> BootstrapFits:
@@ -335,15 +336,6 @@ def _solve_unit(
 
 
 @njit(cache=True, nogil=True)
-def _is_regular(p: float, q: float, r: float) -> bool:
-    c00, _, _, c11, _, c22, det = _cofactors(p, q, r)
-    # det / cofactor is what a column keeps beside the other two; a cofactor, beside one of them.
-    # NaN fails both comparisons.
-    least, most = min(c00, c11, c22), max(c00, c11, c22)
-    return least > SINGULAR_SHARE and det > SINGULAR_SHARE * most
-
-
-@njit(cache=True, nogil=True)
 def _best_set(
     p: float, q: float, r: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, int]:
@@ -376,7 +368,11 @@ def _solve_row(
     s0, s1, s2 = 1.0 / np.sqrt(g0), 1.0 / np.sqrt(g1), 1.0 / np.sqrt(g2)
     p, q, r = gram[0, 1] * s0 * s1, gram[0, 2] * s0 * s2, gram[1, 2] * s1 * s2
     x, y, z = moment[0] * s0, moment[1] * s1, moment[2] * s2
-    if not (_is_regular(p, q, r) and np.isfinite(x + y + z)):
+    c00, _, _, c11, _, c22, det = _cofactors(p, q, r)
+    # det / cofactor is what a column keeps beside the other two; a cofactor, beside one of them.
+    # det is NaN where anything is, and NaN fails the comparison.
+    least, most = min(c00, c11, c22), max(c00, c11, c22)
+    if not (least > SINGULAR_SHARE and det > SINGULAR_SHARE * most and np.isfinite(x + y + z)):
         return 0
     b0, b1, b2 = _solve_unit(p, q, r, x, y, z)
     unbounded[0], unbounded[1], unbounded[2] = b0 * s0, b1 * s1, b2 * s2

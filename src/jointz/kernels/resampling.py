@@ -86,9 +86,10 @@ def trial_products(trials: np.ndarray) -> np.ndarray:
     n = len(trials)
     channels = np.ascontiguousarray(trials.transpose(1, 0, 2), dtype=np.float64)
     products = np.zeros((n, -(-n // _STEP) * _STEP, len(_PAIRS)))
+    once = np.triu(np.ones((n, n))) - 0.5 * np.eye(n)
     for k, (first, second) in enumerate(_PAIRS):
         one_way = channels[first] @ channels[second].T
-        products[:, :n, k] = np.triu(one_way) + np.triu(one_way.T, 1)
+        products[:, :n, k] = (one_way + one_way.T) * once
     return products
 
 
@@ -135,36 +136,43 @@ def resampled_normal_equations(
         )
     gram, moment = np.empty((len(weights), 3, 3)), np.empty((len(weights), 3))
     weights = np.ascontiguousarray(weights, dtype=np.float64)
-    _quadratic_forms(weights, products, gram, moment)
+    lanes, sums = _aligned_rows(products.shape[1]), _aligned_rows(products.shape[2])
+    for start in range(0, len(weights), _LANES):
+        rows = slice(start, start + _LANES)
+        _quadratic_forms(weights[rows], products, lanes, sums)
+        _unpack(sums, gram[rows], moment[rows])
     return gram, moment
 
 
+def _aligned_rows(n: int) -> np.ndarray:
+    """Return zeros (n, _LANES) on cache lines: across their borders loads take twice as long."""
+    room = np.zeros(n * _LANES + 8)
+    first = -room.ctypes.data % 64 // room.itemsize
+    return room[first : first + n * _LANES].reshape(n, _LANES)
+
+
 @njit(cache=True, nogil=True)
-def _quadratic_forms(
-    weights: np.ndarray, products: np.ndarray, gram: np.ndarray, moment: np.ndarray
-) -> None:
-    lanes = np.zeros((products.shape[1], _LANES))
-    sums = np.empty((products.shape[2], _LANES))
-    for start in range(0, len(weights), _LANES):
-        n = min(_LANES, len(weights) - start)
-        for p in range(weights.shape[1]):
-            for r in range(n):
-                lanes[p, r] = weights[start + r, p]
-        _add_products(lanes, products, sums, n)
-        for r in range(n):
-            out = gram[start + r]
-            out[0, 0], out[1, 1], out[2, 2] = sums[0, r], sums[3, r], sums[5, r]
-            out[0, 1] = out[1, 0] = sums[1, r]
-            out[0, 2] = out[2, 0] = sums[2, r]
-            out[1, 2] = out[2, 1] = sums[4, r]
-            for c in range(3):
-                moment[start + r, c] = sums[6 + c, r]
+def _unpack(sums: np.ndarray, gram: np.ndarray, moment: np.ndarray) -> None:
+    for r in range(len(gram)):
+        out = gram[r]
+        out[0, 0], out[1, 1], out[2, 2] = sums[0, r], sums[3, r], sums[5, r]
+        out[0, 1] = out[1, 0] = sums[1, r]
+        out[0, 2] = out[2, 0] = sums[2, r]
+        out[1, 2] = out[2, 1] = sums[4, r]
+        moment[r, 0], moment[r, 1], moment[r, 2] = sums[6, r], sums[7, r], sums[8, r]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _add_products(lanes: np.ndarray, products: np.ndarray, sums: np.ndarray, n: int) -> None:
-    # Five trials and three channel pairs a pass: more would leave the registers.
+def _quadratic_forms(
+    weights: np.ndarray, products: np.ndarray, lanes: np.ndarray, sums: np.ndarray
+) -> None:
+    """Fill ``sums`` (9, n) for weights (n, P); ``lanes`` is scratch for their transpose."""
+    n = len(weights)
+    for p in range(weights.shape[1]):
+        for r in range(n):
+            lanes[p, r] = weights[r, p]
     sums[:] = 0.0
+    # Five trials and three channel pairs a pass: more would leave the registers.
     for i in range(len(products)):
         w = lanes[i]
         for j in range(i // _STEP * _STEP, products.shape[1], _STEP):
@@ -176,13 +184,7 @@ def _add_products(lanes: np.ndarray, products: np.ndarray, sums: np.ndarray, n: 
                 c0, c1, c2, c3, c4 = m[0, 2], m[1, 2], m[2, 2], m[3, 2], m[4, 2]
                 a, b, c = sums[k], sums[k + 1], sums[k + 2]
                 for r in range(n):
-                    x0, x1, x2, x3, x4 = (
-                        w[r] * w0[r],
-                        w[r] * w1[r],
-                        w[r] * w2[r],
-                        w[r] * w3[r],
-                        w[r] * w4[r],
-                    )
-                    a[r] += a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3 + a4 * x4
-                    b[r] += b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3 + b4 * x4
-                    c[r] += c0 * x0 + c1 * x1 + c2 * x2 + c3 * x3 + c4 * x4
+                    x0, x1, x2, x3, x4 = w0[r], w1[r], w2[r], w3[r], w4[r]
+                    a[r] += w[r] * (a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3 + a4 * x4)
+                    b[r] += w[r] * (b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3 + b4 * x4)
+                    c[r] += w[r] * (c0 * x0 + c1 * x1 + c2 * x2 + c3 * x3 + c4 * x4)

@@ -29,7 +29,7 @@ from jointz.report.style import (
     place_text,
     ticks_at,
 )
-from jointz.report.wording import MINUS
+from jointz.report.wording import MINUS, format_signed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -222,7 +222,7 @@ def _duration_axis(
     axes.locator_params(axis="x", nbins=5)
     axes.tick_params(labelsize=SMALL_PT, labelleft=labelled, labelbottom=last)
     if last:
-        axes.set_xlabel("Time in the recording (s)", fontsize=SMALL_PT + 0.5)
+        axes.set_xlabel("Time (s)", fontsize=SMALL_PT + 0.5)
 
 
 def _draw_histogram(
@@ -282,9 +282,8 @@ def _draw_onsets(axes: "Axes", at: int, error: np.ndarray) -> None:
     mean = float(error.mean())
     axes.plot([at - 0.38, at + 0.38], [mean, mean], color=INK, linewidth=1.2, zorder=4)
     sd = f"SD {error.std(ddof=1):.2f} %" if error.size > 1 else "one pulse"
-    sign = MINUS if mean < 0 else "+"
     axes.text(
-        at, 0.985, f"{sd}\nmean {sign}{abs(mean):.2f} %\nn {error.size}",
+        at, 0.985, f"{sd}\nmean {format_signed(mean, decimals=2)} %\nn {error.size}",
         transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=SMALL_PT,
         linespacing=1.35,
     )  # fmt: skip

@@ -118,7 +118,7 @@ def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
 
 def _draw_parameter(axes: "Axes", analysis: StudyAnalysis, parameter: str) -> None:
     found = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
-    means = [m for m in analysis.population if m.parameter == parameter and m.value is not None]
+    means = _means(analysis, [parameter])
     groups = {c.timing_point for c, p in found if p.stands}
     if groups == {SHARED}:
         marks, mean_marks = _draw_people_axis(axes, found, means)
@@ -132,6 +132,12 @@ def _draw_parameter(axes: "Axes", analysis: StudyAnalysis, parameter: str) -> No
     beyond = _fit_height(axes, [*marks, *mean_marks])
     axes.set_ylabel(parameter_label(parameter))
     panel_heading(axes, parameter_name(parameter), note=_note(found, len(marks), beyond))
+
+
+def _means(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
+    """Return means worth a mark: that of one person is the person."""
+    own = (m for m in analysis.population if m.parameter in parameters)
+    return [m for m in own if m.value is not None and m.n_participants > 1]
 
 
 def _draw_people_axis(
@@ -290,7 +296,7 @@ def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]
     several = len({c.participant for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
     handles = [legend_line(f"{'participant' if several else 'estimate'}, {level}", SKY, **dot)]
-    if any(m.value is not None and m.parameter in parameters for m in analysis.population):
+    if _means(analysis, parameters):
         diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
         handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
     if any(p.status == "at_bound" for p in drawn):

@@ -26,10 +26,11 @@ from jointz.report.wording import (
     PARAMETERS,
     SHARED,
     exclusion_meaning,
-    format_count,
     format_estimate,
+    format_integer,
     format_interval,
     format_number,
+    format_signed,
     parameter_name,
     pretty_unit,
     status_meaning,
@@ -95,8 +96,9 @@ def render_report(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": format_number, "unit": pretty_unit}
+    environment.filters |= {"integer": format_integer, "signed": format_signed, "unit": pretty_unit}
     parameters = _parameters(analysis)
+    columns = _columns(parameters)
     return environment.get_template("report.html.j2").render(
         title=title,
         settings=analysis.settings,
@@ -106,7 +108,9 @@ def render_report(
         heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters],
         population=_population_rows(analysis, parameters),
         figures=_figures(analysis, figures),
-        people=_people(analysis, parameters),
+        columns=[[PARAMETER_UNITS[name] for name in c] for c in columns],
+        column_names=[parameter_name(c[0]) for c in columns],
+        people=_people(analysis, columns),
         statuses=_statuses(analysis),
         excluded=_excluded(analysis),
         onsets=analysis.statistics.get("onset_accuracy", ()),
@@ -152,6 +156,13 @@ def _parameters(analysis: StudyAnalysis) -> list[str]:
     return [name for name in PARAMETERS if name in present]
 
 
+def _columns(parameters: Sequence[str]) -> list[tuple[str, ...]]:
+    """Pair each parameter with its value per kg: they share a column of the long table."""
+    pairs = (("stiffness", "stiffness_per_mass"), ("damping", "damping_per_mass"), ("inertia",))
+    present = (tuple(name for name in pair if name in parameters) for pair in pairs)
+    return [column for column in present if column]
+
+
 def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
     """Return the four numbers at the top of the page."""
     used, left_out = pulse_counts(analysis)
@@ -159,7 +170,7 @@ def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
     people = len({c.participant for c in analysis.cells})
     facts = [
         (str(people), "participant" if people == 1 else "participants"),
-        (format_count(used, "").strip(), f"pulses used, {left_out} left out"),
+        (format_integer(used), f"pulses used, {format_integer(left_out)} left out"),
         (f"{analysis.n_standing} of {total}", "estimates stand"),
     ]
     vaf = analysis.statistics.get("vaf") or {}
@@ -170,6 +181,8 @@ def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
 
 def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
     held = {(m.timing_point, m.parameter): m for m in analysis.population}
+    if not any(m.n_participants > 1 for m in analysis.population):
+        return []
     names = [*timing_points(analysis.cells), SHARED]
     rows = []
     for name in names:
@@ -203,7 +216,7 @@ def _figures(analysis: StudyAnalysis, figures: Mapping[str, str]) -> dict[str, _
     }
 
 
-def _people(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
+def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list[_Row]:
     """Return participants with one row a timing point, in the order of the gait cycle."""
     order = {name: i for i, name in enumerate([*timing_points(analysis.cells), SHARED])}
     by_person: dict[str, list[CellEstimate]] = {}
@@ -213,14 +226,14 @@ def _people(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
         {
             "id": person,
             "rows": [
-                _cell_row(c, parameters) for c in sorted(cells, key=lambda c: order[c.timing_point])
+                _cell_row(c, columns) for c in sorted(cells, key=lambda c: order[c.timing_point])
             ],
         }
         for person, cells in by_person.items()
     ]
 
 
-def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
+def _cell_row(cell: CellEstimate, columns: Sequence[tuple[str, ...]]) -> _Row:
     statuses = {p.status for p in cell.parameters}
     # Where everything failed for one reason, one sentence says it better than five dashes.
     common = statuses.pop() if len(statuses) == 1 else ""
@@ -228,7 +241,7 @@ def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
     return {
         "name": _point_name(cell.timing_point),
         "onset": DASH if cell.onset_gait_pct is None else f"{cell.onset_gait_pct:.1f}",
-        "cells": [_estimate_cell(cell.parameter(name)) for name in parameters],
+        "cells": [_column_cells(cell, column) for column in columns],
         "failure": _badge(common) if common.startswith("failed") else None,
         "vaf": DASH if cell.vaf_pct is None else f"{cell.vaf_pct:.1f}",
         "displacement": DASH if shift is None else f"{np.degrees(shift):.1f}",
@@ -237,9 +250,17 @@ def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
     }
 
 
-def _estimate_cell(estimate: ParameterEstimate | None) -> _Row:
-    if estimate is None:
-        return {"text": "", "badge": None}
+def _column_cells(cell: CellEstimate, names: Sequence[str]) -> list[_Row]:
+    estimates = [p for name in names if (p := cell.parameter(name)) is not None]
+    rows = [_estimate_cell(p) for p in estimates]
+    for row, estimate in zip(rows[1:], estimates[1:], strict=True):
+        if estimate.status == estimates[0].status:
+            row["badge"] = None
+    # A second dash for the same reason says nothing new.
+    return rows if rows and rows[0]["text"] != DASH else rows[:1]
+
+
+def _estimate_cell(estimate: ParameterEstimate) -> _Row:
     badge = None if estimate.status == "ok" else _badge(estimate.status)
     return {"text": format_estimate(estimate), "badge": badge}
 
@@ -340,7 +361,7 @@ def _truth_rows(records: Iterable[Mapping[Any, Any]]) -> list[_Row]:
             "estimate": format_interval(
                 _number(row["estimate"]), _number(row["ci_low"]), _number(row["ci_high"])
             ),
-            "error": DASH if _number(row["error_pct"]) is None else f"{row['error_pct']:+.1f} %",
+            "error": f"{format_signed(row['error_pct'], decimals=1)} %",
             "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
         }
         for row in records
@@ -352,4 +373,4 @@ def _number(value: Any) -> float | None:
 
 
 def _point_name(timing_point: str) -> str:
-    return "all (one value)" if timing_point == SHARED else timing_point
+    return "all points" if timing_point == SHARED else timing_point

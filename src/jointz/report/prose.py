@@ -5,9 +5,9 @@ from typing import Any, Final
 
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.report.wording import (
-    DASH,
     SHARED,
     format_count,
+    format_integer,
     format_number,
     parameter_name,
     pretty_unit,
@@ -33,6 +33,9 @@ _BASELINES: Final[Mapping[str, str]] = {
         "subtracted from its response"
     ),
 }
+
+_BOUNDED: Final = ", fitted to the average response by least squares with K, B and J not negative"
+_FITS: Final = dict.fromkeys(("dissertation", "pre_pulse", "matched_strides"), _BOUNDED)
 
 #: What every reader of such a report should know, in plain words.
 CAVEATS: Final = (
@@ -77,11 +80,12 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
     total = sum(len(c.parameters) for c in analysis.cells)
     joint = analysis.settings.get("joint")
     who = f"{format_count(len(people), 'participant')} ({_range(people)})"
-    where = f"{joint}, {_place(analysis, len(points))}" if joint else _place(analysis, len(points))
+    place = _place(analysis, len(points))
     sentences = [
-        f"{who}: {where}.",
-        f"{format_count(used, 'pulse was', 'pulses were')} used and {left_out} left out.",
-        f"With the method {_quoted(analysis.settings.get('method'))}, {analysis.n_standing} of "
+        f"{who}, {f'{joint}, ' if joint else ''}{place}.",
+        f"{format_count(used, 'pulse was', 'pulses were')} used and "
+        f"{format_integer(left_out)} left out.",
+        f"{_method_lead(analysis.settings)}{analysis.n_standing} of "
         f"{format_count(total, 'estimate')} {'stands' if analysis.n_standing == 1 else 'stand'}"
         f"{_not_standing(analysis)}.",
     ]
@@ -103,9 +107,9 @@ def methods_paragraph(analysis: StudyAnalysis) -> str:
     joint = settings.get("joint", "joint")
     sentences = [
         f"Mechanical impedance of the {joint} was estimated with jointz"
-        f"{f' {version}' if version else ''} (method {_quoted(settings.get('method'))}).",
-        "Torque was modelled as K·angle + B·velocity + J·acceleration about the offsets of the "
-        f"record{_window(settings)}.",
+        f"{f' {version}' if version else ''}{_method_in_brackets(settings)}.",
+        "The torque response was modelled as K·angle + B·velocity + J·acceleration"
+        f"{_window(settings)}{_FITS.get(str(settings.get('method')), '')}.",
     ]
     if settings.get("positive"):
         sentences.append(f"Angle and torque are positive in {settings['positive']}.")
@@ -119,7 +123,9 @@ def methods_paragraph(analysis: StudyAnalysis) -> str:
         sentences.append(f"{text[0].upper()}{text[1:]}.")
     sentences += _interval_sentences(analysis)
     used, left_out = pulse_counts(analysis)
-    sentences.append(f"Of {format_count(used + left_out, 'pulse')}, {used} were used.")
+    sentences.append(
+        f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} were used."
+    )
     return " ".join(sentences)
 
 
@@ -170,9 +176,8 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     return {
         "impedance_over_gait": (
             f"Impedance {'over the gait cycle' if walking else 'of each group'}. Points with bars: "
-            f"estimates of each participant with their intervals ({made}). Diamonds: means over "
-            "participants with Student's interval over participants. Open triangles: estimates at "
-            f"their bound, hanging from the upper limit of a one-sided interval. {axis} n: {people}"
+            f"estimates of each participant with their intervals ({made}).{_other_marks(analysis)} "
+            f"{axis} n: {people}"
             f", {pulses}."
         ),
         "responses": (
@@ -207,6 +212,18 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     }
 
 
+def _other_marks(analysis: StudyAnalysis) -> str:
+    text = ""
+    if any(m.n_participants > 1 for m in analysis.population):
+        text += " Diamonds: means over participants with Student's interval over participants."
+    if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
+        text += (
+            " Open triangles: estimates at their bound, hanging from the upper limit of a "
+            "one-sided interval."
+        )
+    return text
+
+
 def _range(people: Sequence[str]) -> str:
     if len(people) <= 3:
         return ", ".join(people)
@@ -233,7 +250,8 @@ def _not_standing(analysis: StudyAnalysis) -> str:
 def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
     """Name the timing points of largest and smallest mean stiffness."""
     for name in ("stiffness_per_mass", "stiffness"):
-        rows = [(m.value, m) for m in population if m.parameter == name and m.value is not None]
+        own = (m for m in population if m.parameter == name and m.n_participants > 1)
+        rows = [(m.value, m) for m in own if m.value is not None]
         if len(rows) > 1:
             low, high = min(rows, key=lambda r: r[0]), max(rows, key=lambda r: r[0])
             return [
@@ -264,5 +282,13 @@ def _interval_sentences(analysis: StudyAnalysis) -> list[str]:
     return sentences
 
 
+def _method_lead(settings: Mapping[str, Any]) -> str:
+    return f"With the method {_quoted(settings['method'])}, " if settings.get("method") else ""
+
+
+def _method_in_brackets(settings: Mapping[str, Any]) -> str:
+    return f" (method {_quoted(settings['method'])})" if settings.get("method") else ""
+
+
 def _quoted(name: Any) -> str:
-    return f"“{name}”" if name else DASH
+    return f"“{name}”"

@@ -123,7 +123,41 @@ def format_count(count: int, singular: str, plural: str | None = None) -> str:
     ('1 pulse', '0 people')
     """
     noun = singular if count == 1 else (plural or f"{singular}s")
-    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") + f" {noun}"
+    return f"{format_integer(count)} {noun}"
+
+
+def format_integer(count: int) -> str:
+    """Write an integer with narrow spaces between thousands.
+
+    Parameters
+    ----------
+    count : int
+        The integer.
+
+    Examples
+    --------
+    >>> format_integer(2832) == "2\N{NARROW NO-BREAK SPACE}832"
+    True
+    """
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
+def format_signed(value: float, *, decimals: int) -> str:
+    """Write a number with its sign, as an error is written.
+
+    Parameters
+    ----------
+    value : float
+        The number; infinite and NaN give a dash.
+    decimals : int
+        Digits after the point.
+
+    Examples
+    --------
+    >>> format_signed(1.25, decimals=1), format_signed(float("inf"), decimals=1)
+    ('+1.2', '\u2013')
+    """
+    return f"{value:+.{decimals}f}".replace("-", MINUS) if math.isfinite(value) else DASH
 
 
 def pretty_unit(unit: str) -> str:

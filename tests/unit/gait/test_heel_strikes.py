@@ -49,9 +49,6 @@ def assert_strikes(found, expected, within_s=1.01 / RATE):
     np.testing.assert_allclose(found.time_s, expected, rtol=0, atol=within_s)
 
 
-# --- contact -------------------------------------------------------------------------------
-
-
 def test_a_clean_contact_gives_its_strikes_to_the_sample():
     time, strikes, contact = walk()
     found = strikes_from_contact(time, contact)
@@ -286,11 +283,7 @@ def test_ringing_of_a_pulse_is_rejected():
     pulses = contact_of(time, strikes, 0.01) + contact_of(time, strikes + 0.05, 0.01)
     found = strikes_from_pulse(time, pulses)
     assert_strikes(found, strikes)
-    assert_strikes_rejected(found, strikes + 0.05)
-
-
-def assert_strikes_rejected(found, expected):
-    np.testing.assert_allclose(found.rejected_s, expected, rtol=0, atol=1.01 / RATE)
+    np.testing.assert_allclose(found.rejected_s, strikes + 0.05, rtol=0, atol=1.01 / RATE)
 
 
 @pytest.mark.parametrize("share", [0.65, 0.8])
@@ -300,7 +293,7 @@ def test_a_false_pulse_shortly_before_a_strike_yields_to_it(share):
     pulses = switched(contact_of(time, strikes, 0.01), time, false, false + 0.01, 1.0)
     found = strikes_from_pulse(time, pulses)
     assert_strikes(found, strikes)
-    assert_strikes_rejected(found, [false])
+    np.testing.assert_allclose(found.rejected_s, [false], rtol=0, atol=1.01 / RATE)
 
 
 def test_a_false_pulse_in_the_middle_of_a_stride_makes_two_spurious_strides():

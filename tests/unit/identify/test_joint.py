@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.joint_fit import JointFit
@@ -103,7 +104,7 @@ def test_the_dictionary_has_the_promised_keys(fit: JointFit) -> None:
 
 
 def test_a_dictionary_of_another_schema_is_refused(fit: JointFit) -> None:
-    with pytest.raises(ValueError, match="expected schema 'jointz.JointFit/1', got 'other'"):
+    with pytest.raises(ValueError, match=r"expected schema 'jointz\.JointFit/1', got 'other'"):
         JointFit.from_dict(fit.to_dict() | {"schema": "other"})
 
 
@@ -160,10 +161,8 @@ def test_a_higher_level_gives_a_wider_interval(fit: JointFit) -> None:
 def test_the_interval_follows_from_the_covariance(fit: JointFit) -> None:
     stiffness = fit.parameter("stiffness")
     sd = np.sqrt(fit.covariance[0][0])
-    blocks = int(fit.ci_method.split("over ")[1].split()[0])
-    from scipy.stats import t
-
-    assert stiffness.ci_high - stiffness.value == pytest.approx(t.ppf(0.975, blocks - 1) * sd)
+    freedom = int(fit.ci_method.split("with ")[1].split()[0])
+    assert stiffness.ci_high - stiffness.value == pytest.approx(student_t.ppf(0.975, freedom) * sd)
 
 
 def test_a_record_too_short_for_an_interval_is_undecided() -> None:
@@ -185,6 +184,11 @@ def test_a_record_too_short_for_an_interval_is_undecided() -> None:
     [
         ({"angle": None}, DataError, "no channel 'angle'"),
         ({"torque": np.zeros(10)}, DataError, "equally long"),
+        (
+            {name: np.zeros(0) for name in ("angle", "torque", "time")},
+            DataError,
+            "at least two samples",
+        ),
         ({"cutoff_hz": 250.0}, DataError, r"cutoff_hz < 250 \(half the sampling rate\), got 250"),
         ({"cutoff_hz": 0.0}, DataError, "cutoff_hz"),
         ({"model": "arx"}, ValueError, "model: expected one of kbj; got 'arx'"),
@@ -236,7 +240,7 @@ def test_time_that_goes_back_is_named() -> None:
 
 
 def test_a_record_of_a_fraction_of_a_second_is_refused() -> None:
-    with pytest.raises(DataError, match=r"lasts 0.2 s, at least 0.4 s are needed"):
+    with pytest.raises(DataError, match=r"lasts 0.2 s, at least 0.5333 s are needed"):
         identify_joint(record(duration_s=0.2))
 
 

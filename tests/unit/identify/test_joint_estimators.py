@@ -48,7 +48,7 @@ def torque_perturbed(
     inside_nm: float = 1.0,
     device: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Channels:
-    """Joint and device stepped as one state space at 4 times the rate; torque between them."""
+    """Joint and device as one state space, stepped at four times the rate."""
     K, B, J = TRUTH.values()
     Kd, Bd, Jd = device
     rng = np.random.default_rng(seed)
@@ -170,8 +170,8 @@ def test_the_admittance_of_a_minute_takes_less_than_a_second() -> None:
 def coverage(seeds: range, estimator: str) -> np.ndarray:
     fits = [
         identify_joint(
-            torque_perturbed(seed, duration_s=20.0, rate_hz=250.0),
-            rate_hz=250.0,
+            torque_perturbed(seed, duration_s=20.0, rate_hz=150.0),
+            rate_hz=150.0,
             estimator=estimator,
         )
         for seed in seeds
@@ -189,7 +189,6 @@ def test_intervals_hold_the_truth_in_most_of_forty_records(estimator: str) -> No
 @pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["admittance", "instrumental_variable"])
 def test_intervals_hold_the_truth_in_nineteen_of_twenty_records(estimator: str) -> None:
-    # 180 to 198 of 200: the binomial at 0.95 outside of which lies 0.3 %.
-    covered = coverage(range(1000, 1200), estimator)
-    assert (covered >= 180).all()
-    assert (covered <= 200).all()
+    # 180 of 200 is the 0.2 % point of the binomial at 0.95. No upper limit: damping, whose
+    # band holds no muscle here, comes out at 0.98 to 0.99, a little too wide.
+    assert (coverage(range(1000, 1200), estimator) >= 180).all()

@@ -1,5 +1,7 @@
 """The covariance of estimates whose residuals are correlated in time."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -17,7 +19,7 @@ def test_it_equals_a_slow_loop_over_blocks_for_asymmetric_bread() -> None:
     scores, bread = rng.standard_normal((1003, 3)), rng.standard_normal((3, 3)) + 4 * np.eye(3)
     edges = [b * 1003 // 7 for b in range(8)]
     meat = np.zeros((3, 3))
-    for first, last in zip(edges, edges[1:], strict=False):
+    for first, last in pairwise(edges):
         g = sum(scores[t] for t in range(first, last))
         meat += np.outer(g, g)
     inverse = np.linalg.inv(bread)

@@ -198,11 +198,12 @@ def naive_bootstrap(weights, trials):
     return np.array(solutions), np.array(masks)
 
 
+@pytest.mark.parametrize("n_samples", [60, 10])  # more samples than trials, and fewer
 @pytest.mark.parametrize("stiffness", [100.0, 0.5, -50.0])
-def test_bootstrap_fits_equal_the_slow_implementation(stiffness, monkeypatch):
+def test_bootstrap_fits_equal_the_slow_implementation(stiffness, n_samples, monkeypatch):
     monkeypatch.setattr(bounded_lsq, "BLOCK_ROWS", 16)  # several blocks and a short last one
     rng = np.random.default_rng(12)
-    motion = motions(1, 60, rng) * rng.uniform(0.8, 1.2, size=(12, 1, 1))
+    motion = motions(1, n_samples, rng) * rng.uniform(0.8, 1.2, size=(12, 1, 1))
     torque = np.einsum("c,pct->pt", [stiffness, 1.0, 0.02], motion)
     torque += rng.normal(scale=1.0, size=torque.shape)
     trials = np.concatenate([motion, torque[:, None]], axis=1)
@@ -216,6 +217,18 @@ def test_bootstrap_fits_equal_the_slow_implementation(stiffness, monkeypatch):
     unbounded = np.array([np.linalg.lstsq(a[:3].T, a[3], rcond=None)[0] for a in averages])
     error = np.abs(contributions(fits.unbounded - unbounded, averages))
     assert (error < 1e-9 * np.linalg.norm(averages[:, 3], axis=1)[:, None]).all()
+
+
+def test_trials_that_cancel_in_their_average_lose_no_digits():
+    rng = np.random.default_rng(14)
+    sign = np.where(np.arange(50) % 2, 1.0, -1.0)[:, None, None]
+    motion = motions(1, 100, rng) * sign * rng.uniform(0.999, 1.001, size=(50, 1, 1))
+    torque = np.einsum("c,pct->pt", PARAMETERS, motion)
+    trials = np.concatenate([motion, torque[:, None]], axis=1)
+    balanced = np.full((1, 50), 1.0 / 50)
+    fits = bootstrap_fits(balanced, trials)
+    # The average is 1e-4 of a trial: its rounding leaves 1e-12, and four digits less if squared.
+    np.testing.assert_allclose(fits.bounded[0], PARAMETERS, rtol=1e-9)
 
 
 @given(seed=st.integers(0, 2**32 - 1), factor=st.floats(1e-3, 1e3))

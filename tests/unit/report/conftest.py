@@ -223,3 +223,8 @@ def bench():
 @pytest.fixture(scope="session")
 def failed():
     return failed_analysis()
+
+
+@pytest.fixture(scope="session")
+def truth(walking):
+    return truth_of(walking)

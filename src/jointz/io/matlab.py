@@ -1,0 +1,157 @@
+"""MATLAB files, version 5 to 7.3, through pymatreader."""
+
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pymatreader
+from scipy.io.matlab import MatReadError
+
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.registry import (
+    RawTable,
+    TableRequest,
+    damaged,
+    file_sha256,
+    label_column,
+    missing_columns,
+    number_column,
+    register_reader,
+)
+
+#: What a damaged file makes scipy, h5py and pymatreader raise.
+_LIBRARY_ERRORS = (
+    *(OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, AssertionError),
+    *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError),
+    *(MatReadError, zlib.error, struct.error),
+)
+_OBJECT_HINT = (
+    "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
+    "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
+)
+
+
+@register_reader(".mat")
+class MatlabReader:
+    """Reads series by dotted name through structs, ``data.knee.angle``.
+
+    ``data.signals.3`` is the third column of a matrix (samples in rows), or the
+    third element of a struct or cell array.
+    """
+
+    def read(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the wanted series, flattened.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        request : TableRequest
+            What is wanted of it.
+
+        Raises
+        ------
+        DataError
+            When the file is damaged or a series is not there; names those that are.
+        """
+        names = [str(c) for c in request.columns]
+        tops = {name.partition(".")[0] for name in names}
+        content, has_objects = _load(path, tops)
+        found = {name: _at(content, name.split(".")) for name in names}
+        missing = [name for name, value in found.items() if value is None]
+        if missing:
+            everything, has_objects = _load(path, None)
+            hint = _OBJECT_HINT if has_objects else ""
+            raise missing_columns(path, missing, list(_series_names(everything)), hint)
+        columns = {}
+        for c in map(str, request.numeric):
+            columns[c] = number_column(path, c, _series(path, c, found[c]))
+        for c in map(str, request.labels):
+            columns[c] = label_column(path, c, _series(path, c, found[c]))
+        return RawTable(columns, {}, file_sha256(path))
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
+        """Return None: the names inside structs are known only after reading all.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        files : FilesSpec
+            Not used.
+        """
+        return None
+
+
+def _load(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
+    """Return the variables, and whether there are MATLAB objects among them."""
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            content = pymatreader.read_mat(path, variable_names=variables)
+    except _LIBRARY_ERRORS as exc:
+        raise damaged(path, exc) from exc
+    objects = any("pymatreader" in str(w.filename) for w in caught)
+    return {k: v for k, v in content.items() if not k.startswith("__")}, objects
+
+
+def _at(value: Any, parts: list[str]) -> Any:
+    """Follow a dotted name; None where it leads nowhere."""
+    for part in parts:
+        if isinstance(value, Mapping):
+            value = value.get(part)
+        elif part.isdecimal():
+            value = _numbered(value, int(part))
+        else:
+            return None
+    return None if isinstance(value, Mapping) else value
+
+
+def _numbered(value: Any, number: int) -> Any:
+    """Return a column of a matrix or an element of a list, counted from 1."""
+    if isinstance(value, np.ndarray) and value.ndim == 2 and 1 <= number <= value.shape[1]:
+        return value[:, number - 1]
+    if isinstance(value, list) and 1 <= number <= len(value):
+        return value[number - 1]
+    return None
+
+
+def _series(path: Path, name: str, value: Any) -> np.ndarray:
+    if isinstance(value, list) and any(isinstance(v, (list, dict, np.ndarray)) for v in value):
+        raise DataError(
+            f"{path.name}, column '{name}': expected one series, found {len(value)} pieces. "
+            f"Choose one of them: {name}.1 to {name}.{len(value)}.",
+            path=str(path),
+            channel=name,
+        )
+    array = np.array(value, dtype=object) if _is_text(value) else np.atleast_1d(np.asarray(value))
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.ravel()
+    if array.ndim == 2:
+        raise DataError(
+            f"{path.name}, column '{name}': expected one series, found a matrix of "
+            f"{array.shape[0]} x {array.shape[1]}. Choose one of its columns: {name}.1 to "
+            f"{name}.{array.shape[1]}.",
+            path=str(path),
+            channel=name,
+        )
+    return array
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, list) and any(isinstance(v, str) for v in value)
+
+
+def _series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _series_names(value, f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray) and value.ndim == 2:
+            yield from (f"{prefix}{name}.{i + 1}" for i in range(value.shape[1]))
+        elif value is not None:
+            yield prefix + name

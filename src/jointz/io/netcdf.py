@@ -1,0 +1,181 @@
+"""netCDF-4: recordings of other programs in, recordings of jointz in and out."""
+
+import os
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.errors import DataError, OutputError
+from jointz.core.recording import validate_recording
+from jointz.core.study import FilesSpec
+from jointz.io.registry import (
+    RawTable,
+    TableRequest,
+    damaged,
+    file_sha256,
+    label_column,
+    missing_columns,
+    number_column,
+    register_reader,
+)
+
+_CLASSIC = b"CDF"
+_LIBRARY_ERRORS = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError)
+
+
+@register_reader(".nc")
+class NetcdfReader:
+    """Reads variables by name, ``group/variable`` in groups, with their ``units``."""
+
+    def read(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the wanted variables; fill values become NaN, packed ones are unpacked.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        request : TableRequest
+            What is wanted of it.
+
+        Raises
+        ------
+        DataError
+            When the file is damaged or a variable is not there.
+        """
+        names = [str(c) for c in request.columns]
+        available = self.list_columns(path, request.files)
+        missing = [name for name in names if name not in available]
+        if missing:
+            raise missing_columns(path, missing, available)
+        variables = _variables(path, names)
+        columns = {
+            str(c): number_column(path, str(c), variables[str(c)].values) for c in request.numeric
+        }
+        columns |= {
+            str(c): label_column(path, str(c), variables[str(c)].values) for c in request.labels
+        }
+        units = {n: str(v.attrs["units"]) for n, v in variables.items() if "units" in v.attrs}
+        return RawTable(columns, units, file_sha256(path))
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
+        """Return the variables of all groups.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        files : FilesSpec
+            Not used: a netCDF file describes itself.
+        """
+        import h5netcdf
+
+        _refuse_classic(path)
+        try:
+            with h5netcdf.File(path, "r") as file:
+                return _walk(file, "")
+        except _LIBRARY_ERRORS as exc:
+            raise damaged(path, exc) from exc
+
+
+def write_recording(recording: xr.Dataset, path: Path) -> None:
+    """Write a recording as netCDF-4; samples are kept exactly, attributes as they are.
+
+    The file appears under its name when it is complete, never before.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording (see :mod:`jointz.core.recording`); it is not modified.
+    path : pathlib.Path
+        The file; one that exists is replaced.
+
+    Raises
+    ------
+    DataError
+        When it is not a valid recording.
+    OutputError
+        When the file cannot be written.
+    """
+    validate_recording(recording)
+    # No fill value: NaN is itself, and the samples come back bit for bit.
+    settings = {"zlib": True, "complevel": 1, "shuffle": True, "_FillValue": None}
+    encoding = {str(name): dict(settings) for name in recording.variables}
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        recording.drop_encoding().to_netcdf(part, engine="h5netcdf", encoding=encoding)
+        os.replace(part, path)
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written ({exc}). Choose another place.") from exc
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read_recording(path: Path) -> xr.Dataset:
+    """Read a recording that :func:`write_recording` wrote.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    xarray.Dataset
+        The recording, in memory and validated; identical to the one written.
+
+    Raises
+    ------
+    DataError
+        When the file is missing, damaged, or does not hold a recording.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: no such recording. Correct the name.", path=str(path))
+    _refuse_classic(path)
+    recording = _load(path, "")
+    plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in recording.attrs.items()}
+    recording.attrs = plain
+    return validate_recording(recording.drop_encoding())
+
+
+def _refuse_classic(path: Path) -> None:
+    with path.open("rb") as file:
+        if file.read(3) == _CLASSIC:
+            raise DataError(
+                f"{path.name}: expected netCDF-4, found the classic netCDF-3 format. Convert it: "
+                "nccopy -k nc4 OLD NEW.",
+                path=str(path),
+            )
+
+
+def _walk(group: object, prefix: str) -> list[str]:
+    names = [prefix + name for name in group.variables]
+    for name, inner in group.groups.items():
+        names += _walk(inner, f"{prefix}{name}/")
+    return names
+
+
+def _variables(path: Path, names: list[str]) -> dict[str, xr.DataArray]:
+    by_group = defaultdict(list)
+    for name in names:
+        by_group[name.rpartition("/")[0]].append(name)
+    found = {}
+    for group, members in by_group.items():
+        dataset = _load(path, group, only=[m.rpartition("/")[2] for m in members])
+        found.update({m: dataset[m.rpartition("/")[2]] for m in members})
+    return found
+
+
+def _load(path: Path, group: str, only: list[str] | None = None) -> xr.Dataset:
+    try:
+        with xr.open_dataset(
+            path,
+            engine="h5netcdf",
+            group=group or None,
+            decode_times=False,
+            decode_timedelta=False,
+        ) as dataset:
+            return (dataset if only is None else dataset[only]).load()
+    except _LIBRARY_ERRORS as exc:
+        raise damaged(path, exc) from exc

@@ -1,0 +1,108 @@
+"""Fixtures: where real recordings are, a small simulated study, and the command line."""
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from jointz.cli.main import run
+from jointz.sim.walker import WalkerSettings
+from jointz.workflows.demo import write_study
+
+REPOSITORY = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real recordings; skips where it is absent."""
+    folder = Path(os.environ.get("JOINTZ_DATA", REPOSITORY.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"real recordings are absent: no folder {folder.name}; set JOINTZ_DATA")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def small_study_source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("source") / "study"
+    write_study(
+        folder,
+        n_participants=2,
+        n_pulses_per_point=4,
+        n_unperturbed_strides=20,
+        seed=7,
+        settings=WalkerSettings(rate_hz=500.0),
+        suffix=".csv",
+    )
+    return folder
+
+
+@dataclass
+class StudyFolder:
+    """A study folder that a test may spoil."""
+
+    root: Path
+
+    @property
+    def toml(self) -> str:
+        return (self.root / "study.toml").read_text()
+
+    def edit_toml(self, old: str, new: str, count: int = -1) -> None:
+        assert old in self.toml
+        (self.root / "study.toml").write_text(self.toml.replace(old, new, count))
+
+    def edit_table(self, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+        path = self.root / file
+        change(pd.read_csv(path)).to_csv(path, index=False)
+
+
+@pytest.fixture
+def small_study(small_study_source: Path, tmp_path: Path) -> StudyFolder:
+    """Two simulated walkers at 500 Hz with four pulses a timing point, as csv."""
+    root = tmp_path / "study"
+    shutil.copytree(small_study_source, root)
+    return StudyFolder(root)
+
+
+@dataclass
+class Outcome:
+    """What a command printed and how it ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> dict:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def jointz(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> Callable[..., Outcome]:
+    """Run the command line inside the test's process."""
+
+    def call(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["jointz", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            run()
+        captured = capsys.readouterr()
+        return Outcome(int(end.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def analyze(jointz: Callable[..., Outcome], tmp_path: Path) -> Callable[..., Outcome]:
+    """Analyse a study into ``tmp_path / "results"`` with few resamples, as JSON."""
+
+    def call(study: StudyFolder, *more: object) -> Outcome:
+        out = tmp_path / "results"
+        return jointz("analyze", study.root, "--out", out, "--resamples", 50, "--json", *more)
+
+    return call

@@ -1,0 +1,206 @@
+import re
+import time
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.events import PulseRecord
+from jointz.report.event_figures import draw_onset_accuracy
+from jointz.report.figures import draw_figures
+from jointz.report.impedance_figures import draw_impedance_over_gait, timing_points
+from jointz.report.method_figures import draw_truth
+from jointz.report.response_figures import draw_responses
+from jointz.report.style import figure_style, to_svg
+
+
+@pytest.fixture(scope="module")
+def drawn(walking):
+    return draw_figures(walking)
+
+
+def only_group(analysis, person, point):
+    cells = tuple(c for c in analysis.cells if c.participant == person and c.timing_point == point)
+    return replace(analysis, cells=cells, population=(), comparison=(), strides=(), pulses=())
+
+
+def panel(figure, heading):
+    return next(a for a in figure.axes if heading in [t.get_text() for t in a.texts])
+
+
+def test_a_walking_study_has_every_figure(drawn):
+    assert list(drawn) == [
+        "impedance_over_gait", "responses", "methods", "onset_accuracy", "strides",
+    ]  # fmt: skip
+
+
+def test_every_figure_is_well_formed_svg_without_outside_references(drawn):
+    for svg in drawn.values():
+        root = ET.fromstring(svg)
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert root.attrib["width"].startswith("510.23")  # 180 mm in points
+        links = [v for e in root.iter() for k, v in e.attrib.items() if k.endswith("href")]
+        assert links
+        assert all(link.startswith("#") for link in links)
+        assert "DOCTYPE" not in svg
+        assert "<metadata" not in svg
+
+
+def test_the_same_analysis_gives_the_same_text(walking, drawn):
+    assert draw_figures(walking) == drawn
+
+
+def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
+    plain = draw_figures(bench)
+    with matplotlib.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
+        assert draw_figures(bench) == plain
+        assert matplotlib.rcParams["font.size"] == 30.0
+
+
+def test_ten_people_and_six_timing_points_are_drawn_within_the_time_budget(walking):
+    start = time.process_time()
+    draw_figures(walking)
+    assert time.process_time() - start < 6.0
+
+
+def test_a_bench_study_has_its_groups_on_the_axis(bench):
+    with figure_style():
+        figure = draw_impedance_over_gait(bench)
+    labels = [t.get_text() for t in figure.axes[0].get_xticklabels()]
+    assert labels == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
+    assert set(draw_figures(bench)) == {"impedance_over_gait", "responses"}
+
+
+def test_nothing_is_drawn_where_nothing_stands(failed):
+    assert draw_figures(failed) == {}
+    assert draw_figures(StudyAnalysis(cells=())) == {}
+
+
+def test_one_participant_at_one_timing_point_is_drawn(walking):
+    assert set(draw_figures(only_group(walking, "S01", "LRE"))) == {
+        "impedance_over_gait", "responses",
+    }  # fmt: skip
+
+
+def test_failed_and_undecided_estimates_are_counted_not_drawn(walking):
+    with figure_style():
+        figure = draw_impedance_over_gait(walking)
+    axes = panel(figure, "Stiffness per body mass")
+    assert "not drawn: 1 failed, 1 undecided" in [t.get_text() for t in axes.texts]
+    dots, triangles = axes.lines[0], axes.lines[1]
+    assert len(dots.get_xdata()) == 60 - 4
+    assert len(triangles.get_xdata()) == 2
+
+
+def test_an_estimate_at_its_bound_hangs_from_its_upper_limit(bench):
+    with figure_style():
+        figure = draw_impedance_over_gait(bench)
+    axes = panel(figure, "Damping")
+    limit = bench.cells[3].parameter("damping").ci_high
+    triangles = axes.lines[1]
+    assert triangles.get_marker() == "v"
+    np.testing.assert_allclose(triangles.get_ydata(), [limit])
+
+
+def test_people_of_a_timing_point_do_not_stand_on_each_other(walking):
+    with figure_style():
+        figure = draw_impedance_over_gait(walking)
+    dots = panel(figure, "Damping per body mass").lines[0]
+    assert np.diff(np.sort(dots.get_xdata())).min() > 0.5  # % of the cycle
+
+
+def test_an_inertia_shared_by_all_timing_points_is_drawn_by_participant(walking):
+    with figure_style():
+        figure = draw_impedance_over_gait(walking)
+    labels = [t.get_text() for t in panel(figure, "Inertia").get_xticklabels()]
+    assert labels == [f"S{i:02d}" for i in range(1, 11)] + ["mean"]
+
+
+def test_one_huge_interval_does_not_flatten_the_others(bench):
+    first = bench.cells[0]
+    wide = replace(first.parameters[0], ci_high=1e6)
+    cells = (replace(first, parameters=(wide, *first.parameters[1:])), *bench.cells[1:])
+    with figure_style():
+        figure = draw_impedance_over_gait(replace(bench, cells=cells))
+    axes = panel(figure, "Stiffness")
+    assert axes.get_ylim()[1] < 1000.0
+    assert "1 interval cut off" in [t.get_text() for t in axes.texts]
+
+
+def test_timing_points_about_heel_strike_are_ordered_on_the_circle(walking):
+    cell = walking.cells[0]
+    around = [
+        replace(cell, timing_point=name, onset_gait_pct=pct)
+        for name, pct in (("LRE", 7.0), ("ICO", 99.8), ("ICO", 2.4))
+    ]
+    assert timing_points(around) == ["ICO", "LRE"]  # the mean of 99.8 and 2.4 is 1.1
+
+
+def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
+    one = only_group(walking, "S01", "LRE")
+    with figure_style():
+        figure = draw_responses(one)
+    angle, torque = figure.axes
+    degrees = np.degrees(one.cells[0].response.angle)
+    np.testing.assert_allclose(angle.lines[0].get_ydata()[:-1], degrees)
+    np.testing.assert_allclose(
+        torque.lines[1].get_ydata()[:-1], one.cells[0].response.fitted_torque
+    )
+    assert "n 48" in [t.get_text() for t in angle.texts]
+    assert f"{one.cells[0].vaf_pct:.1f} %" in [t.get_text() for t in torque.texts]
+
+
+def test_many_groups_are_wrapped_into_rows(bench):
+    cells = tuple(
+        replace(bench.cells[i % 4], timing_point=f"case {i}", onset_gait_pct=None)
+        for i in range(14)
+    )
+    with figure_style():
+        figure = draw_responses(replace(bench, cells=cells))
+    assert len(figure.axes) == 2 * 3
+
+
+def test_onset_deviations_are_taken_on_the_circle():
+    pulses = tuple(
+        PulseRecord("S01", "a.csv", float(i), 0.25, 17.0, "ICO", 1.0, pct)
+        for i, pct in enumerate((99.0, 3.0))
+    )
+    with figure_style():
+        figure = draw_onset_accuracy(StudyAnalysis(cells=(), pulses=pulses))
+    label = next(t.get_text() for t in figure.axes[0].texts)
+    assert label == "SD 2.83 %\nmean +0.00 %\nn 2"
+
+
+def test_onsets_are_skipped_without_targets(walking):
+    pulses = tuple(replace(p, target_pct=None) for p in walking.pulses)
+    assert draw_onset_accuracy(replace(walking, pulses=pulses)) is None
+
+
+def test_names_with_markup_and_dollars_are_drawn_as_they_are(walking):
+    one = only_group(walking, "S01", "LRE")
+    cells = tuple(replace(c, participant="<script>$x_{1$") for c in one.cells)
+    for svg in draw_figures(replace(one, cells=cells)).values():
+        ET.fromstring(svg)
+        assert "<script" not in svg
+
+
+def test_truth_is_drawn_for_each_parameter(truth):
+    svg = draw_truth(truth)
+    assert len(ET.fromstring(svg).findall(".//*[@id='axes_3']")) == 1
+    assert draw_truth(truth.iloc[:0]) == ""
+
+
+def test_coordinates_are_rounded_but_scales_are_not():
+    from jointz.report.style import new_figure, place_axes
+
+    with figure_style():
+        figure = new_figure(40.0)
+        place_axes(figure, 10.0, 5.0, width_mm=100.0, height_mm=20.0).plot([0, 1], [0, 1])
+        svg = to_svg(figure)
+    assert "scale(0.015625)" in svg
+    coordinates = re.findall(r"(?<![\w.#])[1-9]\d*\.(\d+)", svg)
+    assert coordinates
+    assert max(map(len, coordinates)) <= 2

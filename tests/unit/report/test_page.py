@@ -1,0 +1,184 @@
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from jointz.report.figures import draw_figures
+from jointz.report.method_figures import draw_truth
+from jointz.report.page import inline_svg, render_report
+
+VOID = {"meta", "br", "hr", "img", "input", "link"}
+
+
+class Page(HTMLParser):
+    """Checks that tags close in order and gathers text and attributes."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.ids, self.links, self.text = [], [], [], [], ""
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.ids += [v for k, v in attrs if k == "id"]
+        self.links += [v for k, v in attrs if k in ("href", "xlink:href", "src")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text += data
+
+
+def words(page):
+    return " ".join(page.text.split())
+
+
+@pytest.fixture(scope="module")
+def html(walking, truth):
+    figures = draw_figures(walking) | {"truth": draw_truth(truth)}
+    return render_report(walking, figures, title="Knee study", truth=truth)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_page_is_well_formed(page):
+    assert page.open == []
+    assert page.tags.count("figure") == page.tags.count("svg") == 6
+
+
+def test_the_page_needs_nothing_from_outside(html, page):
+    bare = re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
+    assert "http:" not in bare
+    assert "https:" not in bare
+    assert "//" not in "".join(page.links)
+    assert "@import" not in html
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+
+
+def test_ten_people_and_six_timing_points_stay_below_five_megabytes(html):
+    assert len(html.encode()) < 5e6
+
+
+def test_every_id_is_unique_and_every_inner_link_has_its_target(page):
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links} <= set(page.ids)
+
+
+def test_no_rule_of_a_figure_reaches_the_page(html):
+    assert html.count("<style") == 1
+
+
+def test_every_participant_and_status_is_there(page):
+    text = words(page)
+    assert all(f"S{i:02d}" in text for i in range(1, 11))
+    for badge in ("ok", "at bound", "undecided", "failed"):
+        assert badge in text
+    assert "every pulse was left out; excluded.csv says why" in text
+
+
+def test_a_bound_is_shown_as_a_bound_and_dust_never(html, page):
+    assert re.search(r"0 \(at most 0\.\d{3}\)", words(page))
+    assert not re.search(r"\d[eE]-\d", re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL))
+
+
+def test_the_summary_counts_each_pulse_once(page):
+    assert "10 participants (S01 to S10), knee, 6 timing points of the gait cycle." in words(page)
+    # 59 cells of 48 + 2 pulses, one of 0 + 50; the rows of the shared inertia do not count again.
+    assert "2\N{NARROW NO-BREAK SPACE}832 pulses were used and 168 left out." in page.text
+
+
+def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
+    assert "fewer than three accepted strides before it: no gait phase" in words(page)
+    assert "The first 12 of" in words(page)
+
+
+def test_the_methods_come_from_the_settings(page):
+    text = words(page)
+    assert "over 100 ms from the commanded onset" in text
+    assert "same low-pass filter (20 Hz)" in text
+    assert "95 % intervals of each participant: percentile bootstrap" in text
+    assert "Number of resamples: 1000, seed 1." in text
+
+
+def test_the_caveats_are_said(page):
+    text = words(page)
+    assert "VAF is not accuracy." in text
+    assert "Inertia is that of joint and device together." in text
+    assert "Errors common to all pulses never show in them" in text
+
+
+def test_hashes_are_shortened_and_the_date_is_that_of_the_analysis(html):
+    assert "abababababab…" in html
+    assert "ab" * 7 not in html
+    assert "2025-11-21T10:00:00+00:00" in html
+
+
+def test_the_truth_table_holds_rms_and_coverage(page, truth):
+    rows = truth[truth["parameter"] == "stiffness"].dropna()
+    rms = float(np.sqrt((rows["error_pct"] ** 2).mean()))
+    assert f"Stiffness{rms:.1f}" in page.text.replace("\n", "")
+    assert f"{int(rows['covered'].sum())} of {len(rows)}" in page.text
+
+
+def test_without_truth_there_is_no_section_on_it(bench):
+    assert "Truth against estimate" not in render_report(bench, {}, title="Bench")
+
+
+def test_the_page_is_the_same_twice(bench):
+    pages = {render_report(bench, draw_figures(bench), title="Bench") for _ in range(2)}
+    assert len(pages) == 1
+
+
+@pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "&lt;", "$1_{"])
+def test_user_text_stays_text(bench, text):
+    cells = tuple(replace(c, participant=text, timing_point=text) for c in bench.cells[:1])
+    hostile = replace(bench, cells=cells, settings={"method": text, "study": text})
+    page = Page(render_report(hostile, draw_figures(hostile), title=text))
+    assert page.open == []
+    assert "script" not in page.tags
+    assert page.text.count(text) >= 4
+
+
+def test_a_study_in_which_nothing_stands_still_has_a_page(failed):
+    page = Page(render_report(failed, draw_figures(failed), title="Nothing"))
+    assert page.open == []
+    assert "0 of 3 estimates stand (3 failed)" in words(page)
+    assert "no pulse at this timing point" in words(page)
+    assert "figure" not in page.tags
+
+
+def test_a_code_of_a_newer_version_is_shown_as_it_is(failed):
+    newer = replace(failed.cells[0].parameters[0], status="failed:bad_moon")
+    cell = replace(failed.cells[0], parameters=(newer,))
+    assert "bad moon" in render_report(replace(failed, cells=(cell,)), {}, title="t")
+
+
+def test_gaps_of_a_study_without_strides_are_listed(bench, walking):
+    text = words(Page(render_report(replace(bench, gaps=walking.gaps), {}, title="t")))
+    assert "0.137" in text
+
+
+def test_a_figure_gets_ids_of_its_own():
+    inside = '<g id="a"/><use xlink:href="#a"/><g clip-path="url(#a)"/>'
+    svg = f'<svg width="1pt" height="1pt">{inside}</svg>'
+    out = str(inline_svg(svg, "f1", 'say "x"'))
+    assert 'id="f1-a"' in out
+    assert 'href="#f1-a"' in out
+    assert "url(#f1-a)" in out
+    assert 'aria-label="say &#34;x&#34;"' in out
