@@ -17,6 +17,7 @@ from jointz.cli.options import Debug, Json, Quiet
 
 if TYPE_CHECKING:
     from jointz.core.analysis import StudyAnalysis
+    from jointz.core.estimates import CellEstimate
 
 
 def analyze(
@@ -116,17 +117,24 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
 
 
 def _print_cells(analysis: "StudyAnalysis") -> None:
-    rows = [
+    rows = [row for cell in analysis.cells for row in _cell_rows(cell)]
+    header = ["participant, point", "parameter", "value", "95 % interval", "unit", "status"]
+    emit_table(rows, header, title="Estimates")
+
+
+def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
+    name = f"{cell.participant} {cell.timing_point}"
+    statuses = {p.status for p in cell.parameters}
+    if len(statuses) == 1 and not cell.parameters[0].stands:
+        return [[name, "all", "-", "-", "-", statuses.pop()]]
+    return [
         [
-            f"{cell.participant} {cell.timing_point}",
+            name,
             p.name,
             f"{p.value:.4g}" if p.value is not None else "-",
             f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
             p.unit,
             p.status,
         ]
-        for cell in analysis.cells
         for p in cell.parameters
     ]
-    header = ["participant, point", "parameter", "value", "95 % interval", "unit", "status"]
-    emit_table(rows, header, title="Estimates")

@@ -88,7 +88,8 @@ def joint(
         _save(fit, figure)
     if as_json:
         echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
-        emit_json({**fit.to_dict(), "file": str(file), "columns": echoed})
+        content = {name: value for name, value in fit.to_dict().items() if name != "series"}
+        emit_json({**content, "file": str(file), "columns": echoed})
     elif not quiet:
         _print(fit)
     standing = any(p.stands for p in fit.parameters)

@@ -37,9 +37,11 @@ class PulseRecord:
     ----------
     participant, recording : str
         Where it was found.
-    onset_s, duration_s : float, s
-        Commanded onset and length.
-    amplitude : float
+    onset_s : float, s
+        Commanded onset.
+    duration_s : float or None, s
+        Commanded length, where it is known.
+    amplitude : float or None
         N*m, or rad for steps of the angle; signed.
     timing_point : str
         Timing point, case, trial or group.
@@ -55,8 +57,8 @@ class PulseRecord:
     participant: str
     recording: str
     onset_s: float
-    duration_s: float
-    amplitude: float
+    duration_s: float | None
+    amplitude: float | None
     timing_point: str
     target_pct: float | None = None
     measured_pct: float | None = None

@@ -104,15 +104,19 @@ def _of_source(
             participant=participant,
             recording=source.given.file,
             onset_s=pulse.onset_s,
-            duration_s=pulse.duration_s,
-            amplitude=pulse.amplitude,
+            duration_s=_known(pulse.duration_s),
+            amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
             target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
-            measured_pct=None if np.isnan(phase_pct[k]) else float(phase_pct[k]),
+            measured_pct=_known(phase_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
         )
         found.append(Candidate(index, pulse, record, float(elapsed_s[k])))
     return found
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
 
 
 def _phases(

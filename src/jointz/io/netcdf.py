@@ -3,6 +3,7 @@
 import os
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -149,7 +150,7 @@ def _refuse_classic(path: Path) -> None:
             )
 
 
-def _walk(group: object, prefix: str) -> list[str]:
+def _walk(group: Any, prefix: str) -> list[str]:
     names = [prefix + name for name in group.variables]
     for name, inner in group.groups.items():
         names += _walk(inner, f"{prefix}{name}/")

@@ -1,0 +1,328 @@
+"""Reading delimited text: the fast path, and every way a file can be wrong."""
+
+import gzip
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.registry import list_columns, read_table
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from strategies import damaged, tables
+
+DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="JOINTZ_DATA is not there")
+PLAIN = FilesSpec()
+HEAD = "time_s,angle_deg,torque_nm\n"
+ROWS = "".join(f"{i * 0.001:.3f},{i * 0.5:.2f},{-i:.3f}\n" for i in range(12))
+
+
+def write(tmp_path: Path, content: str | bytes, name: str = "S01.csv") -> Path:
+    path = tmp_path / name
+    raw = content.encode() if isinstance(content, str) else content
+    path.write_bytes(gzip.compress(raw) if name.endswith(".gz") else raw)
+    return path
+
+
+def read(path: Path, *numeric: str | int, labels: tuple[str | int, ...] = (), **layout: object):
+    return read_table(path, numeric=numeric, labels=labels, files=FilesSpec(**layout))
+
+
+# --- what is read -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz", "a.txt", "a.CSV"])
+def test_columns_come_back_with_the_hash_of_the_file_on_disk(tmp_path, name):
+    path = write(tmp_path, HEAD + ROWS, name)
+    table = read(path, "torque_nm", "time_s")
+    assert list(table.columns) == ["torque_nm", "time_s"]
+    np.testing.assert_array_equal(table.columns["torque_nm"], -np.arange(12.0))
+    assert table.columns["time_s"].dtype == np.float64
+    assert table.columns["time_s"].flags.writeable
+    assert table.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert (table.first_row, table.units) == (2, {})
+
+
+@pytest.mark.parametrize("name", ["a.tsv", "a.tsv.gz"])
+def test_tsv_is_split_at_tabs(tmp_path, name):
+    table = read(write(tmp_path, "t\tx\n1\t2\n3\t4\n", name), "x")
+    np.testing.assert_array_equal(table.columns["x"], [2, 4])
+
+
+def test_the_layout_of_a_continental_file_is_followed(tmp_path):
+    path = write(tmp_path, "Lab 5\" pad\nsecond\nt;x\n0,5;-1,25e1\n1,0;\n")
+    table = read(path, "t", "x", delimiter=";", decimal=",", skip_rows=2)
+    np.testing.assert_array_equal(table.columns["x"], [-12.5, np.nan])
+    np.testing.assert_array_equal(table.columns["t"], [0.5, 1.0])
+    assert table.first_row == 4
+
+
+@pytest.mark.parametrize("columns", [(1, 3), ("1", "3"), (0, 2)])
+def test_without_a_header_columns_are_counted_from_one_unless_one_is_zero(tmp_path, columns):
+    table = read(write(tmp_path, "1,2,3\n4,5,6\n"), *columns, header=False)
+    np.testing.assert_array_equal(table.columns[str(columns[0])], [1, 4])
+    np.testing.assert_array_equal(table.columns[str(columns[1])], [3, 6])
+    assert table.first_row == 1
+
+
+def test_a_number_takes_a_column_by_position_under_a_header_too(tmp_path):
+    table = read(write(tmp_path, "x,x\n1,2\n"), 2)
+    np.testing.assert_array_equal(table.columns["2"], [2])
+
+
+def test_missing_cells_are_nan_and_infinity_stays(tmp_path):
+    path = write(tmp_path, "t,x\n1,\n2,NaN\n3, nan\n4,NA\n5,inf\n6,-inf\n")
+    expected = [np.nan, np.nan, np.nan, np.nan, np.inf, -np.inf]
+    np.testing.assert_array_equal(read(path, "x").columns["x"], expected)
+
+
+def test_labels_are_written_plainly(tmp_path):
+    path = write(tmp_path, "t,a,b,c\n1,0,1.0,left\n2,,1.000000e+00, right \n3,2,1.5,True\n")
+    table = read(path, "t", labels=("a", "b", "c"))
+    assert table.columns["a"].tolist() == ["0", "", "2"]
+    assert table.columns["b"].tolist() == ["1", "1", "1.5"]
+    assert table.columns["c"].tolist() == ["left", "right", "True"]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "\ufefft,x\n1,2\n3,4\n",
+        "t,x\r\n1,2\r\n3,4\r\n",
+        '"t","x"\n"1","2"\n3,4\n',
+        "t, x\n1, 2\n3, 4\n",
+        "t,x\n1,2\n3,4",
+        "t,x\n1,2\n3,4\n\n\n",
+        "t,x\n1,2\n3,4\n  \n",
+        't,x,note\n1,2,"a, b"\n3,4,c\n',
+    ],
+    ids=["bom", "crlf", "quoted", "spaces", "no end", "empty end", "space end", "quoted comma"],
+)
+def test_harmless_spellings_are_read(tmp_path, content):
+    table = read(write(tmp_path, content), "t", "x")
+    np.testing.assert_array_equal(table.columns["t"], [1, 3])
+    np.testing.assert_array_equal(table.columns["x"], [2, 4])
+
+
+def test_a_byte_order_mark_before_numbers_is_no_part_of_them(tmp_path):
+    table = read(write(tmp_path, "\ufeff1,2\n3,4\n"), 1, header=False)
+    np.testing.assert_array_equal(table.columns["1"], [1, 3])
+
+
+def test_an_empty_line_is_a_missing_sample_where_there_is_one_column(tmp_path):
+    table = read(write(tmp_path, "x\n1\n\n3\n\n"), "x")
+    np.testing.assert_array_equal(table.columns["x"], [1, np.nan, 3])
+
+
+def test_few_of_many_columns_are_read_beside_text(tmp_path):
+    head = ",".join(f"c{i}" for i in range(9))
+    path = write(tmp_path, f"{head}\n" + "1,2,3,4,5,6,7,8,word\n" * 3)
+    np.testing.assert_array_equal(read(path, "c4").columns["c4"], [5, 5, 5])
+
+
+def test_a_file_is_not_modified(tmp_path):
+    path = write(tmp_path, HEAD + ROWS)
+    before = path.read_bytes(), path.stat().st_mtime_ns
+    read(path, "time_s")
+    assert (path.read_bytes(), path.stat().st_mtime_ns) == before
+
+
+def test_a_file_longer_than_a_block_is_checked_across_blocks(tmp_path):
+    n = 40_000
+    rows = [f"{i},{i * 0.5:.3f},{i % 7}\n" for i in range(n)]
+    good = read(write(tmp_path, "t,x,y\n" + "".join(rows)), "t", "x")
+    np.testing.assert_array_equal(good.columns["t"], np.arange(n))
+    rows[30_000] = "30000,1.000\n"
+    rows[30_001] = "30001,1.000,2,3\n"  # as many delimiters as a good file
+    with pytest.raises(DataError, match=r"row 30002: expected 3 values, found 2"):
+        read(write(tmp_path, "t,x,y\n" + "".join(rows)), "t", "x")
+
+
+def test_columns_are_listed_from_the_header(tmp_path):
+    path = write(tmp_path, "t, x\n1,2\n")
+    assert list_columns(path, PLAIN) == ["t", "x"]
+    assert list_columns(path, FilesSpec(header=False)) == ["1", "2"]
+
+
+# --- what is refused --------------------------------------------------------------------------
+
+CUT = "cut off mid-row"
+REFUSED = {
+    "bad cell": ("t,x\n1,2\n2,abc\n", {}, r"S01.csv, row 3, column 'x': expected a number, found "
+                 r"'abc'. Correct the cell or leave it empty"),
+    "nothing": ("", {}, r"holds nothing, no samples"),
+    "header only": ("t,x\n", {}, r"holds only a header, no samples"),
+    "short last row": ("t,x\n1,2\n3", {}, rf"row 3: .*{CUT}: the last row has 1 of 2 values"),
+    "short ended last row": ("t,x\n1,2\n3\n", {}, rf"row 3: .*{CUT}"),
+    "empty last value": ("t,x\n1,2\n3,", {}, rf"row 3: .*{CUT}: the last row ends with ''"),
+    "short row": ("t,x\n1\n3,4\n", {}, r"row 2: expected 2 values, found 1"),
+    "empty row": ("t,x\n1,2\n\n3,4\n", {}, r"row 3: the row is empty. Remove it"),
+    "long row": ("t,x\n1,2\n3,4,5\n6,7\n", {}, r"row 3: expected 2 values, found 3"),
+    "long rows": ("t,x\n1,2,3\n4,5,6\n", {}, r"row 2: 3 values under 2 column names. Name column 3"),
+    "twice": ("t,x,x\n1,2,3\n", {}, r"row 1: the name 'x' stands over columns 2 and 3"),
+    "no header": ("0.1,2\n0.2,4\n", {}, r"row 1: expected a header, found numbers \(0.1, 2\).*"
+                  r"\[files\] header = false"),
+    "semicolons": ("t;x\n1;2\n", {}, r"header contains ';': set \[files\] delimiter = \";\""),
+    "tabs": ("t\tx\n1\t2\n", {}, r"header contains '\\t': set \[files\] delimiter = \"\\t\""),
+    "decimal comma": ("t;x\n1;2,5\n", {"delimiter": ";"}, r"row 2, column 'x': expected a number, "
+                      r"found '2,5'.*\[files\] decimal = \",\""),
+    "decimal point": ("t;x\n1;2.5\n", {"delimiter": ";", "decimal": ","}, r"decimal = \"\.\""),
+    "two meanings": ("t;x\n1;2\n", {"decimal": ","}, r"both delimiter and decimal sign"),
+    "names without header": ("1,2\n", {"header": False}, r"read without a header: give columns"),
+    "long delimiter": ("t::x\n1::2\n", {"delimiter": "::"}, r"expected one ASCII character"),
+    "old Mac": ("t,x\r1,2\r3,4\r", {}, r"do not end as lines of text do"),
+    "skipped all": ("t,x\n1,2\n", {"skip_rows": 5}, r"correct \[files\] skip_rows"),
+    "quote left open": ('t,x\n1,"2\n3,4\n', {}, r"row 3: .*(cut off|cannot be read)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "layout", "message"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_file_is_refused_with_its_row_and_what_to_do(tmp_path, content, layout, message):
+    with pytest.raises(DataError, match=message) as caught:
+        read(write(tmp_path, content), "t", "x", **layout)
+    assert "S01.csv" in str(caught.value) or "[files]" in str(caught.value)
+
+
+@pytest.mark.parametrize("cut", [1, 2, 3, 4])
+def test_a_last_number_shorter_than_all_before_is_a_cut(tmp_path, cut):
+    content = (HEAD + ROWS)[: -1 - cut]  # ends with "-11.000" less one to four characters
+    with pytest.raises(DataError, match=rf"row 13: .*{CUT}.*ends with"):
+        read(write(tmp_path, content), "time_s")
+
+
+def test_a_cut_exponent_is_a_cut(tmp_path):
+    rows = "".join(f"{i},{i + 0.5:.6e}\n" for i in range(12))
+    for end in (2, 3, 4):
+        with pytest.raises(DataError, match=CUT):
+            read(write(tmp_path, "t,x\n" + rows[:-end]), "t", "x")
+
+
+def test_numbers_of_free_length_may_end_an_unterminated_file(tmp_path):
+    rows = "".join(f"{i},{i / 8}\n" for i in range(13))
+    assert len(read(write(tmp_path, "t,x\n" + rows[:-1]), "x").columns["x"]) == 13
+
+
+def test_a_gzip_stream_that_ends_early_is_a_cut(tmp_path):
+    path = write(tmp_path, HEAD + ROWS * 200, "S01.csv.gz")
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(DataError, match=r"S01.csv.gz: the recording is cut off or damaged"):
+        read(path, "time_s")
+    path.write_bytes(b"t,x\n1,2\n")
+    with pytest.raises(DataError, match="cut off or damaged"):
+        list_columns(path, PLAIN)
+
+
+def test_text_that_is_not_utf8_is_refused(tmp_path):
+    for content in ("t,Winkel \xb0\n1,2\n", "t,x,n\n1,2,a\n3,4,\xe9\n"):
+        path = write(tmp_path, content.encode("latin-1"))
+        with pytest.raises(DataError, match=r"expected UTF-8 text.*Save the file as UTF-8"):
+            read(path, "t", labels=("n",) if "n\n" in content else ())
+
+
+def test_all_missing_columns_are_named_with_a_close_match(tmp_path):
+    with pytest.raises(DataError) as caught:
+        read(write(tmp_path, HEAD + ROWS), "torqe_nm", "grf", "time_s")
+    message = str(caught.value)
+    assert "no column 'torqe_nm', 'grf'" in message
+    assert "The file has: time_s, angle_deg, torque_nm" in message
+    assert "Did you mean 'torque_nm' for 'torqe_nm'?" in message
+
+
+def test_a_header_of_numbers_is_not_listed_as_names(tmp_path):
+    with pytest.raises(DataError, match="header = false"):
+        list_columns(write(tmp_path, "0.001,0.5\n0.002,0.6\n"), PLAIN)
+
+
+# --- properties -------------------------------------------------------------------------------
+
+
+@given(table=tables())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz"])
+def test_what_was_written_is_read_back_exactly(tmp_path, table, name):
+    path = tmp_path / name
+    pd.DataFrame(table).map(repr).to_csv(path, index=False)
+    back = read(path, *table).columns
+    for column, values in table.items():
+        np.testing.assert_array_equal(back[column], values)
+
+
+@given(content=damaged((HEAD + ROWS).encode()), labels=st.booleans())
+@settings(
+    max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_a_damaged_file_is_read_or_refused_but_never_crashes(tmp_path, content, labels):
+    path = write(tmp_path, content)
+    extra = ("torque_nm",) if labels else ()
+    try:
+        list_columns(path, PLAIN)
+        table = read(path, "time_s", "angle_deg", labels=extra)
+    except DataError:
+        return
+    assert len({len(values) for values in table.columns.values()}) == 1
+
+
+@given(at=st.integers(0, 200), byte=st.integers(0, 255))
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_a_damaged_gzip_file_is_read_or_refused_but_never_crashes(tmp_path, at, byte):
+    path = write(tmp_path, HEAD + ROWS, "S01.csv.gz")
+    raw = bytearray(path.read_bytes())
+    raw[at % len(raw)] = byte
+    path.write_bytes(raw)
+    try:
+        table = read(path, "time_s")
+    except DataError:
+        return
+    assert len(table.columns["time_s"]) > 0
+
+
+# --- real files -------------------------------------------------------------------------------
+
+
+@needs_data
+@pytest.mark.real_data
+def test_the_unlabelled_seventh_column_is_refused():
+    path = DATA / "tmotor_bench" / "sys_ID_final" / "trial8.csv"
+    with pytest.raises(DataError, match=r"trial8.csv, row 2: 7 values under 6 column names"):
+        read(path, "loop_time")
+
+
+@needs_data
+@pytest.mark.real_data
+def test_a_log_without_a_header_is_noticed_and_read_by_number():
+    path = DATA / "tmotor_bench/torque_vary_with_angle/synchronized_trial_8/log_mitry_dephy.csv"
+    with pytest.raises(DataError, match="header = false"):
+        read(path, "time")
+    assert len(read(path, 1, header=False).columns["1"]) == 9097
+
+
+@needs_data
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("name", "column", "n"),
+    [
+        ("reklab_ankle/z_df.csv.gz", None, 60_000),
+        ("moore2015_walk/UnpertPre_data.csv", "time", 6001),
+        ("winter_normal/winter_normal_tidy.csv", "gait_percent", 51),
+        ("gaitanalysistoolkit/rawdata.txt", "% TimeStamp", 301),
+    ],
+)
+def test_real_recordings_agree_with_pandas(name, column, n):
+    tab = FilesSpec(delimiter="\t" if name.endswith(".txt") else None)
+    path = DATA / name
+    column = column or list_columns(path, tab)[0]
+    table = read_table(path, numeric=[column], files=tab)
+    expected = pd.read_csv(path, sep=tab.delimiter or ",")[column].to_numpy(float)
+    np.testing.assert_array_equal(table.columns[column], expected)
+    assert len(expected) == n
