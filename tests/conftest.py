@@ -83,7 +83,9 @@ class Outcome:
 
 
 @pytest.fixture
-def jointz(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> Callable[..., Outcome]:
+def jointz(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> Callable[..., Outcome]:
     """Run the command line inside the test's process."""
 
     def call(*arguments: object) -> Outcome:

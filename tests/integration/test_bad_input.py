@@ -152,9 +152,7 @@ def test_unsorted_or_repeated_time_stops_the_job_with_the_row(
 def test_a_gap_inside_a_pulse_excludes_the_pulse(small_study, analyze, tmp_path):
     analyze(small_study)
     onset = first_pulse(tmp_path)
-    small_study.edit_table(
-        PERTURBED, lambda t: t[~t["time"].between(onset + 0.03, onset + 0.06)]
-    )
+    small_study.edit_table(PERTURBED, lambda t: t[~t["time"].between(onset + 0.03, onset + 0.06)])
 
     outcome = analyze(small_study, "--overwrite")
 

@@ -25,9 +25,7 @@ def analyze(
     out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
     method: Annotated[
         str,
-        typer.Option(
-            "--method", help="recommended, dissertation, pre_pulse or matched_strides."
-        ),
+        typer.Option("--method", help="recommended, dissertation, pre_pulse or matched_strides."),
     ] = "recommended",
     resamples: Annotated[
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")

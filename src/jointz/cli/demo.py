@@ -44,8 +44,13 @@ def demo(
     if quiet:
         return
     rows = [
-        [r.parameter, f"{r.rms_error_pct:.0f} %", f"{100 * r.coverage:.0f} %", str(r.n)]
-        for r in accuracy.itertuples()
+        [
+            row["parameter"],
+            f"{row['rms_error_pct']:.0f} %",
+            f"{100 * row['coverage']:.0f} %",
+            str(row["n"]),
+        ]
+        for row in accuracy.to_dict("records")
     ]
     vaf = made.analysis.statistics["vaf"]["mean_pct"]
     header = ["parameter", "RMS error", "95 % intervals that hold the truth", "cells"]

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from click import Choice
 
 from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
 from jointz.cli.options import Debug, Json, Quiet
@@ -33,19 +34,31 @@ def joint(
         float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
     ] = None,
     perturbed: Annotated[
-        str, typer.Option("--input", help="What was perturbed: torque or angle.")
+        str,
+        typer.Option("--input", click_type=Choice(["torque", "angle"]), help="What was perturbed."),
     ] = "torque",
     torque_acts_on: Annotated[
-        str, typer.Option("--torque-acts-on", help="joint, or device: the sign is flipped.")
+        str,
+        typer.Option(
+            "--torque-acts-on",
+            click_type=Choice(["joint", "device"]),
+            help="device: the sign is flipped.",
+        ),
     ] = "joint",
     model: Annotated[
-        str, typer.Option("--model", help="kbj: stiffness, damping, inertia.")
+        str,
+        typer.Option(
+            "--model", click_type=Choice(["kbj"]), help="kbj: stiffness, damping, inertia."
+        ),
     ] = "kbj",
     estimator: Annotated[
         str | None,
         typer.Option(
             "--estimator",
-            help="least_squares, bounded_least_squares, admittance or instrumental_variable.",
+            click_type=Choice(
+                ["least_squares", "bounded_least_squares", "admittance", "instrumental_variable"]
+            ),
+            help="By default admittance for torque input, least_squares for angle input.",
         ),
     ] = None,
     cutoff_hz: Annotated[
@@ -72,7 +85,7 @@ def joint(
             file,
             {name: text for name, text in given.items() if text is not None},
             rate_hz=rate,
-            perturbed=perturbed,
+            input=perturbed,
             model=model,
             estimator=estimator,
             cutoff_hz=cutoff_hz,
@@ -114,5 +127,3 @@ def _print(fit: "JointFit") -> None:
     ]
     emit_table(rows, ["parameter", "value", "95 % interval", "unit", "status"])
     emit(fit.summary())
-
-

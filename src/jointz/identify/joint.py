@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from scipy.stats import t as student_t
 
-from jointz import __version__
+from jointz.core import provenance
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import ParameterEstimate
@@ -163,7 +163,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         "torque_acts_on": torque_acts_on,
         "ci_level": ci_level,
         "sha256": record.sha256,
-        "jointz": __version__,
+        "jointz": provenance.software()["jointz"],
     }
     return _report(
         solution,

@@ -42,6 +42,7 @@ _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is c
 _MISSING = ("", "NA", "NaN", "nan", "NAN", "-nan")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)
 _DIGITS = re.compile(r"[+-]?\d+(?:\.(?P<decimals>\d+))?(?:[eE][+-]?(?P<exponent>\d+))?")
+_OTHER_DECIMAL = str.maketrans(".,", ",.")
 _DECOMPRESSION_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 
 
@@ -447,12 +448,14 @@ def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> Dat
 
 
 def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
-    if cell in _MISSING or _NUMBER.fullmatch(cell.replace(layout.decimal, ".")):
+    swapped = cell.translate(_OTHER_DECIMAL)
+    own, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
+    if cell in _MISSING or _NUMBER.fullmatch(own):
         return
-    other = {".": ",", ",": "."}[layout.decimal]
     hint = "Correct the cell or leave it empty."
-    if _NUMBER.fullmatch(cell.replace(other, ".")):
-        hint = f'If the file writes decimals so, set [files] decimal = "{other}".'
+    if _NUMBER.fullmatch(other):
+        sign = {".": ",", ",": "."}[layout.decimal]
+        hint = f'If the file writes decimals so, set [files] decimal = "{sign}".'
     raise layout.error(f"expected a number, found '{cell}'. {hint}", row=row, channel=name)
 
 

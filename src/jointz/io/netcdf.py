@@ -2,6 +2,8 @@
 
 import os
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +72,8 @@ class NetcdfReader:
         files : FilesSpec
             Not used: a netCDF file describes itself.
         """
-        import h5netcdf
-
-        _refuse_classic(path)
-        try:
-            with h5netcdf.File(path, "r") as file:
-                return _walk(file, "")
-        except _LIBRARY_ERRORS as exc:
-            raise damaged(path, exc) from exc
+        with _opened(path) as file:
+            return _walk(file, "")
 
 
 def write_recording(recording: xr.Dataset, path: Path) -> None:
@@ -133,21 +129,10 @@ def read_recording(path: Path) -> xr.Dataset:
     """
     if not path.is_file():
         raise DataError(f"{path}: no such recording. Correct the name.", path=str(path))
-    _refuse_classic(path)
     recording = _load(path, "")
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in recording.attrs.items()}
     recording.attrs = plain
     return validate_recording(recording.drop_encoding())
-
-
-def _refuse_classic(path: Path) -> None:
-    with path.open("rb") as file:
-        if file.read(3) == _CLASSIC:
-            raise DataError(
-                f"{path.name}: expected netCDF-4, found the classic netCDF-3 format. Convert it: "
-                "nccopy -k nc4 OLD NEW.",
-                path=str(path),
-            )
 
 
 def _walk(group: Any, prefix: str) -> list[str]:
@@ -169,14 +154,31 @@ def _variables(path: Path, names: list[str]) -> dict[str, xr.DataArray]:
 
 
 def _load(path: Path, group: str, only: list[str] | None = None) -> xr.Dataset:
+    with _opened(path) as file:
+        store = xr.backends.H5NetCDFStore(file[group] if group else file)
+        dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
+        return (dataset if only is None else dataset[only]).load()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open by h5py, so that a file h5netcdf gives up on is closed all the same."""
+    import h5netcdf
+    import h5py
+
+    with path.open("rb") as raw:
+        if raw.read(len(_CLASSIC)) == _CLASSIC:
+            raise DataError(
+                f"{path.name}: expected netCDF-4, found the classic netCDF-3 format. Convert it: "
+                "nccopy -k nc4 OLD NEW.",
+                path=str(path),
+            )
     try:
-        with xr.open_dataset(
-            path,
-            engine="h5netcdf",
-            group=group or None,
-            decode_times=False,
-            decode_timedelta=False,
-        ) as dataset:
-            return (dataset if only is None else dataset[only]).load()
+        with h5py.File(path, "r") as content:
+            content.attrs.get("_nc3_strict")  # where h5netcdf would fail half-open
+            with h5netcdf.File(content, "r", decode_vlen_strings=True) as file:
+                yield file
+    except DataError:
+        raise
     except _LIBRARY_ERRORS as exc:
         raise damaged(path, exc) from exc

@@ -1,7 +1,6 @@
 """The main job with nothing to bring: simulate a study, analyse it, show the truth."""
 
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,7 +19,8 @@ MARKER = ".jointz-demo"
 _CONDITIONS = ("unperturbed", "perturbed")
 _CHANNELS = ("angle", "torque", "command", "contact")
 
-WriteRecording = Callable[[Simulated, Participant, str, Path], None]
+#: Lag of the measured angle of the nominal rig.
+_ANGLE_LAG_S = (0.004, 0.012)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,6 @@ def run_demo(
             seed=seed,
             progress=progress,
         )
-        _write_truth(people, folder / "ground_truth.json")
         analysis = analyze(folder / "study", seed=seed, progress=progress)
         truth = truth_table(analysis, people)
         truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
@@ -116,13 +115,15 @@ def write_study(
     Parameters
     ----------
     folder : pathlib.Path
-        Made; holds ``study.toml`` and the recordings.
+        Made; holds ``study.toml`` and the recordings. ``ground_truth.json`` is
+        written beside it and never read by the analysis.
     n_participants, n_pulses_per_point, n_unperturbed_strides : int
         Size of the study.
     seed : int
         Of participants and simulation; each participant has a stream of its own.
     settings : WalkerSettings, optional
-        Of the simulation.
+        Of the simulation; by default the nominal ones, with a lag of the
+        angle of 4 to 12 ms drawn for each participant.
     suffix : str
         ``.nc`` or ``.csv``.
     progress : callable, optional
@@ -136,6 +137,9 @@ def write_study(
     folder.mkdir(parents=True)
     write = _write_csv if suffix == ".csv" else _write_netcdf
     people = draw_participants(n_participants, np.random.default_rng(seed))
+    instruments = [
+        settings or _nominal(np.random.default_rng([seed, k])) for k in range(len(people))
+    ]
     for k, person in enumerate(people):
         if progress:
             progress(k, len(people), f"simulating {person.id}")
@@ -144,13 +148,24 @@ def write_study(
                 person,
                 condition=condition,
                 rng=np.random.default_rng([seed, k, j]),
-                settings=settings,
+                settings=instruments[k],
                 n_strides=n_unperturbed_strides,
                 n_pulses_per_point=n_pulses_per_point,
             )
             write(simulated, person, condition, folder / f"{person.id}_{condition}{suffix}")
     (folder / "study.toml").write_text(_study_toml(people, suffix), encoding="utf-8")
+    truth = [
+        {**asdict(person), "angle_lag_s": own.angle_lag_s}
+        for person, own in zip(people, instruments, strict=True)
+    ]
+    text = json.dumps(truth, indent=2, default=dict)
+    folder.with_name("ground_truth.json").write_text(text + "\n", encoding="utf-8")
     return people
+
+
+def _nominal(rng: np.random.Generator) -> WalkerSettings:
+    """Draw a goniometer's lag: nobody's instruments are without one (SCIENCE 4, nominal)."""
+    return WalkerSettings(angle_lag_s=float(rng.uniform(*_ANGLE_LAG_S)))
 
 
 def truth_table(analysis: StudyAnalysis, people: tuple[Participant, ...]) -> pd.DataFrame:
@@ -242,8 +257,3 @@ def _study_toml(people: tuple[Participant, ...], suffix: str) -> str:
             lines += ["", "[[recordings]]", f'participant = "{p.id}"']
             lines += [f'condition = "{condition}"', f'file = "{p.id}_{condition}{suffix}"']
     return "\n".join(lines) + "\n"
-
-
-def _write_truth(people: tuple[Participant, ...], file: Path) -> None:
-    truth = [asdict(person) for person in people]
-    file.write_text(json.dumps(truth, indent=2, default=dict) + "\n", encoding="utf-8")

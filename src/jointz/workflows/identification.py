@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -76,11 +77,7 @@ def identify_joint_file(
     columns: Mapping[str, str],
     *,
     rate_hz: float | None = None,
-    perturbed: str = "torque",
-    model: str = "kbj",
-    estimator: str | None = None,
-    cutoff_hz: float = 30.0,
-    torque_acts_on: str = "joint",
+    **settings: Any,
 ) -> tuple[JointFit, dict[str, Column]]:
     """Identify a joint from one time series in a file.
 
@@ -93,10 +90,9 @@ def identify_joint_file(
         ``COL[:unit]``.
     rate_hz : float, optional
         Where the file has no time column.
-    perturbed : str
-        ``torque`` or ``angle``: which of them was perturbed.
-    model, estimator, cutoff_hz, torque_acts_on
-        As in :func:`jointz.identify_joint`.
+    **settings : Any
+        ``model``, ``estimator``, ``input``, ``cutoff_hz``, ``torque_acts_on``
+        of :func:`jointz.identify_joint`.
 
     Returns
     -------
@@ -120,13 +116,5 @@ def identify_joint_file(
     for name, column in parsed.items():
         factor, offset = conversion(column.unit, CHANNEL_UNITS[name][0])
         signals[name] = factor * np.asarray(table.columns[column.name], dtype=float) + offset
-    fit = identify_joint(
-        signals,
-        rate_hz=rate_hz,
-        model=model,
-        estimator=estimator,
-        input=perturbed,
-        cutoff_hz=cutoff_hz,
-        torque_acts_on=torque_acts_on,
-    )
+    fit = identify_joint(signals, rate_hz=rate_hz, **settings)
     return fit, parsed

@@ -12,6 +12,7 @@ import pandas as pd
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError
 from jointz.report.figures import draw_figures
+from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
 
 #: The file that shows a folder to be one of ours, and so replaceable.
@@ -58,6 +59,8 @@ def write_results(
         )
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
         figures = draw_figures(analysis)
+        if truth is not None:
+            figures["truth"] = draw_truth(truth)
         (folder / "figures").mkdir()
         for name, svg in figures.items():
             (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
