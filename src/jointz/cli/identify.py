@@ -1,16 +1,46 @@
 """``jointz identify``: one time series to a model."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from click import Choice
 
 from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
 from jointz.cli.options import Debug, Json, Quiet
 
 if TYPE_CHECKING:
     from jointz.core.joint_fit import JointFit
+
+
+class Perturbed(StrEnum):
+    """Choices of ``--input``."""
+
+    TORQUE = "torque"
+    ANGLE = "angle"
+
+
+class ActsOn(StrEnum):
+    """Choices of ``--torque-acts-on``."""
+
+    JOINT = "joint"
+    DEVICE = "device"
+
+
+class Model(StrEnum):
+    """Choices of ``--model``."""
+
+    KBJ = "kbj"
+
+
+class Estimator(StrEnum):
+    """Choices of ``--estimator``."""
+
+    LEAST_SQUARES = "least_squares"
+    BOUNDED_LEAST_SQUARES = "bounded_least_squares"
+    ADMITTANCE = "admittance"
+    INSTRUMENTAL_VARIABLE = "instrumental_variable"
+
 
 identify = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Fit a model to a file.")
 
@@ -34,30 +64,18 @@ def joint(
         float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
     ] = None,
     perturbed: Annotated[
-        str,
-        typer.Option("--input", click_type=Choice(["torque", "angle"]), help="What was perturbed."),
-    ] = "torque",
+        Perturbed, typer.Option("--input", help="What was perturbed.")
+    ] = Perturbed.TORQUE,
     torque_acts_on: Annotated[
-        str,
-        typer.Option(
-            "--torque-acts-on",
-            click_type=Choice(["joint", "device"]),
-            help="device: the sign is flipped.",
-        ),
-    ] = "joint",
+        ActsOn, typer.Option("--torque-acts-on", help="device: the sign is flipped.")
+    ] = ActsOn.JOINT,
     model: Annotated[
-        str,
-        typer.Option(
-            "--model", click_type=Choice(["kbj"]), help="kbj: stiffness, damping, inertia."
-        ),
-    ] = "kbj",
+        Model, typer.Option("--model", help="kbj: stiffness, damping, inertia.")
+    ] = Model.KBJ,
     estimator: Annotated[
-        str | None,
+        Estimator | None,
         typer.Option(
             "--estimator",
-            click_type=Choice(
-                ["least_squares", "bounded_least_squares", "admittance", "instrumental_variable"]
-            ),
             help="By default admittance for torque input, least_squares for angle input.",
         ),
     ] = None,
@@ -85,15 +103,15 @@ def joint(
             file,
             {name: text for name, text in given.items() if text is not None},
             rate_hz=rate,
-            input=perturbed,
-            model=model,
-            estimator=estimator,
+            input=perturbed.value,
+            model=model.value,
+            estimator=estimator.value if estimator else None,
             cutoff_hz=cutoff_hz,
-            torque_acts_on=torque_acts_on,
+            torque_acts_on=torque_acts_on.value,
         )
     except EstimationError as exc:
         if as_json:
-            emit_json({"model": model, "status": f"failed:{exc.code}", "message": str(exc)})
+            emit_json({"model": model.value, "status": f"failed:{exc.code}", "message": str(exc)})
         else:
             typer.echo(f"jointz: {exc}", err=True)
         raise typer.Exit(EXIT_NOTHING_STANDS) from exc

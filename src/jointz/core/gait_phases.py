@@ -1,6 +1,7 @@
 """Phases of the gait cycle (Perry) and the timing points in their middles."""
 
 from collections.abc import Mapping
+from math import isfinite
 from types import MappingProxyType
 
 #: Phase name -> (start, end), % of the gait cycle.
@@ -36,12 +37,19 @@ def phase_name(gait_pct: float) -> str:
     str
         One of ``ICO`` .. ``TSW``.
 
+    Raises
+    ------
+    ValueError
+        For NaN or infinity.
+
     Examples
     --------
     >>> phase_name(7.0)
     'LRE'
     """
-    wrapped = gait_pct % 100.0
+    if not isfinite(gait_pct):
+        raise ValueError(f"gait_pct: expected a number, got {gait_pct}.")
+    wrapped = gait_pct % 100.0 % 100.0  # -1e-20 % 100.0 is 100.0
     return next(name for name, (_, end) in PHASES.items() if wrapped < end)
 
 

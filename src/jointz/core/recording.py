@@ -97,10 +97,10 @@ def build_recording(
     try:
         recording = xr.Dataset(data, coords=coords, attrs=attrs)
     except ValueError as exc:
-        lengths = {"time": len(time)} | {name: len(v) for name, v in channels.items()}
+        shapes = {"time": np.shape(time)} | {name: np.shape(v) for name, v in channels.items()}
         raise DataError(
-            f"{attributes.get('file', 'recording')}: channels differ in length: {lengths}. "
-            "Give every channel one sample per time stamp.",
+            f"{attributes.get('file') or 'recording'}: expected one sample of every channel per "
+            f"time stamp, got the shapes {shapes}. Give every channel as long as time.",
         ) from exc
     return validate_recording(recording)
 
@@ -187,6 +187,8 @@ def _channel_problems(recording: xr.Dataset) -> list[str]:
         unit = variable.attrs.get("units")
         if variable.dims != ("time",):
             problems.append(f"channel '{name}' has dimensions {variable.dims}, expected ('time',).")
+        if variable.dtype.kind != "f":
+            problems.append(f"channel '{name}' holds {variable.dtype}, expected float64.")
         if allowed and unit not in allowed:
             problems.append(f"channel '{name}' must be in {' or '.join(allowed)}, got {unit!r}.")
     return problems

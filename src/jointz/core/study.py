@@ -34,19 +34,33 @@ def _direction(value: Any) -> Any:
     return value
 
 
+def _column(value: Any) -> Any:
+    if type(value) not in (str, int):  # true would pass for 1
+        raise ValueError("expected the name or the number of a column")
+    return value
+
+
+def _version(value: Any) -> Any:
+    if type(value) is not int:  # true and 1.0 would pass for 1
+        raise ValueError("expected 1")
+    return value
+
+
 ConditionField = Annotated[Condition, BeforeValidator(_condition)]
 Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
 Direction = Annotated[str, BeforeValidator(_direction)]
+Column = Annotated[str | int, BeforeValidator(_column)]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    # strict: "72" is no mass and true is no rate; lists of TOML stand for tuples all the same.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class ChannelSpec(_Model):
     """Where one channel stands in a file, and how it is to be read."""
 
-    column: str | int
+    column: Column
     unit: str | None = None
     kind: Literal["contact", "voltage", "pulse"] | None = None
     positive: Direction | None = None
@@ -134,7 +148,7 @@ class GroupSpec(_Model):
     """Groups of pulses by the value of a channel at onset."""
 
     channel: str
-    edges: tuple[float, ...] = Field(min_length=2)
+    edges: tuple[float, ...] = Field(min_length=2, strict=False)
     unit: str | None = None
 
     @model_validator(mode="after")
@@ -174,15 +188,15 @@ class FilesSpec(_Model):
 class StudySpec(_Model):
     """The whole of a ``study.toml``, schema version 1."""
 
-    jointz: Literal[1]
+    jointz: Annotated[Literal[1], BeforeValidator(_version)]
     joint: str = Field(min_length=1)
     kind: Literal["walking", "bench"]
     positive: Direction = "flexion"
     torque_acts_on: Literal["joint", "device"] = "joint"
     sample_rate_hz: float | None = Field(default=None, gt=0)
     channels: dict[str, ChannelSpec]
-    participants: tuple[ParticipantSpec, ...] = Field(min_length=1)
-    recordings: tuple[RecordingSpec, ...] = Field(min_length=1)
+    participants: tuple[ParticipantSpec, ...] = Field(min_length=1, strict=False)
+    recordings: tuple[RecordingSpec, ...] = Field(min_length=1, strict=False)
     perturbations: PerturbationsSpec = PerturbationsSpec()
     files: FilesSpec = FilesSpec()
     calibration: CalibrationSpec = CalibrationSpec()

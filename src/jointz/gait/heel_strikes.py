@@ -32,6 +32,7 @@ _BLIP_SHARE, _DROPOUT_SHARE, _BLIP_ALONE = 0.1, 0.3, 3.0
 
 #: Levels closer than this many standard deviations of the signal about them are one level.
 _SEPARATION = 4.0
+_LEVEL_SAMPLES = 50_000
 _MAD_TO_SD = 1.4826
 
 #: Vertical force: strike, sure contact (N, or share of the load), least load of a foot.
@@ -242,8 +243,8 @@ def _kind(signal: np.ndarray) -> str:
 
 def _finite(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     signal = np.asarray(signal, dtype=float)
-    good = np.isfinite(signal)
-    return np.asarray(time, dtype=float)[good], signal[good]
+    time, good = np.asarray(time, dtype=float), np.isfinite(signal)
+    return (time, signal) if good.all() else (time[good], signal[good])
 
 
 def _limit(t: np.ndarray) -> float:
@@ -255,6 +256,11 @@ def _coarse_levels(x: np.ndarray) -> tuple[float, float]:
     """Return stage one: robust percentiles, or the extremes where these coincide."""
     low, high = np.percentile(x, [1, 99])
     return (float(low), float(high)) if high > low else (float(x.min()), float(x.max()))
+
+
+def _thinned(x: np.ndarray) -> np.ndarray:
+    """Return at most so many samples, evenly spread: a level needs no more."""
+    return x[:: 1 + x.size // _LEVEL_SAMPLES]
 
 
 def _level(x: np.ndarray) -> tuple[float, float]:
@@ -272,7 +278,7 @@ def _thresholds(x: np.ndarray, coarse: tuple[float, float]) -> tuple[float, floa
     above = x >= 0.5 * (coarse[0] + coarse[1])
     if above.all() or not above.any():
         return None
-    (low, low_spread), (high, high_spread) = _level(x[~above]), _level(x[above])
+    (low, low_spread), (high, high_spread) = _level(_thinned(x[~above])), _level(_thinned(x[above]))
     spread = max(low_spread, 0.5 * (low_spread + high_spread))
     if high - low <= _SEPARATION * spread:
         return None
@@ -309,20 +315,26 @@ def _trigger(
 ) -> HeelStrikes:
     """Find the rises, when they crossed the lower threshold, and which are strikes."""
     low, high = thresholds
-    index = np.arange(t.size)
-    decided = np.maximum.accumulate(np.where((x >= high) | (x < low), index, -1))
+    # -1 below, 0 between, 1 above: only where this changes can anything happen.
+    side = (x >= high).astype(np.int8) - (x < low)
+    start = np.append(0, np.flatnonzero(side[1:] != side[:-1]) + 1)
+    run = np.arange(start.size)
+    decided = np.maximum.accumulate(np.where(side[start] != 0, run, -1))
     # What stands between the thresholds at the very beginning may be a contact already.
-    state = (decided < 0) | (x[decided] >= high)
-    rise = np.flatnonzero(~state[:-1] & state[1:]) + 1
-    fall = np.flatnonzero(state[:-1] & ~state[1:]) + 1
-    below = np.maximum.accumulate(np.where(x < low, index, -1))[rise - 1]
-    lost = np.append(0, np.cumsum(np.diff(t) > _limit(t)))
+    state = (decided < 0) | (side[start][decided] > 0)
+    rising = np.flatnonzero(~state[:-1] & state[1:]) + 1
+    rise = start[rising]
+    fall = start[np.flatnonzero(state[:-1] & ~state[1:]) + 1]
+    low_run = np.maximum.accumulate(np.where(side[start] < 0, run, -1))[rising - 1]
+    below = np.append(start, t.size)[low_run + 1] - 1
+    holes = np.flatnonzero(np.diff(t) > _limit(t))
+    seen = np.searchsorted(holes, below) == np.searchsorted(holes, rise)
     time_s = t[below + 1]
     if method in _INTERPOLATED:
         share = (low - x[below]) / (x[below + 1] - x[below])
         time_s = t[below] + share * (time_s - t[below])
     kept = np.ones(rise.size, dtype=bool) if method == "pulse" else _debounced(t, rise, fall)
-    strike, rejected = _select(time_s, kept, seen=lost[rise] == lost[below])
+    strike, rejected = _select(time_s, kept, seen=seen)
     return HeelStrikes(strike, rejected, low, high, method)
 
 

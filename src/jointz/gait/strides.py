@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -124,7 +125,7 @@ class _Band:
 
     @property
     def expected(self) -> float:
-        return float(np.median(list(self._recent)))
+        return median(self._recent)
 
     def accept(self, duration: float) -> None:
         self._recent.append(duration)
@@ -132,7 +133,7 @@ class _Band:
 
     def reject(self, duration: float) -> None:
         self._rejected.append(duration)
-        middle = float(np.median(list(self._rejected)))
+        middle = median(self._rejected)
         agree = all(SHORTEST <= d / middle <= LONGEST for d in self._rejected)
         if len(self._rejected) == _MEMORY and agree:
             self._recent = deque([middle], maxlen=_MEMORY)

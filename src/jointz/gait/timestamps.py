@@ -19,7 +19,7 @@ _HABIT_COUNT = 10
 
 
 def rate_hz(time: np.ndarray) -> float:
-    """Return the sampling rate, from the median step.
+    """Return the sampling rate: from the mean step of an even clock, else the median one.
 
     Parameters
     ----------
@@ -36,7 +36,10 @@ def rate_hz(time: np.ndarray) -> float:
     >>> round(rate_hz(np.array([0.0, 0.01, 0.02, 0.5, 0.51])))
     100
     """
-    return 1.0 / float(np.median(np.diff(time)))
+    steps = np.diff(time)
+    if _even(steps, 1.0 + 2 * _JITTER):
+        return steps.size / float(time[-1] - time[0])  # no digit lost to rounded stamps
+    return 1.0 / float(np.median(steps))
 
 
 def longest_step_s(time: np.ndarray) -> float:
@@ -58,11 +61,18 @@ def longest_step_s(time: np.ndarray) -> float:
         The longest step of an unbroken recording, s.
     """
     steps = np.diff(time)
+    if _even(steps, _GAP_STEPS):
+        return _GAP_STEPS * float(steps.mean())
     usual = float(np.median(steps))
     rank = steps.size - 1 - max(_HABIT_COUNT, int(_HABIT * steps.size))
     if rank > 0:
         usual = max(usual, float(np.partition(steps, rank)[rank]))
     return _GAP_STEPS * usual
+
+
+def _even(steps: np.ndarray, ratio: float) -> bool:
+    """Tell whether no step is longer than ``ratio`` times the shortest."""
+    return bool(steps.size) and float(steps.max()) <= ratio * float(steps.min())
 
 
 def find_gaps(time: np.ndarray) -> np.ndarray:
@@ -85,7 +95,10 @@ def find_gaps(time: np.ndarray) -> np.ndarray:
     """
     if len(time) < 2:
         return np.empty((0, 2))
-    at = np.flatnonzero(np.diff(time) > longest_step_s(time))
+    steps = np.diff(time)
+    if _even(steps, _GAP_STEPS):
+        return np.empty((0, 2))
+    at = np.flatnonzero(steps > longest_step_s(time))
     return np.column_stack([time[at], time[at + 1]])
 
 
@@ -110,6 +123,8 @@ def stretches(time: np.ndarray, finite: np.ndarray) -> list[slice]:
     >>> stretches(np.arange(5.0), np.array([True, True, False, True, True]))
     [slice(0, 2, None), slice(3, 5, None)]
     """
+    if len(time) > 1 and finite.all() and _even(np.diff(time), _GAP_STEPS):
+        return [slice(0, len(time))]
     good = np.flatnonzero(finite)
     if good.size == 0:
         return []

@@ -95,10 +95,12 @@ def _of_source(
     _, window_codes = source.signals.cut(
         onsets, before_s=0.0, after_s=settings.perturbations.window_s
     )
+    grouped = settings.perturbations.group is not None
+    nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     found = []
     for k, pulse in enumerate(source.pulses):
         user = settings.leaves_out(source.given.file, pulse.onset_s)
-        no_group = "" if labels[k] else Exclusion.OUTSIDE_GROUPS.value
+        no_group = "" if labels[k] else nameless.value
         codes = (phase_codes[k], no_group, overlap_codes[k], window_codes[k])
         record = PulseRecord(
             participant=participant,

@@ -23,6 +23,9 @@ PRE_PULSE_S = 0.05
 MATCH_S = 0.15
 N_MATCHES = 10
 _FEWEST_MATCHES = 3
+#: Angles are compared at this rate: they are low-passed far below.
+_MATCH_HZ = 100.0
+_ANGLE_ONLY = slice(ANGLE, ANGLE + 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,8 @@ class Baseline:
     @property
     def codes(self) -> list[str]:
         """``""`` for each pulse that has a baseline, else ``no_baseline``."""
-        return ["" if any_valid else Exclusion.NO_BASELINE.value for any_valid in self.valid.any(1)]
+        there = np.asarray(self.valid.any(axis=1)).tolist()
+        return ["" if any_valid else Exclusion.NO_BASELINE.value for any_valid in there]
 
     @property
     def n_sources(self) -> int:
@@ -104,10 +108,13 @@ class StridePool:
         The recordings.
     starts_s : tuple of (m,) float, s
         Heel strikes (or starts of a bench trial) in each.
+    onsets_s : tuple of (k,) float, s
+        Pulses in each, in order: a window that reaches into one is not valid.
     """
 
     recordings: tuple[Conditioned, ...]
     starts_s: tuple[np.ndarray, ...]
+    onsets_s: tuple[np.ndarray, ...]
 
     @property
     def size(self) -> int:
@@ -140,8 +147,30 @@ class StridePool:
             cut, _ = recording.cut(moments, before_s=0.0, after_s=window_s)
             parts.append(cut.reshape(elapsed.size, len(starts), *cut.shape[1:]))
         windows = np.concatenate(parts, axis=1)
-        valid = ~np.isnan(windows[:, :, 0, 0])
+        valid = ~np.isnan(windows[:, :, 0, 0]) & self.undisturbed(elapsed + window_s)
         return np.where(valid[:, :, None, None], windows, 0.0), valid
+
+    def undisturbed(self, until_s: np.ndarray) -> np.ndarray:
+        """Tell where no pulse begins between a stride's start and the end of a window.
+
+        Parameters
+        ----------
+        until_s : (p,) float, s
+            End of each window, from the stride's start.
+
+        Returns
+        -------
+        (p, m) bool
+            One column a stride.
+        """
+        return np.concatenate(
+            [
+                np.searchsorted(onsets, starts)
+                == np.searchsorted(onsets, starts + np.asarray(until_s)[:, None])
+                for onsets, starts in zip(self.onsets_s, self.starts_s, strict=True)
+            ],
+            axis=1,
+        )
 
 
 def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: float) -> Baseline:
@@ -183,18 +212,21 @@ def matched_strides(
     alone is compared: torque is near zero between pulses.
     """
     (recording,), (starts,) = pool.recordings, pool.starts_s
+    every = max(1, int(recording.rate_hz / _MATCH_HZ))
+    undisturbed = pool.undisturbed(np.asarray(elapsed_s) + window_s)
     best = np.zeros((len(before), min(N_MATCHES, starts.size)), dtype=int)
     moments = np.zeros(best.shape)
     for i, (elapsed, own) in enumerate(zip(elapsed_s, before, strict=True)):
         others, _ = recording.cut(
-            starts + elapsed, before_s=MATCH_S, after_s=0.0, rows=slice(ANGLE, ANGLE + 1)
+            starts + elapsed, before_s=MATCH_S, after_s=0.0, rows=_ANGLE_ONLY, every=every
         )
-        distance = ((others[:, 0] - own) ** 2).mean(axis=1)
+        distance = ((others[:, 0] - own[::every]) ** 2).mean(axis=1)
+        distance[~undisturbed[i]] = np.nan
         best[i] = np.argsort(distance, kind="stable")[: best.shape[1]]  # NaN comes last
         moments[i] = starts[best[i]] + elapsed
     windows, _ = recording.cut(moments.ravel(), before_s=MATCH_S, after_s=window_s)
     windows = windows[:, :, before.shape[1] :].reshape(*best.shape, 4, -1)
-    valid = np.isfinite(windows[:, :, 0, 0])
+    valid = np.isfinite(windows[:, :, 0, 0]) & np.take_along_axis(undisturbed, best, axis=1)
     valid &= valid.sum(axis=1, keepdims=True) >= _FEWEST_MATCHES
     return Baseline(np.where(valid[:, :, None, None], windows, 0.0), best, valid)
 

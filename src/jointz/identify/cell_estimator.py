@@ -14,7 +14,7 @@ from jointz.identify.assignment import Candidate
 from jointz.identify.baselines import Baseline, StridePool
 from jointz.identify.cells import FitSettings, Method, failed_parameters, fit_cell
 from jointz.identify.conditioning import ANGLE
-from jointz.identify.sources import ParticipantSettings, Source
+from jointz.identify.sources import ParticipantSettings, Source, most_alike
 
 
 class CellEstimator:
@@ -32,7 +32,7 @@ class CellEstimator:
         self._sources = sources
         self._settings = settings
         self._baseline = settings.perturbations.baseline or method.baseline
-        self._pools: dict[int, StridePool] = {}
+        self._pools: dict[tuple[int, ...], StridePool] = {}
 
     def run(
         self, candidates: Sequence[Candidate]
@@ -145,7 +145,7 @@ class CellEstimator:
             mine = [c for c in candidates if c.source == index]
             parts.append((index, *self._of_source(index, mine)))
         windows = np.concatenate([w for _, w, _ in parts])
-        baseline = _stacked([b for _, _, b in parts])
+        baseline = _stacked([(self._home(index), b) for index, _, b in parts])
         # Back into the order of the candidates.
         placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
         back = np.argsort(placed)
@@ -162,7 +162,7 @@ class CellEstimator:
         if self._baseline == "pre_pulse":
             before, _ = signals.cut(onsets, before_s=baselines.PRE_PULSE_S, after_s=0.0)
             return windows, baselines.pre_pulse(before, n_samples=windows.shape[2])
-        pool = self._pool(index)
+        pool = self._pool(self._home(index))
         if pool.size == 0 or np.isnan(elapsed).any():
             return windows, _no_baseline(windows)
         if self._baseline == "unperturbed_mean":
@@ -171,15 +171,26 @@ class CellEstimator:
         angle = np.nan_to_num(before[:, ANGLE])
         return windows, baselines.matched_strides(pool, elapsed, angle, window_s=window_s)
 
-    def _pool(self, index: int) -> StridePool:
-        if index not in self._pools:
+    def _home(self, index: int) -> tuple[int, ...]:
+        """Return which recordings make the baseline of the pulses of one."""
+        if self._baseline != "unperturbed_mean":
+            return (index,)
+        unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
+        # A new donning moves the sensor; on a bench every trial has a reference of its own.
+        keys = ("session", "side") if self._settings.walking else ("session", "side", "trial")
+        alike = most_alike(self._sources[index].given, unperturbed, keys=keys)
+        return tuple(k for k, s in enumerate(self._sources) if any(s.given is a for a in alike))
+
+    def _pool(self, home: tuple[int, ...]) -> StridePool:
+        if home not in self._pools:
+            sources = [self._sources[k] for k in home]
             own = self._baseline == "matched_strides"
-            self._pools[index] = (
-                _own_pool(self._sources[index])
+            self._pools[home] = (
+                _own_pool(sources[0])
                 if own
-                else _unperturbed_pool(self._sources, walking=self._settings.walking)
+                else _unperturbed_pool(sources, walking=self._settings.walking)
             )
-        return self._pools[index]
+        return self._pools[home]
 
 
 def _no_baseline(windows: np.ndarray) -> Baseline:
@@ -189,16 +200,20 @@ def _no_baseline(windows: np.ndarray) -> Baseline:
     )
 
 
-def _stacked(parts: Sequence[Baseline]) -> Baseline:
-    """Join baselines of several recordings; their strides stay apart."""
-    widest = max(b.windows.shape[1] for b in parts)
-    windows, sources, valid, first = [], [], [], 0
-    for part in parts:
+def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
+    """Join baselines of several recordings; strides are shared where their home is."""
+    widest = max(b.windows.shape[1] for _, b in parts)
+    windows, sources, valid = [], [], []
+    first: dict[tuple[int, ...], int] = {}
+    total = 0
+    for home, part in parts:
+        if home not in first:
+            first[home] = total
+            total += part.n_sources
         pad = widest - part.windows.shape[1]
         windows.append(np.pad(part.windows, ((0, 0), (0, pad), (0, 0), (0, 0))))
-        sources.append(np.pad(part.sources + first, ((0, 0), (0, pad)), mode="edge"))
+        sources.append(np.pad(part.sources + first[home], ((0, 0), (0, pad)), mode="edge"))
         valid.append(np.pad(part.valid, ((0, 0), (0, pad))))
-        first += part.n_sources
     return Baseline(np.concatenate(windows), np.concatenate(sources), np.concatenate(valid))
 
 
@@ -214,22 +229,27 @@ def _mean_phase(phases: Sequence[float | None]) -> float | None:
 
 def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
     """Collect the strides of the unperturbed condition; a bench trial is one stride."""
-    recordings, starts = [], []
+    recordings, starts, onsets = [], [], []
     for source in sources:
-        if source.given.condition != "unperturbed" or (walking and source.strides is None):
+        if walking and source.strides is None:
             continue
         recordings.append(source.signals)
+        onsets.append(_onsets(source))
         if source.strides is None:
             starts.append(source.given.recording["time"].to_numpy()[:1])
         else:
             starts.append(source.strides.start_s[source.undisturbed])
-    return StridePool(tuple(recordings), tuple(starts))
+    return StridePool(tuple(recordings), tuple(starts), tuple(onsets))
 
 
 def _own_pool(source: Source) -> StridePool:
     """Collect the strides of a perturbed recording that neither hold nor follow a pulse."""
     if source.strides is None:
-        return StridePool((), ())
+        return StridePool((), (), ())
     after_one = np.concatenate([[False], source.undisturbed[:-1]])
     start = source.strides.start_s[source.undisturbed & after_one]
-    return StridePool((source.signals,), (start,))
+    return StridePool((source.signals,), (start,), (_onsets(source),))
+
+
+def _onsets(source: Source) -> np.ndarray:
+    return np.array([p.onset_s for p in source.pulses])

@@ -291,11 +291,11 @@ def _parameters(
     scale, intrinsic, known = _calibration_draws(settings, len(replicates.bounded), rng)
     estimates = []
     for i, name in enumerate(PARAMETERS):
-        bound = 0.0 - known[i]
+        bound = float(0.0 - known[i])
         draws = scale * replicates.bounded[:, i] - intrinsic[:, i]
         free = scale * replicates.unbounded[:, i] - intrinsic[:, i]
         share = float((replicates.active >> i & 1).mean())
-        at_bound = bool(held >> i & 1) or share >= 0.5
+        at_bound = bool(held >> i & 1) or share >= 0.5 or point[i] == 0.0
         low, high = _interval(draws, free, bound=bound, at_bound=at_bound)
         estimates.append(
             ParameterEstimate(

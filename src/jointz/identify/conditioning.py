@@ -83,6 +83,7 @@ class Conditioned:
         before_s: float,
         after_s: float,
         rows: slice = slice(None),
+        every: int = 1,
     ) -> tuple[np.ndarray, list[str]]:
         """Cut one window a start.
 
@@ -94,6 +95,8 @@ class Conditioned:
             How far the window reaches before and after its start.
         rows : slice
             Which of the four signals.
+        every : int
+            Take every so-manieth sample: the signals are low-passed.
 
         Returns
         -------
@@ -105,9 +108,9 @@ class Conditioned:
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
         n_rows = len(range(4)[rows])
-        windows = np.full((starts.size, n_rows, n_before + n_after), np.nan)
+        offsets = np.arange(-n_before, n_after, every)
+        windows = np.full((starts.size, n_rows, offsets.size), np.nan)
         codes = [""] * starts.size
-        offsets = np.arange(-n_before, n_after)
         home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
         for index in np.unique(home[home >= 0]):
             chosen = np.flatnonzero(home == index)
@@ -167,9 +170,7 @@ def condition(
         When the cut-off lies above half the sampling rate.
     """
     time = recording["time"].to_numpy()
-    torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(time.size)
-    raw = np.vstack([recording["angle"].to_numpy(), torque])
-    raw /= np.array([[_value(calibration, "angle_gain", 1.0)], [_torque_gain(calibration)]])
+    raw = _calibrated(recording, calibration)
     own_rate = rate_hz(time)
     if cutoff_hz >= own_rate / 2:
         raise DataError(
@@ -178,11 +179,11 @@ def condition(
             path=str(recording.attrs.get("file")),
         )
     lags = (_value(calibration, "angle_lag_s", 0.0), _value(calibration, "torque_lag_s", 0.0))
-    finite = np.isfinite(raw).all(axis=0)
+    finite = np.isfinite(raw[0]) & np.isfinite(raw[1])
     runs = [
         _stretch(
             time[part],
-            raw[:, part],
+            (raw[0][part], raw[1][part]),
             cutoff_hz=cutoff_hz,
             lags_s=lags,
             rates_hz=(own_rate, target_rate_hz or own_rate),
@@ -260,17 +261,21 @@ def _derivatives(
 
 def _stretch(
     time: np.ndarray,
-    raw: np.ndarray,
+    raw: tuple[np.ndarray, np.ndarray],
     *,
     cutoff_hz: float,
     lags_s: Sequence[float],
     rates_hz: tuple[float, float],
 ) -> Stretch:
     own_rate, rate = rates_hz
-    uniform, values = resample_stretch(time, raw, step_s=1.0 / own_rate)
-    smooth = lowpass_zero_phase(values, cutoff_hz=cutoff_hz, rate_hz=own_rate)
-    velocity = derivative(smooth[0], rate_hz=own_rate)
-    signals = np.vstack([smooth[:1], velocity, derivative(velocity, rate_hz=own_rate), smooth[1:]])
+    signals = np.empty((4, 0))
+    uniform = time
+    for row, values in ((ANGLE, raw[0]), (TORQUE, raw[1])):
+        uniform, even = resample_stretch(time, values, step_s=1.0 / own_rate)
+        signals = signals if signals.shape[1] else np.empty((4, uniform.size))
+        signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
+    signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)
+    signals[ACCELERATION] = derivative(signals[VELOCITY], rate_hz=own_rate)
     wanted = uniform
     if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
         wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
@@ -290,5 +295,13 @@ def _value(calibration: CalibrationSpec, name: str, default: float) -> float:
     return default if entry is None else float(entry.value)
 
 
-def _torque_gain(calibration: CalibrationSpec) -> float:
-    return _value(calibration, "torque_gain", 1.0)
+def _calibrated(
+    recording: xr.Dataset, calibration: CalibrationSpec
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and torque with their gains divided out; no torque is zero torque."""
+    angle = recording["angle"].to_numpy()
+    torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(angle.size)
+    gains = [_value(calibration, name, 1.0) for name in ("angle_gain", "torque_gain")]
+    if gains == [1.0, 1.0]:
+        return angle, torque
+    return angle / gains[0], torque / gains[1]

@@ -58,9 +58,12 @@ def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
         ``onset_s``, ``duration_s``, ``amplitude_nm``, ``timing_point``.
     """
     ordered = table.sort_values("onset_s", kind="stable")
+    names = ("onset_s", "duration_s", "amplitude_nm")
+    numbers = ordered[list(names)].to_numpy(dtype=float)
+    points = ordered["timing_point"].astype(str)
     return tuple(
-        Pulse(float(r.onset_s), float(r.duration_s), float(r.amplitude_nm), str(r.timing_point))
-        for r in ordered.itertuples()
+        Pulse(onset, duration, amplitude, point)
+        for (onset, duration, amplitude), point in zip(numbers.tolist(), points, strict=True)
     )
 
 

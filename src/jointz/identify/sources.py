@@ -231,13 +231,13 @@ def _pulses(
         return pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
     if source == "command":
         return pulses_from_command(given.recording)
-    partner = _partner(given, unperturbed)
-    if partner is None:
+    partners = most_alike(given, unperturbed, keys=("session", "side", "trial"))
+    if not partners:
         raise DataError(
             f"{given.file}: pulses are to be read off the difference of references, which needs "
             "an unperturbed recording of the same participant. Add it, or a pulse table."
         )
-    return pulses_from_reference(given.recording, partner.recording)
+    return pulses_from_reference(given.recording, partners[0].recording)
 
 
 def _usual_source(given: RecordingInput) -> str:
@@ -246,14 +246,31 @@ def _usual_source(given: RecordingInput) -> str:
     return "command" if "command" in given.recording else "reference"
 
 
-def _partner(given: RecordingInput, unperturbed: Sequence[RecordingInput]) -> RecordingInput | None:
-    """Return the unperturbed recording of the same session or trial, else any."""
-    keys = ("session", "trial")
+def most_alike(
+    given: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
+) -> list[RecordingInput]:
+    """Return the recordings that share most with one: its session, side or trial.
 
-    def alike(other: RecordingInput) -> int:
-        return sum(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)
+    Parameters
+    ----------
+    given : RecordingInput
+        The recording.
+    others : sequence of RecordingInput
+        Where to choose from.
+    keys : sequence of str
+        Attributes to compare; an earlier one counts more than all later ones.
 
-    return max(unperturbed, key=alike, default=None)
+    Returns
+    -------
+    list of RecordingInput
+        All that are equally alike; without anything in common, all others.
+    """
+
+    def shared(other: RecordingInput) -> tuple[bool, ...]:
+        return tuple(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)
+
+    best = max(map(shared, others), default=())
+    return [other for other in others if shared(other) == best]
 
 
 def _undisturbed(

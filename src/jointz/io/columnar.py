@@ -49,7 +49,7 @@ class ParquetReader:
                 if missing:
                     raise missing_columns(path, missing, schema.names)
                 table = file.read(columns=names)
-        except (arrow.ArrowException, OSError) as exc:
+        except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
         columns = {}
         for c in map(str, request.numeric):
@@ -73,7 +73,7 @@ class ParquetReader:
         arrow = _arrow(path)
         try:
             return list(arrow.parquet.read_schema(path).names)
-        except (arrow.ArrowException, OSError) as exc:
+        except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
 
 

@@ -24,6 +24,10 @@ from jointz.io.registry import (
     register_reader,
 )
 
+_HEADER_BYTES = 128
+_BLOCK_BYTES = 1 << 20
+_MATRIX, _COMPRESSED = 14, 15  # types of the elements of a version 5 file
+
 #: What a damaged file makes scipy, h5py and pymatreader raise.
 _LIBRARY_ERRORS = (
     *(OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, AssertionError),
@@ -91,6 +95,7 @@ class MatlabReader:
 def _load(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
     """Return the variables, and whether there are MATLAB objects among them."""
     try:
+        _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             content = pymatreader.read_mat(path, variable_names=variables)
@@ -98,6 +103,31 @@ def _load(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]
         raise damaged(path, exc) from exc
     objects = any("pymatreader" in str(w.filename) for w in caught)
     return {k: v for k, v in content.items() if not k.startswith("__")}, objects
+
+
+def _check_elements(path: Path) -> None:
+    """Walk a version 5 file and prove its checksums: scipy may crash on a damaged one."""
+    with path.open("rb") as file:
+        header = file.read(_HEADER_BYTES)
+        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(header[124:])
+        if order is None:
+            return  # version 4 or 7.3
+        while tag := file.read(8):
+            kind, size = struct.unpack(f"{order}2I", tag)
+            content = file.read(size)
+            if len(content) < size or kind not in (_MATRIX, _COMPRESSED):
+                raise EOFError("a variable is cut off")
+            if kind == _COMPRESSED:
+                _check_checksum(content)
+
+
+def _check_checksum(content: bytes) -> None:
+    stream = zlib.decompressobj()
+    while content and not stream.eof:
+        stream.decompress(content, _BLOCK_BYTES)
+        content = stream.unconsumed_tail
+    if not stream.eof:
+        raise EOFError("a compressed variable is cut off")
 
 
 def _at(value: Any, parts: list[str]) -> Any:

@@ -9,7 +9,6 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core.channels import (
-    CHANNEL_UNITS,
     CONDITIONS,
     DEVICE_SIDE_CHANNELS,
     LABEL_CHANNELS,
@@ -19,8 +18,8 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording
 from jointz.core.study import RecordingSpec, Study, StudySpec
 from jointz.io.registry import RawTable, read_table
-from jointz.io.study import data_file
-from jointz.io.units import conversion, si_unit_of
+from jointz.io.study import channel_unit, data_file, needed_channels
+from jointz.io.units import conversion
 
 Unit = tuple[str, float, float]
 
@@ -53,16 +52,9 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     spec = study.spec
     path = data_file(study.root, entry.file)
     columns = {name: channel.column for name, channel in spec.channels.items()}
-    labels = [
-        name
-        for name in LABEL_CHANNELS
-        if name in columns and not (name == "condition" and entry.condition)
-    ]
-    numeric = [
-        name
-        for name in columns
-        if name not in LABEL_CHANNELS and not _may_be_absent(name, entry, columns)
-    ]
+    needed = needed_channels(columns, entry.condition)
+    labels = [name for name in LABEL_CHANNELS if name in needed]
+    numeric = [name for name in needed if name not in LABEL_CHANNELS]
     table = read_table(
         path,
         numeric=[columns[n] for n in numeric],
@@ -103,7 +95,7 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     path = data_file(study.root, entry.perturbations)
     try:
         table = pd.read_csv(path, encoding="utf-8-sig", dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as exc:
+    except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
         raise DataError(f"{path.name}: not a readable pulse table: {exc}.", path=str(path)) from exc
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
@@ -112,12 +104,20 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
             f"(onset_s is required), got {', '.join(map(str, table.columns))}.",
             path=str(path),
         )
+    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
+        raise DataError(
+            f"{path.name}, row 2: expected {len(table.columns)} values as in the header, found "
+            "more. Correct the rows.",
+            path=str(path),
+            row=2,
+        )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
     for name in ("duration_s", "amplitude_nm"):
         pulses[name] = (
             _numbers(path, table, name, required=False) if name in table.columns else np.nan
         )
-    given = table["timing_point"] if "timing_point" in table.columns else ""
+    named = "timing_point" in table.columns
+    given = table["timing_point"].fillna("").str.strip() if named else ""
     pulses["timing_point"] = given
     return pulses
 
@@ -136,12 +136,6 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
             row=row + 2,
         )
     return values
-
-
-def _may_be_absent(name: str, entry: RecordingSpec, columns: Mapping[str, str | int]) -> bool:
-    """Without a device only kinematics and contact are expected in the file."""
-    kept = {"time", "angle", "velocity", "contact", "ground_reaction_force"}
-    return entry.condition == "no_device" and name not in kept and name in columns
 
 
 def _in_si(
@@ -166,13 +160,13 @@ def _agreed(
 ) -> Unit:
     """Settle the unit a file states against the one the study declares."""
     own = spec.channels[name].unit
-    if own is None and name not in CHANNEL_UNITS:
-        return si_unit_of(stated)
     try:
+        if own is None:
+            return channel_unit(name, stated)
         from_file = conversion(stated, declared[0])
     except UnitError as exc:
         raise UnitError(f"{entry.file}, channel '{name}': {exc}", channel=name) from exc
-    if own is not None and not np.allclose(from_file, declared[1:], rtol=1e-9):
+    if not np.allclose(from_file, declared[1:], rtol=1e-9, atol=0.0):
         raise UnitError(
             f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
             f"{own!r}. Correct one of them.",
@@ -246,7 +240,9 @@ def _time(
         n = len(next(iter(channels.values()))[rows])
         return np.arange(n) / float(declared or 1.0)
     time = channels["time"][rows]
-    step = float(np.nanmedian(np.diff(time))) if time.size > 1 else 0.0
+    steps = np.diff(time)
+    steps = steps[np.isfinite(steps)]
+    step = float(np.median(steps)) if steps.size else 0.0
     if declared and step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
         raise DataError(
             f"{entry.file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "

@@ -6,21 +6,42 @@ import os
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ValidationError
 
-from jointz.core.channels import CHANNEL_UNITS, CONDITIONS, LABEL_CHANNELS
+from jointz.core.channels import (
+    CHANNEL_UNITS,
+    CONDITIONS,
+    LABEL_CHANNELS,
+    OPPOSITE_DIRECTION,
+)
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion
 from jointz.io.registry import list_columns
 from jointz.io.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
-_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason", "time")
+_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
+_ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)
+_INTEGERS = range(-(2**63), 2**63)  # those of TOML
+_LONGEST_SHOWN = 80
+#: What pydantic calls by the names of Python, in the words of a file.
+_EXPECTED = {
+    "model_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+}
 
 Problems = list[str]
 Unit = tuple[str, float, float]
@@ -47,8 +68,8 @@ def open_study(path: str | os.PathLike[str]) -> Study:
         When there is no ``study.toml``.
     """
     file = Path(path)
-    file = file / "study.toml" if file.is_dir() else file
-    if not file.is_file():
+    file = file / "study.toml" if os.path.isdir(file) else file
+    if not os.path.isfile(file):
         raise DataError(
             f"{file}: no study.toml found. Give the folder that holds study.toml "
             "(docs/study-format.md shows one to start from).",
@@ -99,23 +120,61 @@ def data_file(root: Path, file: str) -> Path:
     return root / _VARIABLE.sub(value, file)
 
 
+def needed_channels(names: Iterable[str], condition: str | None) -> list[str]:
+    """Return the channels that the file of a recording must hold.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The channels of the study.
+    condition : str or None
+        Condition of the recording, None where a column of the file holds it.
+        Without a device only kinematics and contact are expected.
+    """
+    return [
+        name
+        for name in names
+        if not (name == "condition" and condition)
+        and (condition != "no_device" or name in _ALWAYS_THERE)
+    ]
+
+
 def _parse(file: Path, text: bytes) -> dict[str, Any]:
     try:
-        return tomllib.loads(text.decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as exc:
+        raw = tomllib.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as exc:
         raise StudyError(str(file), [f"not valid TOML: {exc}"]) from exc
+    if _holds_huge_integer(raw):
+        raise StudyError(str(file), ["not valid TOML: an integer has more than 64 bits."])
+    return raw
+
+
+def _holds_huge_integer(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(map(_holds_huge_integer, value.values()))
+    if isinstance(value, list):
+        return any(map(_holds_huge_integer, value))
+    return isinstance(value, int) and value not in _INTEGERS
 
 
 def _validate(raw: Mapping[str, Any]) -> tuple[StudySpec | None, Problems]:
     try:
         return StudySpec.model_validate(raw), []
     except ValidationError as exc:
-        return None, [_sentence(dict(error)) for error in exc.errors()]
+        return None, [_sentence(dict(e)) for e in exc.errors() if not _follows_from_entries(e)]
+
+
+def _follows_from_entries(error: Mapping[str, Any]) -> bool:
+    """Whether a list is called too short only because its entries were refused."""
+    if error["type"] != "too_short":
+        return False
+    return bool(len(error["input"]) >= error["ctx"]["min_length"])
 
 
 def _sentence(error: Mapping[str, Any]) -> str:
     place = _place(error["loc"])
-    kind = error["type"]
+    kind, shown = error["type"], repr(error["input"])
+    shown = shown if len(shown) <= _LONGEST_SHOWN else f"{shown[:_LONGEST_SHOWN]}..."
     if kind == "extra_forbidden":
         known = _known_keys(error["loc"][:-1])
         close = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
@@ -124,9 +183,12 @@ def _sentence(error: Mapping[str, Any]) -> str:
     if kind == "missing":
         return f"{place}: missing; it is required."
     if place == "jointz":
-        return f"jointz: schema version {error['input']!r} is not one this version reads (1)."
-    message = str(error["msg"]).removeprefix("Value error, ")
-    return f"{place}: {message}; got {error['input']!r}."
+        return f"jointz: schema version {shown} is not one this version reads (1)."
+    if kind == "too_short":
+        return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
+    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told
+    return f"{place}: {message}; got {shown}."
 
 
 def _place(location: tuple[str | int, ...]) -> str:
@@ -171,14 +233,28 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
             units[name] = (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
             continue
         try:
-            units[name] = _channel_unit(name, unit)
+            units[name] = channel_unit(name, unit)
         except UnitError as exc:
             problems.append(f"channels.{name}.unit: {exc}")
     edges, edge_problems = _group_edges(raw, units)
     return units, edges, problems + edge_problems
 
 
-def _channel_unit(name: str, unit: str) -> Unit:
+def channel_unit(name: str, unit: str) -> Unit:
+    """Return the SI unit of a channel, with factor and offset to it.
+
+    Parameters
+    ----------
+    name : str
+        The channel; those with units of their own accept no others.
+    unit : str
+        Its unit as written.
+
+    Raises
+    ------
+    UnitError
+        When the unit cannot be read or measures something else.
+    """
     if name in LABEL_CHANNELS or name == "contact":
         return ("1", 1.0, 0.0)
     allowed = CHANNEL_UNITS.get(name)
@@ -205,7 +281,7 @@ def _group_edges(
         factor, offset = conversion(str(unit), units[channel][0]) if unit else (1.0, 0.0)
     except UnitError as exc:
         return (), [f"perturbations.group.unit: {exc}"]
-    return tuple(factor * float(e) + offset for e in edges if isinstance(e, (int, float))), []
+    return tuple(factor * e + offset for e in edges if isinstance(e, (int, float))), []
 
 
 def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
@@ -223,13 +299,15 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
                 f"recordings[{i}].participant: '{person}' is not among the participants "
                 f"({', '.join(ids) or 'none'})."
             )
-        condition = CONDITIONS.get(str(entry.get("condition", "")).lower(), "")
+        condition = _condition_of(entry)
         if "condition" not in entry and "condition" not in channels:
             yield (
                 f'recordings[{i}]: no condition. Give condition = "unperturbed" or '
                 '"perturbed", or say with [channels.condition] which column holds it.'
             )
-        cells[(person, condition, str(entry.get("session", "")), str(entry.get("side", "")))] += 1
+        if condition or "condition" not in entry:
+            cell = (person, condition, str(entry.get("session", "")), str(entry.get("side", "")))
+            cells[cell] += 1
     for (person, condition, session, _), count in cells.items():
         if count > 1:
             which = f", session '{session}'" if session else ""
@@ -242,17 +320,14 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
     yield from _perturbation_problems(raw, channels)
 
 
+def _condition_of(entry: Mapping[str, Any]) -> str:
+    """Return the condition of a recording, "" where it gives none that is known."""
+    return CONDITIONS.get(str(entry.get("condition", "")).strip().lower(), "")
+
+
 def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
-    recordings = _entries(raw, "recordings")
-    if channels and "angle" not in channels:
-        yield "channels.angle: missing; every study needs the joint's angle."
-    if "time" not in channels and "sample_rate_hz" not in raw:
-        yield "channels.time: missing; without a time column give sample_rate_hz."
-    no_device = {"no_device", "nwc"}
-    need_torque = any(str(r.get("condition", "")).lower() not in no_device for r in recordings)
-    from_current = "current" in channels and "torque_model" in raw
-    if need_torque and "torque" not in channels and not from_current:
-        yield "channels.torque: missing; give it, or channels.current and [torque_model]."
+    if isinstance(raw.get("channels"), Mapping):  # said already where it is no table
+        yield from _missing_channels(raw, channels)
     for name, channel in channels.items():
         if not isinstance(channel, Mapping):
             continue
@@ -260,6 +335,8 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             yield f"channels.{name}.kind: only channels.contact has a kind."
         if "values" in channel and name not in LABEL_CHANNELS:
             yield f"channels.{name}.values: only condition, trial and cycle have values."
+        if "positive" in channel:
+            yield from _direction_problems(name, channel["positive"], raw)
     for value in _table(_table(channels, "condition"), "values").values():
         if str(value).lower() not in CONDITIONS:
             yield (
@@ -268,13 +345,42 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             )
 
 
+def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    if "angle" not in channels:
+        yield "channels.angle: missing; every study needs the joint's angle."
+    if "time" not in channels and "sample_rate_hz" not in raw:
+        yield "channels.time: missing; without a time column give sample_rate_hz."
+    need_torque = any(_condition_of(r) != "no_device" for r in _entries(raw, "recordings"))
+    from_current = "current" in channels and "torque_model" in raw
+    if need_torque and "torque" not in channels and not from_current:
+        yield "channels.torque: missing; give it, or channels.current and [torque_model]."
+
+
+def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a direction that cannot be turned into the study's."""
+    if name in ("time", "contact", *LABEL_CHANNELS):
+        yield f"channels.{name}.positive: {name} has no direction. Remove the key."
+        return
+    own = raw.get("positive", StudySpec.model_fields["positive"].default)
+    known = isinstance(own, str) and own in OPPOSITE_DIRECTION and isinstance(direction, str)
+    if (
+        known
+        and direction in OPPOSITE_DIRECTION
+        and direction not in (own, OPPOSITE_DIRECTION[own])
+    ):
+        yield (
+            f"channels.{name}.positive: expected the study's '{own}' or its opposite "
+            f"'{OPPOSITE_DIRECTION[own]}', got '{direction}'. Correct it, or the study's positive."
+        )
+
+
 def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
     settings = _table(raw, "perturbations")
     source = settings.get("source")
     perturbed = [
         (i, r)
         for i, r in enumerate(_entries(raw, "recordings"), start=1)
-        if CONDITIONS.get(str(r.get("condition", "perturbed")).lower()) == "perturbed"
+        if "condition" not in r or _condition_of(r) == "perturbed"
     ]
     if source in ("command", "reference") and source not in channels:
         yield f"perturbations.source: '{source}' needs [channels.{source}]."
@@ -292,11 +398,12 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
             'perturbations.baseline: "predicted" is not in this version; expected pre_pulse, '
             "unperturbed_mean or matched_strides."
         )
-    group = _table(settings, "group")
-    if group and group.get("channel") not in channels:
+    channel = _table(settings, "group").get("channel")
+    if isinstance(channel, str) and (channel not in channels or channel in LABEL_CHANNELS):
+        known = [name for name in channels if name not in LABEL_CHANNELS]
         yield (
-            f"perturbations.group.channel: '{group.get('channel')}' is not among the channels "
-            f"({', '.join(channels)})."
+            f"perturbations.group.channel: '{channel}' is not among the channels of numbers "
+            f"({', '.join(known)})."
         )
 
 
@@ -312,25 +419,27 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
         for name, channel in _table(raw, "channels").items()
         if isinstance(channel, Mapping) and "column" in channel
     }
-    checked: set[str] = set()
+    checked: set[tuple[str, ...]] = set()
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        needed = needed_channels(columns, _condition_of(entry) or None)
         for key in ("file", "perturbations"):
             name = entry.get(key)
-            if not isinstance(name, str) or (key == "file" and name in checked):
+            if not isinstance(name, str) or (name, *needed) in checked:
                 continue
             place = f"recordings[{i}].{key}"
             path_problem = _problem_of(lambda n=name: _existing(root, n))  # type: ignore[misc]
             if path_problem:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
-                checked.add(name)
-                problems += _column_problems(place, data_file(root, name), columns, files)
+                checked.add((name, *needed))
+                wanted = {n: columns[n] for n in needed}
+                problems += _column_problems(place, data_file(root, name), wanted, files)
     return problems
 
 
 def _existing(root: Path, name: str) -> None:
     path = data_file(root, name)
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
         raise DataError(f"file '{path}' does not exist. Correct the name or bring the file.")
 
 
@@ -378,22 +487,30 @@ def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
     if not file.is_file():
         return (), []
     try:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False)
-        missing = [c for c in _EXCLUSION_COLUMNS[:4] if c not in table.columns]
-        if missing:
-            return (), [f"exclusions.csv: missing column(s) {', '.join(missing)}."]
-        rows = tuple(
-            UserExclusion(
-                participant=str(row["participant"]),
-                recording=str(row["recording"]),
-                onset_s=float(row["onset_s"]),
-                action=str(row["action"]),
-                reason=str(row.get("reason", "")),
-            )
-            for row in table.to_dict("records")
-        )
+        table = pd.read_csv(file, encoding="utf-8-sig", dtype=str, keep_default_na=False)
     except (ValueError, pd.errors.ParserError) as exc:
-        return (), [f"exclusions.csv: {exc}."]
-    bad = sorted({r.action for r in rows} - {"exclude", "restore"})
-    problems = [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
+        return (), [f"exclusions.csv: not a readable table: {exc}."]
+    missing = [c for c in _EXCLUSION_COLUMNS if c not in table.columns]
+    if missing:
+        return (), [f"exclusions.csv: missing column(s) {', '.join(missing)}."]
+    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
+        return (), ["exclusions.csv, row 2: more values than the header has columns."]
+    table = table.fillna("").assign(onset=pd.to_numeric(table["onset_s"], errors="coerce"))
+    problems = [
+        f"exclusions.csv, row {row}, column 'onset_s': expected a number, found '{text}'."
+        for row, (text, onset) in enumerate(zip(table["onset_s"], table["onset"], strict=True), 2)
+        if not np.isfinite(onset)
+    ]
+    bad = sorted(set(table["action"]) - {"exclude", "restore"})
+    problems += [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
+    rows = tuple(
+        UserExclusion(
+            participant=str(row["participant"]),
+            recording=str(row["recording"]),
+            onset_s=float(row["onset"]),
+            action=str(row["action"]),
+            reason=str(row.get("reason", "")),
+        )
+        for row in table.to_dict("records")
+    )
     return rows, problems

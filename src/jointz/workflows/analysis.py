@@ -79,8 +79,10 @@ def analyze(
             progress(done, len(people), person.id)
         try:
             settings = _settings(opened, person.id, name, resamples=resamples, seed=seed)
-            recordings = _read(opened, person.id, inputs)
-            results[person.id] = analyze_participant(person.id, recordings, settings)
+            # Nothing keeps the recordings: they are gone before the next ones are read.
+            results[person.id] = analyze_participant(
+                person.id, _read(opened, person.id, inputs), settings
+            )
         except StudyError as exc:
             problems += exc.problems
         except DataError as exc:
@@ -146,7 +148,8 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
             problems.append(str(exc))
             continue
         calibration = study.spec.calibration_of(entry)
-        found += [RecordingInput(p, calibration, _own_pulses(p, table)) for p in pieces]
+        alone = sum(p.attrs["condition"] == "perturbed" for p in pieces) == 1
+        found += [RecordingInput(p, calibration, _own_pulses(p, table, alone=alone)) for p in pieces]
         inputs[entry.file] = {
             "file": entry.file,
             "sha256": pieces[0].attrs["sha256"],
@@ -157,11 +160,11 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
     return found
 
 
-def _own_pulses(piece: Any, table: Any) -> Any:
+def _own_pulses(piece: Any, table: Any, *, alone: bool) -> Any:
     """Return the pulses of a table that lie in one piece of a file."""
     if table is None or piece.attrs["condition"] != "perturbed":
         return None
-    if not piece.attrs["trial"]:
+    if alone:
         return table
     time = piece["time"].to_numpy()
     return table[(table["onset_s"] >= time[0]) & (table["onset_s"] <= time[-1])]

@@ -1,0 +1,97 @@
+"""A whole study's analysis beside reading its files with pandas, and its memory.
+
+Ten participants of 28 min at 1 kHz as csv, made once by the demo's simulation.
+The two sides take turns, each in a process of its own, so that both see the
+same noise of the machine and the peak memory is that of the job alone. With
+``--benchmark-disable`` a small study runs once and no figure is asserted.
+"""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+from jointz.workflows.demo import write_study
+
+#: How long the analysis may take, in times of reading the same files with pandas.
+MOST_READS = 3.0
+#: How much memory ten participants may take, in times of one.
+MOST_GROWTH = 1.2
+N_TURNS = 3
+
+_READ = """
+import sys, pandas
+for file in sys.argv[1:]:
+    pandas.read_csv(file)
+"""
+_ANALYZE = """
+import sys
+from pathlib import Path
+from jointz.workflows.analysis import analyze
+from jointz.workflows.results_folder import write_results
+write_results(analyze(sys.argv[1], method="dissertation"), Path(sys.argv[2]), overwrite=True)
+"""
+_PEAK = """
+status = open('/proc/self/status').read()
+print('peak', status.split('VmHWM:')[1].split()[0])
+"""
+
+
+def run(code: str, *arguments: object) -> tuple[float, float]:
+    """Return seconds and peak megabytes of a Python program."""
+    start = perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", code + _PEAK, *map(str, arguments)],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    seconds = perf_counter() - start
+    peak = re.search(r"peak (\d+)", done.stdout)
+    assert peak is not None
+    return seconds, int(peak.group(1)) / 1024
+
+
+@pytest.fixture(scope="module")
+def studies(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """A study of ten participants and one of the first of them."""
+    quick = request.config.getoption("benchmark_disable")
+    root = tmp_path_factory.mktemp("benchmark")
+    n_people, n_pulses = (2, 3) if quick else (10, 50)
+    for name, people in (("many", n_people), ("one", 1)):
+        write_study(
+            root / name / "study",
+            n_participants=people,
+            n_pulses_per_point=n_pulses,
+            seed=1,
+            suffix=".csv",
+        )
+    return root
+
+
+def test_whole_analysis_beside_reading_the_files(
+    studies: Path, request: pytest.FixtureRequest
+) -> None:
+    quick = request.config.getoption("benchmark_disable")
+    files = sorted((studies / "many" / "study").glob("*.csv"))
+    out = studies / "results"
+    run(_ANALYZE, studies / "one" / "study", out)  # compiles, and warms the page cache
+    ours, reads = [], []
+    for _ in range(1 if quick else N_TURNS):
+        reads.append(run(_READ, *files))
+        ours.append(run(_ANALYZE, studies / "many" / "study", out))
+    one = run(_ANALYZE, studies / "one" / "study", out)
+    ratio = min(s for s, _ in ours) / min(s for s, _ in reads)
+    growth = ours[0][1] / one[1]
+    size = sum(f.stat().st_size for f in files) / 1e6
+    print(f"\n{len(files)} files, {size:.0f} MB")
+    print(f"pandas.read_csv {min(reads)[0]:8.1f} s {reads[0][1]:8.0f} MB")
+    print(f"jointz analyze  {min(ours)[0]:8.1f} s {ours[0][1]:8.0f} MB   ratio {ratio:.2f}")
+    print(f"one participant {one[0]:8.1f} s {one[1]:8.0f} MB   growth {growth:.2f}")
+    if quick:
+        return
+    assert ratio <= MOST_READS
+    assert growth <= MOST_GROWTH

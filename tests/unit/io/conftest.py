@@ -1,0 +1,156 @@
+"""A good study to spoil: the example of the format's description, with its files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.errors import StudyError
+from jointz.core.study import Study
+from jointz.io.recordings import read_recording
+from jointz.io.study import open_study
+
+# The example of the study format, letter by letter.
+EXAMPLE = """\
+jointz = 1                                   # schema version
+joint = "knee"
+kind = "walking"                             # walking | bench
+positive = "flexion"
+torque_acts_on = "joint"                     # "device": the sign is flipped on reading
+sample_rate_hz = 1000.0                      # only where a recording has no time column
+
+[channels.time]        # canonical name -> column and unit
+column = "time_s"
+unit = "s"
+[channels.angle]
+column = "knee_angle_deg"
+unit = "deg"
+[channels.torque]
+column = "torque_nm"
+unit = "N*m"
+[channels.command]                           # optional: commanded perturbation torque, 0 outside
+column = "commanded_torque_nm"
+unit = "N*m"
+[channels.contact]                           # optional: footswitch
+column = "footswitch"
+kind = "contact"
+
+[[participants]]
+id = "S01"
+mass_kg = 72.4                               # needed only for values per kg; also height_m, group
+
+[[recordings]]
+participant = "S01"
+condition = "unperturbed"                    # unperturbed (NPC, E-NPC, ENP) | perturbed | no_device
+file = "S01_enp.csv"                         # csv, csv.gz, parquet, nc, mat, c3d, xdf ...
+[[recordings]]
+participant = "S01"
+condition = "perturbed"
+file = "S01_ewp.csv"
+perturbations = "S01_pulses.csv"             # optional: onset_s, duration_s, amplitude_nm, ...
+
+[perturbations]                              # optional
+timing_points = { LRE = 7.0, MST = 21.5, TST = 40.5, PSW = 56.0, ISW = 68.5, MSW = 81.0 }
+source = "command"                           # command | table | reference | angle
+baseline = "pre_pulse"                       # unperturbed_mean | pre_pulse | matched_strides
+window_s = 0.1
+cutoff_hz = 20.0
+group = { channel = "ankle_position", edges = [-0.45, -0.15, -0.03], unit = "rad" }
+
+[files]                                      # optional: delimiter, decimal, skip_rows, header
+"""
+
+# The example's group is one of a channel that its [channels] does not name; this adds it.
+GROUP_CHANNEL = """\
+[channels.ankle_position]
+column = "ankle_position"
+unit = "rad"
+"""
+
+N_SAMPLES = 50
+
+
+def samples() -> pd.DataFrame:
+    """Fifty samples at 1 kHz in the columns of the example."""
+    step = np.arange(N_SAMPLES)
+    return pd.DataFrame(
+        {
+            "time_s": step / 1000.0,
+            "knee_angle_deg": np.round(20.0 + 10.0 * np.sin(step / 9.0), 6),
+            "torque_nm": np.round(3.0 * np.cos(step / 7.0), 6),
+            "commanded_torque_nm": np.where((step > 20) & (step < 30), 5.0, 0.0),
+            "footswitch": (step % 25 < 12).astype(int),
+            "ankle_position": np.round(-0.2 + 0.001 * step, 6),
+        }
+    )
+
+
+def pulses() -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "onset_s": [0.021],
+            "duration_s": [0.009],
+            "amplitude_nm": [5.0],
+            "timing_point": ["LRE"],
+        }
+    )
+
+
+@dataclass
+class Bench:
+    """A study folder, its text, and what comes of opening it."""
+
+    root: Path
+    text: str
+
+    def write(self, text: str | None = None) -> None:
+        self.root.joinpath("study.toml").write_text(
+            self.text if text is None else text, encoding="utf-8"
+        )
+
+    def edit(self, old: str, new: str) -> "Bench":
+        assert old in self.text, old
+        self.text = self.text.replace(old, new)
+        return self
+
+    def table(self, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> "Bench":
+        path = self.root / file
+        change(pd.read_csv(path)).to_csv(path, index=False)
+        return self
+
+    def open(self) -> Study:
+        self.write()
+        return open_study(self.root)
+
+    def read(self, number: int = 0) -> Any:
+        study = self.open()
+        return read_recording(study, study.spec.recordings[number])
+
+    def refused(self, *words: str) -> StudyError:
+        """Open, expect one error, and look for every word in its message."""
+        with pytest.raises(StudyError) as caught:
+            self.open()
+        for word in words:
+            assert word in str(caught.value), str(caught.value)
+        return caught.value
+
+    def sole_problem(self) -> str:
+        (problem,) = self.refused().problems
+        return problem
+
+
+def make_files(root: Path) -> None:
+    samples().to_csv(root / "S01_enp.csv", index=False)
+    samples().to_csv(root / "S01_ewp.csv", index=False)
+    pulses().to_csv(root / "S01_pulses.csv", index=False)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Bench:
+    """The example with its files; a test spoils it and opens it."""
+    make_files(tmp_path)
+    return Bench(tmp_path, EXAMPLE.replace("[[participants]]", GROUP_CHANNEL + "[[participants]]"))
