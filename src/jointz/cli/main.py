@@ -1,7 +1,7 @@
 """The ``jointz`` command."""
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,7 +12,11 @@ from jointz.cli.demo import demo
 from jointz.cli.identify import identify
 from jointz.core.errors import JointzError
 
+_EXIT_STOPPED = 130
 _EXIT_BUG = 70
+
+#: Wrong options; typer gives it no name of its own.
+_UsageError: Any = typer.BadParameter.__base__
 
 app = typer.Typer(
     name="jointz",
@@ -54,13 +58,18 @@ def run() -> None:
         app()
         return
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except _UsageError as exc:
+        exc.show()
+        if "--json" in sys.argv:
+            _emit_error("UsageError", exc.format_message())
+        sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
         _report(type(exc).__name__, str(exc))
         sys.exit(EXIT_BAD_INPUT)
-    except KeyboardInterrupt:
+    except (typer.Abort, KeyboardInterrupt):
         _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
-        sys.exit(130)
+        sys.exit(_EXIT_STOPPED)
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
         what = f"{type(exc).__name__}: {exc}"
         _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
@@ -69,5 +78,9 @@ def run() -> None:
 
 def _report(kind: str, message: str) -> None:
     if "--json" in sys.argv:
-        emit_json({"status": "error", "error": kind, "message": message})
+        _emit_error(kind, message)
     sys.stderr.write(f"jointz: {message}\n")
+
+
+def _emit_error(kind: str, message: str) -> None:
+    emit_json({"status": "error", "error": kind, "message": message})

@@ -22,6 +22,7 @@ from jointz.identify.conditioning import ANGLE, Conditioned
 PRE_PULSE_S = 0.05
 MATCH_S = 0.15
 N_MATCHES = 10
+N_NEIGHBOURS = 100
 _FEWEST_MATCHES = 3
 #: Angles are compared at this rate: they are low-passed far below.
 _MATCH_HZ = 100.0
@@ -191,14 +192,21 @@ def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: 
 
 
 def matched_strides(
-    pool: StridePool, elapsed_s: Sequence[float], before: np.ndarray, *, window_s: float
+    pool: StridePool,
+    onsets_s: np.ndarray,
+    elapsed_s: Sequence[float],
+    before: np.ndarray,
+    *,
+    window_s: float,
 ) -> Baseline:
-    """Return the unperturbed strides most alike before the onset.
+    """Return the unperturbed strides most alike before the onset, among those nearby.
 
     Parameters
     ----------
     pool : StridePool
         Strides of the perturbed recording far from any pulse; one recording.
+    onsets_s : (p,) float, s
+        Onset of each pulse.
     elapsed_s : (p,) float, s
         Time of each pulse since its heel strike.
     before : (p, n) float, rad
@@ -209,20 +217,23 @@ def matched_strides(
     Notes
     -----
     Alike means the smallest root mean square difference of angle. The angle
-    alone is compared: torque is near zero between pulses.
+    alone is compared: torque is near zero between pulses. Only the
+    :data:`N_NEIGHBOURS` strides nearest in time are looked at: posture and
+    sensors drift over half an hour of walking.
     """
     (recording,), (starts,) = pool.recordings, pool.starts_s
     every = max(1, int(recording.rate_hz / _MATCH_HZ))
     undisturbed = pool.undisturbed(np.asarray(elapsed_s) + window_s)
     best = np.zeros((len(before), min(N_MATCHES, starts.size)), dtype=int)
     moments = np.zeros(best.shape)
-    for i, (elapsed, own) in enumerate(zip(elapsed_s, before, strict=True)):
+    for i, (onset, elapsed, own) in enumerate(zip(onsets_s, elapsed_s, before, strict=True)):
+        near = np.sort(np.argsort(np.abs(starts - onset), kind="stable")[:N_NEIGHBOURS])
         others, _ = recording.cut(
-            starts + elapsed, before_s=MATCH_S, after_s=0.0, rows=_ANGLE_ONLY, every=every
+            starts[near] + elapsed, before_s=MATCH_S, after_s=0.0, rows=_ANGLE_ONLY, every=every
         )
         distance = ((others[:, 0] - own[::every]) ** 2).mean(axis=1)
-        distance[~undisturbed[i]] = np.nan
-        best[i] = np.argsort(distance, kind="stable")[: best.shape[1]]  # NaN comes last
+        distance[~undisturbed[i, near]] = np.nan
+        best[i] = near[np.argsort(distance, kind="stable")[: best.shape[1]]]  # NaN comes last
         moments[i] = starts[best[i]] + elapsed
     windows, _ = recording.cut(moments.ravel(), before_s=MATCH_S, after_s=window_s)
     windows = windows[:, :, before.shape[1] :].reshape(*best.shape, 4, -1)

@@ -169,7 +169,7 @@ class CellEstimator:
             return windows, baselines.unperturbed_mean(pool, elapsed, window_s=window_s)
         before, _ = signals.cut(onsets, before_s=baselines.MATCH_S, after_s=0.0)
         angle = np.nan_to_num(before[:, ANGLE])
-        return windows, baselines.matched_strides(pool, elapsed, angle, window_s=window_s)
+        return windows, baselines.matched_strides(pool, onsets, elapsed, angle, window_s=window_s)
 
     def _home(self, index: int) -> tuple[int, ...]:
         """Return which recordings make the baseline of the pulses of one."""

@@ -488,7 +488,7 @@ def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
         return (), []
     try:
         table = pd.read_csv(file, encoding="utf-8-sig", dtype=str, keep_default_na=False)
-    except (ValueError, pd.errors.ParserError) as exc:
+    except (OSError, ValueError) as exc:
         return (), [f"exclusions.csv: not a readable table: {exc}."]
     missing = [c for c in _EXCLUSION_COLUMNS if c not in table.columns]
     if missing:

@@ -73,15 +73,15 @@ def analyze(
     results: dict[str, ParticipantResult] = {}
     inputs: dict[str, dict[str, Any]] = {}
     problems: list[str] = []
-    people = opened.spec.participants
-    for done, person in enumerate(people):
+    people = [person.id for person in opened.spec.participants]
+    for done, person_id in enumerate(people):
         if progress:
-            progress(done, len(people), person.id)
+            progress(done, len(people), person_id)
         try:
-            settings = _settings(opened, person.id, name, resamples=resamples, seed=seed)
+            settings = _settings(opened, person_id, name, resamples=resamples, seed=seed)
             # Nothing keeps the recordings: they are gone before the next ones are read.
-            results[person.id] = analyze_participant(
-                person.id, _read(opened, person.id, inputs), settings
+            results[person_id] = analyze_participant(
+                person_id, _read(opened, person_id, inputs), settings
             )
         except StudyError as exc:
             problems += exc.problems
@@ -149,7 +149,9 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
             continue
         calibration = study.spec.calibration_of(entry)
         alone = sum(p.attrs["condition"] == "perturbed" for p in pieces) == 1
-        found += [RecordingInput(p, calibration, _own_pulses(p, table, alone=alone)) for p in pieces]
+        found += [
+            RecordingInput(p, calibration, _own_pulses(p, table, alone=alone)) for p in pieces
+        ]
         inputs[entry.file] = {
             "file": entry.file,
             "sha256": pieces[0].attrs["sha256"],

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ from jointz.workflows.analysis import Progress, analyze
 from jointz.workflows.results_folder import new_folder, write_results
 
 MARKER = ".jointz-demo"
-_CONDITIONS = ("unperturbed", "perturbed")
+_CONDITIONS: tuple[Literal["unperturbed", "perturbed"], ...] = ("unperturbed", "perturbed")
 _CHANNELS = ("angle", "torque", "command", "contact")
 
 #: Lag of the measured angle of the nominal rig.

@@ -1,0 +1,870 @@
+"""Opening a study: the example opens, and every problem is named, all of them at once."""
+
+import hashlib
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.errors import DataError, StudyError
+from jointz.core.study import UserExclusion
+from jointz.io.study import data_file, needed_channels, open_study
+
+SECOND = """[[recordings]]
+participant = "S01"
+condition = "{condition}"
+file = "S01_enp.csv"
+"""
+
+
+def without(text: str, table: str) -> str:
+    """Remove one ``[table]`` of a text, down to the next."""
+    start = text.index(f"[{table}]")
+    return text[:start] + text[text.index("[", text.index("\n", start)) :]
+
+
+# --- what opens ----------------------------------------------------------------------------------
+
+
+def test_the_example_of_the_format_opens(study):
+    opened = study.open()
+
+    spec = opened.spec
+    assert (spec.joint, spec.kind, spec.positive, spec.torque_acts_on) == (
+        "knee",
+        "walking",
+        "flexion",
+        "joint",
+    )
+    assert spec.sample_rate_hz == 1000.0
+    assert spec.channels["angle"].column == "knee_angle_deg"
+    assert spec.channels["contact"].kind == "contact"
+    assert spec.participant("S01").mass_kg == 72.4
+    assert [r.condition for r in spec.recordings] == ["unperturbed", "perturbed"]
+    assert spec.perturbations.timing_points == {
+        "LRE": 7.0,
+        "MST": 21.5,
+        "TST": 40.5,
+        "PSW": 56.0,
+        "ISW": 68.5,
+        "MSW": 81.0,
+    }
+    assert spec.perturbations.baseline == "pre_pulse"
+    assert opened.units["angle"] == ("rad", pytest.approx(np.pi / 180), 0.0)
+    assert opened.units["torque"] == ("N*m", 1.0, 0.0)
+    assert opened.units["contact"] == ("1", 1.0, 0.0)
+    assert opened.group_edges == (-0.45, -0.15, -0.03)
+    assert opened.user_exclusions == ()
+    assert opened.root == study.root
+    assert opened.sha256 == hashlib.sha256(study.text.encode()).hexdigest()
+
+
+def test_the_example_to_the_letter_lacks_only_the_channel_of_its_group(study):
+    start = study.text.index("[channels.ankle_position]")
+    study.text = study.text[:start] + study.text[study.text.index("[[participants]]") :]
+
+    assert study.sole_problem() == (
+        "perturbations.group.channel: 'ankle_position' is not among the channels of numbers "
+        "(time, angle, torque, command, contact)."
+    )
+
+
+def test_a_study_opens_by_its_folder_its_file_and_as_text(study):
+    study.open()
+
+    for path in (study.root, study.root / "study.toml", str(study.root)):
+        assert open_study(path).root == study.root
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_read(study):
+    content = b"\xef\xbb\xbf" + study.text.replace("\n", "\r\n").encode()
+    (study.root / "study.toml").write_bytes(content)
+
+    assert open_study(study.root).spec.joint == "knee"
+
+
+@pytest.mark.parametrize("alias", ["unperturbed", "NPC", "E-NPC", "enp", "Enp", " ENP "])
+def test_names_of_the_dissertation_stand_for_conditions(study, alias):
+    study.edit('condition = "unperturbed" ', f'condition = "{alias}" ')
+
+    assert study.open().spec.recordings[0].condition == "unperturbed"
+
+
+def test_a_number_as_id_is_the_same_as_its_text(study):
+    study.edit('id = "S01"', "id = 1").edit('participant = "S01"', 'participant = "1"')
+
+    assert study.open().spec.participants[0].id == "1"
+
+
+def test_edges_of_groups_are_taken_to_si(study):
+    study.edit('edges = [-0.45, -0.15, -0.03], unit = "rad"', 'edges = [-90, 0, 180], unit = "deg"')
+
+    assert study.open().group_edges == pytest.approx((-np.pi / 2, 0.0, np.pi))
+
+
+def test_torque_may_come_from_current_and_a_torque_model(study):
+    study.text = without(study.text, "channels.torque")
+    study.edit(
+        "[channels.command]",
+        '[channels.current]\ncolumn = "torque_nm"\nunit = "mA"\n[channels.command]',
+    )
+    study.refused("channels.torque: missing; give it, or channels.current and [torque_model].")
+
+    study.text += "[torque_model]\ngear_ratio = 50.0\ntorque_constant = 0.14\n"
+
+    assert study.open().spec.torque_model.gear_ratio == 50.0
+
+
+def test_torque_may_be_absent_where_no_device_is_worn(study):
+    text = without(without(study.text, "channels.torque"), "channels.command")
+    start, stop = text.index("[[recordings]]"), text.index("[perturbations]")
+    study.text = text[:start] + SECOND.format(condition="NWC") + text[stop:]
+    study.edit('source = "command"', "")
+
+    assert study.open().spec.recordings[0].condition == "no_device"
+
+
+def test_a_file_without_device_needs_no_columns_of_the_device(study):
+    kinematics = ["time_s", "knee_angle_deg", "footswitch"]
+    pd.read_csv(study.root / "S01_enp.csv")[kinematics].to_csv(
+        study.root / "S01_nwc.csv", index=False
+    )
+    study.edit(
+        "[perturbations] ",
+        SECOND.format(condition="no_device").replace("_enp", "_nwc") + "[perturbations] ",
+    )
+
+    assert len(study.open().spec.recordings) == 3
+
+
+def test_a_recording_with_a_condition_needs_no_condition_column(study):
+    study.edit("[[participants]]", '[channels.condition]\ncolumn = "phase"\n[[participants]]')
+
+    assert study.open().spec.channels["condition"].column == "phase"
+
+
+def test_what_a_file_must_hold_depends_on_its_condition():
+    names = ["time", "angle", "torque", "condition", "trial", "emg"]
+
+    assert needed_channels(names, None) == names
+    assert needed_channels(names, "perturbed") == ["time", "angle", "torque", "trial", "emg"]
+    assert needed_channels(names, "no_device") == ["time", "angle", "trial"]
+
+
+# --- files and variables -------------------------------------------------------------------------
+
+
+def test_variables_of_the_environment_expand_in_file_names(study, monkeypatch, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    shutil.move(study.root / "S01_enp.csv", elsewhere / "S01_enp.csv")
+    study.edit('file = "S01_enp.csv"', 'file = "${LAB_DATA}/S01_enp.csv"')
+    monkeypatch.delenv("LAB_DATA", raising=False)
+    study.refused(
+        "recordings[1].file: '${LAB_DATA}/S01_enp.csv': the environment variable LAB_DATA is not "
+        "set. Set it."
+    )
+
+    monkeypatch.setenv("LAB_DATA", str(elsewhere))
+
+    assert study.open().spec.recordings[0].file == "${LAB_DATA}/S01_enp.csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("${LAB}/a.csv", "set/a.csv"),
+        ("$LAB/a.csv", "set/a.csv"),
+        ("${LAB:-other}/a.csv", "set/a.csv"),
+        ("${ABSENT:-other}/a.csv", "other/a.csv"),
+        ("${ABSENT:-}a.csv", "a.csv"),
+        ("no$.csv", "no$.csv"),
+    ],
+)
+def test_a_variable_may_have_a_default(monkeypatch, name, found):
+    monkeypatch.setenv("LAB", "set")
+    monkeypatch.delenv("ABSENT", raising=False)
+
+    assert data_file(Path("study"), name) == Path("study") / found
+
+
+def test_a_missing_file_is_named(study):
+    (study.root / "S01_ewp.csv").unlink()
+    (study.root / "S01_pulses.csv").unlink()
+
+    problems = study.refused("2 problems").problems
+
+    assert problems[0].startswith("recordings[2].file: file '")
+    assert problems[0].endswith("S01_ewp.csv' does not exist. Correct the name or bring the file.")
+    assert problems[1].startswith("recordings[2].perturbations: file '")
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "S01_enp.csv/x", ".", "\\u0000"])
+def test_a_name_no_file_can_have_is_a_missing_file(study, name):
+    study.edit('file = "S01_enp.csv"', f'file = "{name}"')
+
+    assert "does not exist" in study.sole_problem()
+
+
+def test_a_missing_column_is_named_with_a_guess_and_those_there_are(study):
+    study.edit('column = "torque_nm"', 'column = "torque_mn"')
+
+    first, second = study.refused().problems
+
+    assert first == (
+        "recordings[1].file: S01_enp.csv has no column 'torque_mn' for channel 'torque' (did you "
+        "mean 'torque_nm'?). It has: time_s, knee_angle_deg, torque_nm, commanded_torque_nm, "
+        "footswitch, ankle_position."
+    )
+    assert second.startswith("recordings[2].file: S01_ewp.csv has no column")
+
+
+def test_several_missing_columns_are_one_problem_a_file(study):
+    study.edit('"torque_nm"', '"xyz"').edit('"footswitch"', '"qqq"')
+
+    problems = study.refused().problems
+
+    assert len(problems) == 2
+    assert "no column 'xyz' for channel 'torque', no column 'qqq' for channel 'cont" in problems[0]
+
+
+def test_one_file_of_two_recordings_is_checked_once(study):
+    study.edit('file = "S01_ewp.csv"', 'file = "S01_enp.csv"').edit('"torque_nm"', '"xyz"')
+
+    assert "recordings[1].file" in study.sole_problem()
+
+
+@pytest.mark.parametrize(("mark", "name"), [(";", "a semicolon"), ("\t", "a tab")])
+def test_another_delimiter_is_guessed(study, mark, name):
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        text = (study.root / file).read_text().replace(",", mark)
+        (study.root / file).write_text(text)
+
+    study.refused(f"The columns seem to be separated by {name}: set delimiter under [files].")
+    study.text += f"delimiter = '{mark}'\n"
+    study.open()
+
+
+def test_a_file_without_a_header_has_its_columns_by_number(study):
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        pd.read_csv(study.root / file).to_csv(study.root / file, index=False, header=False)
+    for number, name in enumerate(
+        ["time_s", "knee_angle_deg", "torque_nm", "commanded_torque_nm", "footswitch"], start=1
+    ):
+        study.edit(f'column = "{name}"', f"column = {number}")
+    study.edit('column = "ankle_position"', "column = 6")
+    study.text += "header = false\n"
+
+    assert study.open().spec.channels["contact"].column == 5
+
+
+def test_a_file_of_an_unknown_kind_is_a_problem_of_its_recording(study):
+    (study.root / "S01.docx").write_text("no")
+    study.edit("S01_enp.csv", "S01.docx")
+
+    assert study.sole_problem().startswith("recordings[1].file: S01.docx: no reader for this kind")
+
+
+# --- the text itself -----------------------------------------------------------------------------
+
+
+def test_a_missing_folder_says_what_to_give(tmp_path):
+    for path in (tmp_path / "absent", tmp_path, tmp_path / ("x" * 300)):
+        with pytest.raises(DataError, match=r"no study\.toml found\. Give the folder that holds"):
+            open_study(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"jointz = ",
+        b"\xff\xfe",
+        b"a = 1\na = 2",
+        b"x = " + b"[" * 5000,
+        b"x = " + b"9" * 5000,
+        b"x = [{ y = 0x1ffffffffffffffff }]",
+        b"x = 0x" + b"f" * 9000,
+    ],
+)
+def test_text_that_is_not_toml_is_refused(tmp_path, content):
+    (tmp_path / "study.toml").write_bytes(content)
+
+    with pytest.raises(
+        StudyError, match=r"study\.toml: 1 problem\n  - not valid TOML: \S"
+    ) as caught:
+        open_study(tmp_path)
+
+    assert caught.value.path == str(tmp_path / "study.toml")
+
+
+def test_an_empty_file_names_what_is_required(tmp_path):
+    (tmp_path / "study.toml").write_text("")
+
+    with pytest.raises(StudyError) as caught:
+        open_study(tmp_path)
+
+    assert caught.value.problems == tuple(
+        f"{key}: missing; it is required."
+        for key in ("jointz", "joint", "kind", "channels", "participants", "recordings")
+    )
+
+
+@pytest.mark.parametrize("version", ["2", "0", '"1"', "true", "1.0"])
+def test_another_schema_version_is_refused(study, version):
+    study.edit("jointz = 1 ", f"jointz = {version} ")
+
+    assert "is not one this version reads (1)." in study.sole_problem()
+
+
+# --- keys and values -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('kind = "walking"', 'knd = 1\nkind = "walking"', "knd: unknown key. Did you mean 'kind'?"),
+        (
+            'unit = "deg"',
+            'unit = "deg"\nunits = "deg"',
+            "channels.angle.units: unknown key. Did you mean 'unit'?",
+        ),
+        (
+            "mass_kg = 72.4",
+            "mass_kg = 72.4\nmass = 70.0",
+            "participants[1].mass: unknown key. Did you mean 'mass_kg'?",
+        ),
+        (
+            'file = "S01_ewp.csv"',
+            'file = "S01_ewp.csv"\nqqqq = 1',
+            "recordings[2].qqqq: unknown key. Known keys: calibration, condition, file, "
+            "participant, perturbations, session, side.",
+        ),
+        (
+            "window_s = 0.1",
+            "window_s = 0.1\nwindow = 0.1",
+            "perturbations.window: unknown key. Did you mean 'window_s'?",
+        ),
+        (
+            'unit = "rad" }',
+            'unit = "rad", edgs = 1 }',
+            "perturbations.group.edgs: unknown key. Did you mean 'edges'?",
+        ),
+        (
+            "[files]",
+            "[calibration]\nangle_lag = { value = 1.0, sd = 0.1 }\n[files]",
+            "calibration.angle_lag: unknown key. Did you mean 'angle_lag_s'?",
+        ),
+        (
+            "[files]",
+            "[calibration]\nangle_lag_s = { value = 1.0, sd = 0.1, sdd = 2 }\n[files]",
+            "calibration.angle_lag_s.sdd: unknown key. Did you mean 'sd'?",
+        ),
+        (
+            "mass_kg = 72.4",
+            "mass_kg = 72.4\ncalibration = { torque_gian = { value = 1.0, sd = 0.0 } }",
+            "participants[1].calibration.torque_gian: unknown key. Did you mean 'torque_gain'?",
+        ),
+        (
+            "[files]",
+            "[torque_model]\ngear_ratio = 5\ntorque_constant = 1\ngear_fiction = 1\n[files]",
+            "torque_model.gear_fiction: unknown key. Did you mean 'gear_friction'?",
+        ),
+        (
+            "[files]",
+            '[files]\ndelimeter = ";"\n#',
+            "files.delimeter: unknown key. Did you mean 'deli",
+        ),
+    ],
+)
+def test_an_unknown_key_is_named_with_a_guess(study, old, new, problem):
+    study.edit(old, new)
+
+    assert study.sole_problem().startswith(problem)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('joint = "knee"', "joint = 3", "joint: expected text; got 3."),
+        ('joint = "knee"', 'joint = ""', "joint: expected text that is not empty; got ''."),
+        (
+            'kind = "walking" ',
+            'kind = "running" ',
+            "kind: expected 'walking' or 'bench'; got 'running'.",
+        ),
+        (
+            'positive = "flexion"',
+            'positive = "up"',
+            "positive: expected one of abduction, adduction, dorsiflexion, ",
+        ),
+        ("1000.0 ", "true ", "sample_rate_hz: expected a number; got True."),
+        ("1000.0 ", '"1000" ', "sample_rate_hz: expected a number; got '1000'."),
+        ("1000.0 ", "-1 ", "sample_rate_hz: expected greater than 0; got -1."),
+        ("1000.0 ", "inf ", "sample_rate_hz: expected a finite number; got inf."),
+        (
+            "mass_kg = 72.4",
+            "mass_kg = 0",
+            "participants[1].mass_kg: expected greater than 0; got 0.",
+        ),
+        (
+            'column = "time_s"',
+            "column = 1.5",
+            "channels.time.column: expected the name or the number of a column; got 1.5.",
+        ),
+        (
+            'column = "time_s"',
+            "column = true",
+            "channels.time.column: expected the name or the number of a column; got True.",
+        ),
+        ('column = "time_s"\n', "", "channels.time.column: missing; it is required."),
+        ('unit = "s"', "unit = 7", "channels.time.unit: expected text; got 7."),
+        (
+            'kind = "contact"',
+            'kind = "switch"',
+            "channels.contact.kind: expected 'contact', 'voltage' or 'pulse'; got 'switch'.",
+        ),
+        (
+            "cutoff_hz = 20.0",
+            "cutoff_hz = [1]",
+            "perturbations.cutoff_hz: expected a number; got [1]",
+        ),
+        (
+            "LRE = 7.0",
+            "LRE = 107.0",
+            "perturbations: timing_points.LRE: expected 0 <= % of cycle < 100, got 107.0",
+        ),
+        (
+            "[-0.45, -0.15, -0.03]",
+            "[0.0, -0.1]",
+            "perturbations.group: edges must increase, got [0.0, -0.1]",
+        ),
+        (
+            "[-0.45, -0.15, -0.03]",
+            "[0.0]",
+            "perturbations.group.edges: expected at least 2 of them; got [0.0].",
+        ),
+        (
+            "[-0.45, -0.15, -0.03]",
+            '["a", 0.0, 1.0]',
+            "perturbations.group.edges[1]: expected a number; got 'a'.",
+        ),
+        ("[files]", "[files]\nheader = 1\n#", "files.header: expected true or false; got 1."),
+        (
+            "[files]",
+            "[files]\nskip_rows = 1.0\n#",
+            "files.skip_rows: expected a whole number; got 1.0",
+        ),
+        (
+            "[files]",
+            "[calibration]\ntorque_gain = { value = 0.0, sd = 0.1 }\n[files]",
+            "calibration: torque_gain: measured over true must be positive, got 0.0",
+        ),
+        (
+            "[files]",
+            "[calibration]\ntorque_lag_s = { value = 0.0, sd = -0.1 }\n[files]",
+            "calibration.torque_lag_s.sd: expected greater than or equal to 0; got -0.1.",
+        ),
+        (
+            'file = "S01_ewp.csv"',
+            'file = "S01_ewp.csv"\nside = "both"',
+            "recordings[2].side: expected 'left' or 'right'; got 'both'.",
+        ),
+    ],
+)
+def test_a_wrong_value_says_what_was_expected_and_found(study, old, new, problem):
+    study.edit(old, new)
+
+    assert study.sole_problem().startswith(problem)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("channels", "3", "channels: expected a table; got 3."),
+        ("channels", '{ angle = "col" }', "channels.angle: expected a table; got 'col'."),
+        ("participants", "5", "participants: expected a list; got 5."),
+        ("participants", "[5]", "participants[1]: expected a table; got 5."),
+        ("participants", "[]", "participants: expected at least 1 of them; got []."),
+        ("participants", '[{ id = "" }]', "participants[1].id: expected text that is not empty"),
+        ("recordings", '"x"', "recordings: expected a list; got 'x'."),
+        ("recordings", '["x"]', "recordings[1]: expected a table; got 'x'."),
+        ("perturbations", "[]", "perturbations: expected a table; got []."),
+        ("perturbations", "{ group = 1 }", "perturbations.group: expected a table; got 1."),
+        ("perturbations", "{ timing_points = 1 }", "perturbations.timing_points: expected a table"),
+        ("perturbations", '{ source = ["a"] }', "perturbations.source: expected 'command',"),
+        (
+            "perturbations",
+            "{ group = { channel = [], edges = [0, 1] } }",
+            "perturbations.group.channel: expected text; got [].",
+        ),
+        ("files", "1", "files: expected a table; got 1."),
+        ("calibration", "1979-05-27", "calibration: expected a table; got datetime.date(1979"),
+        ("torque_model", "true", "torque_model: expected a table; got True."),
+    ],
+)
+def test_something_else_in_place_of_a_table_is_named(study, key, value, expected):
+    channels = '{ time = { column = "time_s" }, angle = { column = "a" } }'
+    good = {"channels": channels, "participants": '[{ id = "S01" }]', "recordings": "[]"}
+    tables = good | {key: value}
+    study.text = 'jointz = 1\njoint = "knee"\nkind = "walking"\n'
+    study.text += "".join(f"{k} = {v}\n" for k, v in tables.items())
+
+    problems = study.refused().problems
+
+    assert any(p.startswith(expected) for p in problems), problems
+
+
+def test_a_long_value_is_shortened(study):
+    study.edit('positive = "flexion"', f'positive = "{"x" * 500}"')
+
+    assert len(study.sole_problem().rpartition("; got ")[2]) < 100
+
+
+def test_a_refused_entry_does_not_make_its_list_short(study):
+    study.edit('id = "S01"', 'id = "S01"\nname = "x"')
+
+    assert study.sole_problem().startswith("participants[1].name: unknown key.")
+
+
+# --- units ---------------------------------------------------------------------------------------
+
+
+def test_an_unknown_unit_is_named_with_a_guess(study):
+    study.edit('unit = "deg"', 'unit = "degs/sec"')
+
+    assert study.sole_problem().startswith("channels.angle.unit: 'degs/sec' ")
+
+
+@pytest.mark.parametrize(
+    ("channel", "new", "problem"),
+    [
+        (
+            'unit = "deg"',
+            'unit = "N"',
+            "channels.angle.unit: 'N' measures force, expected an angle",
+        ),
+        ('unit = "s"', 'unit = "m"', "channels.time.unit: 'm' measures length, expected a time"),
+        (
+            'unit = "rad" }',
+            'unit = "s" }',
+            "perturbations.group.unit: 's' measures time, expected an angle",
+        ),
+    ],
+)
+def test_a_unit_of_another_quantity_is_refused(study, channel, new, problem):
+    study.edit(channel, new)
+
+    assert study.sole_problem().startswith(problem)
+
+
+def test_a_reference_may_be_an_angle_or_a_torque(study):
+    reference = '[channels.reference]\ncolumn = "ankle_position"\nunit = "{}"\n[[participants]]'
+    for unit, si_unit in (("deg", "rad"), ("Nm", "N*m")):
+        text = study.text
+        study.edit("[[participants]]", reference.format(unit))
+        assert study.open().units["reference"][0] == si_unit
+        study.text = text
+
+    study.edit("[[participants]]", reference.format("kg"))
+    assert study.sole_problem().startswith("channels.reference.unit: 'kg' measures mass")
+
+
+def test_a_channel_of_the_users_own_keeps_its_name_and_gets_an_si_unit(study):
+    study.edit(
+        "[[participants]]", '[channels.emg]\ncolumn = "footswitch"\nunit = "mV"\n[[participants]]'
+    )
+
+    assert study.open().units["emg"] == ("V", 0.001, 0.0)
+
+
+# --- names that nothing stands behind -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            'participant = "S01"\ncondition = "perturbed"',
+            'participant = "S02"\ncondition = "perturbed"',
+            "recordings[2].participant: 'S02' is not among the participants (S01).",
+        ),
+        (
+            "[[participants]]",
+            '[[participants]]\nid = "S01"\n[[participants]]',
+            "participants: id 'S01' is given 2 times. Ids must be unique.",
+        ),
+        (
+            'condition = "perturbed"\n',
+            "",
+            'recordings[2]: no condition. Give condition = "unperturbed" or "perturbed", or say '
+            "with [channels.condition] which column holds it.",
+        ),
+        (
+            "sample_rate_hz = 1000.0 ",
+            "# ",
+            None,
+        ),
+        (
+            "[[participants]]",
+            '[channels.trial]\ncolumn = "footswitch"\nkind = "pulse"\n[[participants]]',
+            "channels.trial.kind: only channels.contact has a kind.",
+        ),
+        (
+            'unit = "deg"',
+            'unit = "deg"\nvalues = { "0" = "a" }',
+            "channels.angle.values: only condition, trial and cycle have values.",
+        ),
+        (
+            "[[participants]]",
+            '[channels.condition]\ncolumn = "footswitch"\nvalues = { "0" = "rest", "1" = "EWP" }\n'
+            "[[participants]]",
+            "channels.condition.values: 'rest' is no condition; expected unperturbed, perturbed "
+            "or no_device.",
+        ),
+        (
+            'source = "command"',
+            'source = "reference"',
+            "perturbations.source: 'reference' needs [channels.reference].",
+        ),
+        (
+            'perturbations = "S01_pulses.csv"',
+            "#",
+            None,
+        ),
+        (
+            'baseline = "pre_pulse"',
+            'baseline = "predicted"',
+            'perturbations.baseline: "predicted" is not in this version; expected pre_pulse, '
+            "unperturbed_mean or matched_strides.",
+        ),
+        (
+            'channel = "ankle_position"',
+            'channel = "hip"',
+            "perturbations.group.channel: 'hip' is not among the channels of numbers (time, angle, "
+            "torque, command, contact, ankle_position).",
+        ),
+    ],
+)
+def test_a_name_without_anything_behind_it_is_named(study, old, new, problem):
+    study.edit(old, new)
+
+    if problem is None:
+        study.open()
+    else:
+        assert study.sole_problem() == problem
+
+
+def test_groups_by_a_channel_of_labels_are_refused(study):
+    study.edit("[[participants]]", '[channels.trial]\ncolumn = "footswitch"\n[[participants]]')
+    study.edit('channel = "ankle_position"', 'channel = "trial"')
+
+    study.refused("perturbations.group.channel: 'trial' is not among the channels of numbers")
+
+
+def test_time_or_a_sample_rate_is_needed(study):
+    study.text = without(study.text, "channels.time")
+    study.open()
+
+    study.edit("sample_rate_hz = 1000.0 ", "# ")
+
+    assert study.sole_problem() == (
+        "channels.time: missing; without a time column give sample_rate_hz."
+    )
+
+
+def test_the_angle_is_always_needed(study):
+    study.text = without(study.text, "channels.angle")
+
+    assert study.sole_problem() == "channels.angle: missing; every study needs the joint's angle."
+
+
+def test_an_empty_table_of_channels_lacks_them_all(study):
+    start, stop = study.text.index("[channels.time]"), study.text.index("[[participants]]")
+    study.text = study.text[:start] + "[channels]\n" + study.text[stop:]
+
+    study.refused("channels.angle: missing", "channels.torque: missing")
+
+
+@pytest.mark.parametrize("condition", ["perturbed", "EWP", " ewp "])
+def test_two_recordings_of_one_cell_are_refused(study, condition):
+    study.edit("[perturbations] ", SECOND.format(condition=condition) + "[perturbations] ")
+
+    assert study.sole_problem() == (
+        "recordings: 2 recordings for participant 'S01', condition 'perturbed'. One cell has one "
+        "recording: give each its own session, or remove the others."
+    )
+
+
+@pytest.mark.parametrize("own", ['session = "b"', 'side = "left"', "session = 2"])
+def test_a_session_or_side_of_its_own_makes_a_cell(study, own):
+    study.edit("[perturbations] ", f"{SECOND.format(condition='ewp')}{own}\n[perturbations] ")
+
+    assert len(study.open().spec.recordings) == 3
+
+
+def test_two_recordings_of_one_session_are_refused_by_its_name(study):
+    study.edit('condition = "unperturbed" ', 'session = "a"\ncondition = "unperturbed" ')
+    again = SECOND.format(condition="ENP") + 'session = "a"\n[perturbations] '
+    study.edit("[perturbations] ", again)
+
+    assert "condition 'unperturbed', session 'a'." in study.sole_problem()
+
+
+def test_an_unknown_condition_is_one_problem(study):
+    study.edit('condition = "unperturbed" ', 'condition = "resting" ')
+    study.edit('condition = "perturbed"', 'condition = "resting"')
+
+    first, second = study.refused().problems
+
+    assert first.startswith("recordings[1].condition: expected 'unperturbed', 'perturbed' or 'no_d")
+    assert second.startswith("recordings[2].condition: ")
+
+
+def test_every_perturbed_recording_needs_its_table_where_tables_are_the_source(study):
+    study.edit('source = "command"', 'source = "table"')
+    study.open()
+
+    study.edit('perturbations = "S01_pulses.csv"', "#")
+
+    assert study.sole_problem() == (
+        'recordings[2].perturbations: missing; perturbations.source is "table".'
+    )
+
+
+@pytest.mark.parametrize("condition", ["perturbed", "APC", " E-APC "])
+def test_something_must_say_when_the_pulses_are(study, condition):
+    study.text = without(study.text, "channels.command")
+    study.edit('source = "command"', "").edit('perturbations = "S01_pulses.csv"', "#")
+    study.edit('condition = "perturbed"', f'condition = "{condition}"')
+
+    assert study.sole_problem() == (
+        "recordings[2]: nothing says when the pulses are. Give [channels.command], a table "
+        '(perturbations = "FILE.csv"), or perturbations.source.'
+    )
+
+
+def test_a_source_without_its_channel_is_refused(study):
+    study.text = without(study.text, "channels.command")
+
+    assert study.sole_problem() == "perturbations.source: 'command' needs [channels.command]."
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            'unit = "deg"',
+            'unit = "deg"\npositive = "plantarflexion"',
+            "channels.angle.positive: expected the study's 'flexion' or its opposite 'extension', "
+            "got 'plantarflexion'. Correct it, or the study's positive.",
+        ),
+        (
+            'unit = "s"',
+            'unit = "s"\npositive = "extension"',
+            "channels.time.positive: time has no direction. Remove the key.",
+        ),
+        (
+            'kind = "contact"',
+            'kind = "contact"\npositive = "extension"',
+            "channels.contact.positive: contact has no direction. Remove the key.",
+        ),
+    ],
+)
+def test_a_direction_that_cannot_be_turned_is_refused(study, old, new, problem):
+    study.edit(old, new)
+
+    assert study.sole_problem() == problem
+
+
+def test_all_problems_stand_in_one_message(study):
+    (study.root / "S01_pulses.csv").unlink()
+    (study.root / "exclusions.csv").write_text("participant\nS01\n")
+    study.edit('joint = "knee"', "joint = 3\nsmaple_rate_hz = 3")
+    study.edit('unit = "deg"', 'unit = "degg"').edit('column = "torque_nm"', 'column = "tau"')
+    study.edit('baseline = "pre_pulse"', 'baseline = "predicted"')
+    study.edit('id = "S01"', 'id = "S09"')
+
+    error = study.refused(
+        "joint: expected text",
+        "smaple_rate_hz: unknown key. Did you mean 'sample_rate_hz'?",
+        "channels.angle.unit: 'degg'",
+        "recordings[1].participant: 'S01' is not among the participants (S09).",
+        "recordings[2].participant",
+        'baseline: "predicted"',
+        "recordings[1].file: S01_enp.csv has no column 'tau'",
+        "recordings[2].file",
+        "recordings[2].perturbations: file",
+        "exclusions.csv: missing column(s) recording, onset_s, action.",
+    )
+
+    assert len(error.problems) == 10
+    assert str(error).splitlines()[0] == f"{study.root / 'study.toml'}: 10 problems"
+
+
+# --- the user's own exclusions -------------------------------------------------------------------
+
+EXCLUSIONS = "participant,recording,onset_s,action,reason,time\n"
+
+
+def test_the_users_exclusions_are_read(study):
+    (study.root / "exclusions.csv").write_text(
+        "\ufeff" + EXCLUSIONS + "S01,S01_ewp.csv,1.25,exclude,stumbled,2024-05-01\n"
+        "S01,S01_ewp.csv,1.25,restore,,\n",
+        encoding="utf-8",
+    )
+
+    assert study.open().user_exclusions == (
+        UserExclusion("S01", "S01_ewp.csv", 1.25, "exclude", "stumbled"),
+        UserExclusion("S01", "S01_ewp.csv", 1.25, "restore", ""),
+    )
+
+
+def test_reason_and_time_may_be_left_out_of_the_exclusions(study):
+    (study.root / "exclusions.csv").write_text(
+        "participant,recording,onset_s,action\nS01,S01_ewp.csv,1,exclude\n"
+    )
+
+    assert study.open().user_exclusions == (
+        UserExclusion("S01", "S01_ewp.csv", 1.0, "exclude", ""),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "exclusions.csv: not a readable table: No columns to parse from file."),
+        ("participant,recording\n", "exclusions.csv: missing column(s) onset_s, action."),
+        (
+            EXCLUSIONS + "S01,f,1,exclude,,\nS01,f,soon,exclude,,\n",
+            "exclusions.csv, row 3, column 'onset_s': expected a number, found 'soon'.",
+        ),
+        (
+            EXCLUSIONS + "S01,f,nan,exclude,,\n",
+            "exclusions.csv, row 2, column 'onset_s': expected a number, found 'nan'.",
+        ),
+        (
+            EXCLUSIONS + "S01,f,1,drop,,\n",
+            "exclusions.csv: action 'drop'; expected exclude or restore.",
+        ),
+        (EXCLUSIONS + "S01,f,1\n", "exclusions.csv: action ''; expected exclude or restore."),
+        (
+            EXCLUSIONS + "S01,f,1,exclude,a,b,c\n",
+            "exclusions.csv, row 2: more values than the header has columns.",
+        ),
+        (
+            EXCLUSIONS + "S01,f,1,exclude,a,b\nS01,f,1,exclude,a,b,c\n",
+            "exclusions.csv: not a readable table: Error tokenizing data.",
+        ),
+    ],
+)
+def test_exclusions_that_cannot_be_read_are_refused(study, text, problem):
+    (study.root / "exclusions.csv").write_text(text)
+
+    assert study.sole_problem().startswith(problem)
+
+
+def test_exclusions_that_are_not_text_are_refused(study):
+    (study.root / "exclusions.csv").write_bytes(EXCLUSIONS.encode() + b"\xff,f,1,exclude,,\n")
+
+    assert study.sole_problem().startswith("exclusions.csv: not a readable table: 'utf-8' codec")
