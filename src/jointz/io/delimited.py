@@ -1,6 +1,6 @@
 """Text tables: comma, tab or otherwise delimited, plain or gzip.
 
-pandas parses the file at its own speed. Before it, one pass over the bytes
+pandas parses the file at its own speed. Beside it, in a thread, one pass over the bytes
 hashes the file and checks that its delimiters and line ends repeat with the
 period of the header, because pandas fills short rows and cuts long ones without
 a word. Only where one of the two finds something is the file read again, row by
@@ -15,6 +15,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,8 +105,11 @@ class DelimitedReader:
         wanted = _positions(layout, request)
         numeric = sorted({wanted[c] for c in request.numeric})
         labels = sorted({wanted[c] for c in request.labels})
-        scan = _scan(layout)
-        frame = _trusted(layout, numeric, _parse(layout, numeric=numeric, labels=labels), scan)
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            scanning = pool.submit(_scan, layout)
+            parsed = _parse(layout, numeric=numeric, labels=labels)
+            scan = scanning.result()
+        frame = _trusted(layout, numeric, parsed, scan)
         # No copies: the columns are the frame's own, and nobody writes to them.
         columns = {str(c): frame[wanted[c]].to_numpy(np.float64) for c in request.numeric}
         for c in request.labels:

@@ -123,11 +123,11 @@ def _check_elements(path: Path) -> None:
 
 def _check_checksum(content: bytes) -> None:
     stream = zlib.decompressobj()
-    while content and not stream.eof:
-        stream.decompress(content, _BLOCK_BYTES)
+    while not stream.eof:
+        piece = stream.decompress(content, _BLOCK_BYTES)
         content = stream.unconsumed_tail
-    if not stream.eof:
-        raise EOFError("a compressed variable is cut off")
+        if not piece and not content and not stream.eof:
+            raise EOFError("a compressed variable is cut off")
 
 
 def _at(value: Any, parts: list[str]) -> Any:
