@@ -225,6 +225,7 @@ def _pulses(
             raise DataError(f'{given.file}: perturbations.source is "table" but it has none.')
         pulses = pulses_from_table(given.pulse_table)
         check_onsets(pulses, given.recording)
+        _check_names(pulses, given.file, settings)
         return pulses
     if source == "angle":
         cutoff_hz = settings.perturbations.cutoff_hz
@@ -238,6 +239,18 @@ def _pulses(
             "an unperturbed recording of the same participant. Add it, or a pulse table."
         )
     return pulses_from_reference(given.recording, partners[0].recording)
+
+
+def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
+    """Refuse a timing point that the study's own list does not have: most likely a slip."""
+    known = settings.perturbations.timing_points
+    unknown = {p.timing_point for p in pulses if p.timing_point} - set(known or ())
+    if settings.walking and known and unknown:
+        raise DataError(
+            f"{file}: its pulse table names the timing point(s) {', '.join(sorted(unknown))}, "
+            f"perturbations.timing_points has {', '.join(known)}. Correct one of them.",
+            path=file,
+        )
 
 
 def _usual_source(given: RecordingInput) -> str:

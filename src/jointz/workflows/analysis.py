@@ -6,7 +6,7 @@ from typing import Any
 
 from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.codes import Failure
+from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
@@ -224,8 +224,8 @@ def _completed(
         for cell in result.cells.get(method, ())
     }
     return [
-        there.get((person_id, label)) or _missing(study, person_id, label, method)
-        for person_id in results
+        there.get((person_id, label)) or _missing(study, person_id, label, method, result)
+        for person_id, result in results.items()
         for label in labels
     ]
 
@@ -246,10 +246,15 @@ def _expected_labels(study: Study, method: str, results: dict[str, ParticipantRe
     return ordered + [name for name in seen if name not in ordered]
 
 
-def _missing(study: Study, person_id: str, label: str, method: str) -> CellEstimate:
+def _missing(
+    study: Study, person_id: str, label: str, method: str, result: ParticipantResult
+) -> CellEstimate:
     conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
-    perturbed = "perturbed" in conditions or None in conditions
-    failure = Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
+    failure = Failure.NO_PULSES
+    if any(p.code == Exclusion.NO_HEEL_STRIKES for p in result.pulses):
+        failure = Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
+    elif not {"perturbed", None} & conditions:
+        failure = Failure.NO_PERTURBED_RECORDING
     mass = study.spec.participant(person_id).mass_kg
     return CellEstimate(
         participant=person_id,
