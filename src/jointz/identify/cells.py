@@ -168,7 +168,8 @@ def fit_cell(
     unbounded = least_squares(gram, moment)[0]
     rng = np.random.default_rng(settings.seed)
     weights = resample_weights(len(windows), settings.n_resamples, rng)
-    if settings.letter and not _lag_sd(settings.calibration):
+    only_pulses = settings.letter or baseline.own
+    if only_pulses and not _lag_sd(settings.calibration):
         fits = bootstrap_fits(weights, responses)
         replicates = _Replicates(fits.bounded, fits.unbounded, fits.active)
     else:

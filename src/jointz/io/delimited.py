@@ -38,7 +38,6 @@ _BOM = b"\xef\xbb\xbf"
 _BLOCK_BYTES = 1 << 18
 _TAIL_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
-_EXACT_BY_DEFAULT = (3, 1)  # the pandas that reads repr(x) back as x, and warns when told to
 _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is called cut
 _MISSING = ("", "NA", "NaN", "nan", "NAN", "-nan")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)
@@ -274,8 +273,6 @@ def _parse(
         "skip_blank_lines": False,
         "skipinitialspace": True,
     }
-    if tuple(map(int, pd.__version__.split(".")[:2])) < _EXACT_BY_DEFAULT:
-        options["float_precision"] = "round_trip"
     try:
         with warnings.catch_warnings():
             # About columns nobody asked for, and long rows, which the scan finds.
