@@ -23,6 +23,10 @@ check: $(VENV)/.installed-check
 	$(BIN)/lint-imports
 	$(BIN)/codespell src tests benchmarks docs examples README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
 
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "Pages: docs/_build/html/index.html"
+
 benchmark: $(VENV)/.installed-test
 	$(BIN)/python -m pytest benchmarks --benchmark-only -q -s
 
@@ -39,6 +43,10 @@ $(VENV)/.installed-test: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
 
 $(VENV)/.installed-check: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) ruff mypy import-linter codespell pandas-stubs
+	touch $@
+
+$(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --requirement docs/requirements.txt
 	touch $@
 
 clean:

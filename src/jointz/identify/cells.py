@@ -180,7 +180,13 @@ def fit_cell(
     point = np.where(np.abs(point) < _dust(average), 0.0, point)
     fitted = point @ average[:TORQUE]
     parameters = _parameters(
-        replicates, settings, point=point, held=int(plug_in[1][0]), unbounded=unbounded, rng=rng
+        replicates,
+        settings,
+        point=point,
+        held=int(plug_in[1][0]),
+        unbounded=unbounded,
+        only_pulses=only_pulses,
+        rng=rng,
     )
     return CellFit(
         parameters=parameters,
@@ -287,6 +293,7 @@ def _parameters(
     point: np.ndarray,
     held: int,
     unbounded: np.ndarray,
+    only_pulses: bool,
     rng: np.random.Generator,
 ) -> tuple[ParameterEstimate, ...]:
     scale, intrinsic, known = _calibration_draws(settings, len(replicates.bounded), rng)
@@ -306,7 +313,7 @@ def _parameters(
                 ci_high=high,
                 status="at_bound" if at_bound else "ok",
                 ci_level=_LEVEL,
-                ci_method=_interval_method(settings, at_bound=at_bound),
+                ci_method=_interval_method(settings, only_pulses=only_pulses, at_bound=at_bound),
                 share_at_bound=share,
                 unbounded=float(unbounded[i] - known[i]),
             )
@@ -352,8 +359,8 @@ def _interval(
     return bound, max(limit, reach)
 
 
-def _interval_method(settings: FitSettings, *, at_bound: bool) -> str:
-    what = "pulses" if settings.letter else "pulses and unperturbed strides"
+def _interval_method(settings: FitSettings, *, only_pulses: bool, at_bound: bool) -> str:
+    what = "pulses" if only_pulses else "pulses and unperturbed strides"
     kind = "one-sided upper limit" if at_bound else "percentile interval"
     return f"{kind} of {settings.n_resamples} bootstrap resamples of {what}"
 

@@ -38,6 +38,8 @@ _BETWEEN_MM: Final = 11.0
 _BLOCK_MM: Final = (WIDTH_MM - _LEFT_MM - _BETWEEN_MM - 1.0) / 2
 _TOP_MM: Final = 17.0
 _GAP: Final = 0.12
+#: Letters of the names of all panels that fit side by side above them.
+_NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
 
@@ -179,10 +181,14 @@ def _time_axis(axes: "Axes", count: int, window_s: float, *, labelled: bool) -> 
 
 
 def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:
+    long = max(map(len, names)) * len(names) > _NAMES_IN_A_LINE
     for i, name in enumerate(names):
+        # The names of groups are edges: "-0.45..-0.15 rad".
+        text = name.replace("..", " to\n") if long else name
         axes.text(
-            i * window_s * (1.0 + _GAP) + 0.5 * window_s, 1.03, name,
-            transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=7.0,
+            i * window_s * (1.0 + _GAP) + 0.5 * window_s, 1.03, text,
+            transform=axes.get_xaxis_transform(), ha="center", va="bottom",
+            fontsize=TINY_PT if long else 7.0, linespacing=1.0,
         )  # fmt: skip
 
 

@@ -84,11 +84,13 @@ def _summary(
     key: tuple[str, str, str], strides: Sequence[StrideRecord], gaps: Sequence[GapRecord]
 ) -> dict[str, Any]:
     lengths = [s.duration_s for s in strides if not s.code]
+    ends = [s.start_s for s in strides] + [s.start_s + s.duration_s for s in strides]
     holes = [g.duration_s for g in gaps if (g.participant, g.recording) == key[:2]]
     return {
         "participant": key[0],
         "recording": key[1],
         "condition": key[2],
+        "n_strikes": len({round(end, 6) for end in ends}),
         "n_accepted": len(lengths),
         "n_rejected": len(strides) - len(lengths),
         "mean_s": float(np.mean(lengths)) if lengths else None,

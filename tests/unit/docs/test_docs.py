@@ -1,0 +1,284 @@
+"""The pages say what the source does: keys, columns, codes, commands and examples."""
+
+import importlib.util
+import re
+import shlex
+import shutil
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import get_args
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer
+from pydantic import BaseModel
+
+from jointz.cli.main import app
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.study import StudySpec
+from jointz.identify.cells import METHODS
+from jointz.identify.joint_estimators import ESTIMATORS
+from jointz.workflows.demo import run_demo
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+TOP = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md")]
+PAGES = [*TOP, *sorted(p for p in DOCS.rglob("*.md") if "_build" not in p.parts)]
+PAGE_NAMES = [str(p.relative_to(ROOT)) for p in PAGES]
+
+_FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+_LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+_CODE = re.compile(r"`([^`\n]+)`")
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list:
+    return [
+        pytest.param(body, id=f"{name}-{k}")
+        for page, name in zip(PAGES, PAGE_NAMES, strict=True)
+        for k, (found, body) in enumerate(_FENCE.findall(page.read_text(encoding="utf-8")))
+        if found == language
+    ]
+
+
+def shell_lines() -> list:
+    lines = []
+    for block in blocks("bash"):
+        joined = block.values[0].replace("\\\n", " ")
+        lines += [pytest.param(line, id=line) for line in joined.splitlines() if line.strip()]
+    return lines
+
+
+def words_in_code(name: str) -> set[str]:
+    return {word for code in _CODE.findall(text(name)) for word in re.split(r"[\s,=.{}]+", code)}
+
+
+def row_starting(page: str, cell: str) -> str | None:
+    return next(
+        (line for line in text(page).splitlines() if line.startswith(f"| `{cell}` |")), None
+    )
+
+
+@pytest.fixture(scope="module")
+def cli_script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_cli_page", DOCS / "make_cli_page.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def parse(arguments: list[str]) -> None:
+    """Parse a command line as jointz would, without running it."""
+    command = typer.main.get_command(app)
+    while getattr(command, "commands", None):
+        while arguments and arguments[0].startswith("-"):
+            arguments = arguments[1:]
+        if not arguments:
+            return
+        command, arguments = command.commands[arguments[0]], arguments[1:]
+    command.make_context(command.name, list(arguments))
+
+
+def models(model: type[BaseModel]) -> set[type[BaseModel]]:
+    """Return a model and all that stand inside it."""
+
+    def inside(annotation: object) -> set[type[BaseModel]]:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            return models(annotation)
+        return {m for part in get_args(annotation) for m in inside(part)}
+
+    found = {m for field in model.model_fields.values() for m in inside(field.annotation)}
+    return found | {model}
+
+
+# --- examples ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("line", shell_lines())
+def test_every_shell_line_is_a_command_that_parses(line):
+    words = shlex.split(line, comments=True)
+    if words[0] == "make":
+        targets = re.findall(r"^([\w-]+):", text("Makefile"), re.MULTILINE)
+        assert set(words[1:]) <= set(targets)
+    else:
+        assert words[0] == "jointz"
+        parse(words[1:])
+
+
+def test_an_option_that_is_not_there_would_be_noticed():
+    with pytest.raises(typer.BadParameter.__base__, match="--no-such"):
+        parse(["analyze", "study", "--out", "results", "--no-such"])
+
+
+@pytest.mark.parametrize("body", blocks("toml"))
+def test_every_toml_block_is_valid(body):
+    content = tomllib.loads(body)
+
+    if "jointz" in content:
+        StudySpec.model_validate(content)
+    else:
+        assert set(content) <= set(StudySpec.model_fields)
+
+
+def test_there_are_whole_studies_among_the_toml_blocks():
+    whole = [b.values[0] for b in blocks("toml") if "jointz = 1" in b.values[0]]
+
+    assert len(whole) == 2
+
+
+@pytest.mark.parametrize("body", blocks("python"))
+def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsys):
+    shutil.copytree(small_study.root, tmp_path / "my-study")
+    monkeypatch.chdir(tmp_path)
+
+    exec(compile(body, "block", "exec"), {"__name__": "block"})
+
+
+def test_the_study_of_the_readme_is_analysed(small_study, analyze):
+    toml = next(b.values[0] for b in blocks("toml") if b.id.startswith("README"))
+    names = {"time": "t", "angle": "knee_deg", "command": "torque_cmd", "contact": "footswitch"}
+    for ours, theirs in (("unperturbed", "normal"), ("perturbed", "pulses")):
+        table = pd.read_csv(small_study.root / f"S01_{ours}.csv")
+        table["angle"] = np.rad2deg(table["angle"])
+        table.rename(columns=names).to_csv(small_study.root / f"S01_{theirs}.csv", index=False)
+    (small_study.root / "study.toml").write_text(toml)
+
+    outcome = analyze(small_study)
+
+    assert outcome.code == 0
+    assert outcome.json["n_standing"] == 6 * 5
+
+
+@pytest.mark.slow
+def test_the_readme_shows_the_figures_of_the_demo(tmp_path):
+    made = run_demo(tmp_path / "demo", seed=1)
+
+    for row in made.accuracy().to_dict("records"):
+        shown = f"{row['rms_error_pct']:.0f} % | {100 * row['coverage']:.0f} % | {row['n']}"
+        assert f"| {row['parameter']} | {shown} |" in text("README.md")
+    assert f"VAF of {made.analysis.statistics['vaf']['mean_pct']:.1f} %" in text("README.md")
+
+
+# --- reference --------------------------------------------------------------------------------
+
+
+def test_the_page_of_commands_is_what_the_script_makes(cli_script):
+    assert text("docs/cli.md") == cli_script.page(), "run python docs/make_cli_page.py"
+
+
+def test_every_key_of_a_study_is_described():
+    keys = {key for model in models(StudySpec) for key in model.model_fields}
+
+    assert keys - words_in_code("docs/study-format.md") == set()
+
+
+def test_every_key_of_the_top_level_has_a_row():
+    assert [k for k in StudySpec.model_fields if not row_starting("docs/study-format.md", k)] == []
+
+
+def test_defaults_of_numbers_are_the_ones_described():
+    for model in models(StudySpec):
+        for key, field in model.model_fields.items():
+            if isinstance(field.default, float) and field.default:
+                row = row_starting("docs/study-format.md", key)
+                assert row is not None
+                assert f"`{field.default}`" in row
+
+
+def test_every_channel_and_direction_is_described():
+    words = words_in_code("docs/study-format.md")
+
+    assert {*CHANNEL_UNITS, *LABEL_CHANNELS, "contact"} - words == set()
+    assert set(OPPOSITE_DIRECTION) - words == set()
+
+
+@pytest.mark.parametrize("code", [*Exclusion, *Failure])
+def test_every_code_has_a_row_with_its_meaning(code):
+    shown = code.status if isinstance(code, Failure) else code.value
+
+    assert row_starting("docs/results.md", shown) == f"| `{shown}` | {code.meaning} |"
+
+
+@pytest.mark.parametrize(
+    ("file", "frame"),
+    [
+        ("estimates.csv", StudyAnalysis.to_frame),
+        ("population.csv", StudyAnalysis.population_frame),
+        ("excluded.csv", StudyAnalysis.excluded_frame),
+        ("pulses.csv", StudyAnalysis.pulses_frame),
+        ("strides.csv", StudyAnalysis.strides_frame),
+    ],
+)
+def test_every_column_is_described_under_its_file(file, frame):
+    page = text("docs/results.md")
+    section = page.split(f"## {file}", 1)[1].split("\n## ", 1)[0]
+
+    columns = frame(StudyAnalysis(cells=())).columns
+
+    assert len(columns) > 0
+    assert [c for c in columns if f"`{c}`" not in section] == []
+
+
+def test_every_file_of_a_results_folder_is_described(small_study, analyze, tmp_path):
+    analyze(small_study)
+
+    written = [p.name for p in (tmp_path / "results").iterdir() if p.is_file()]
+
+    assert [name for name in written if not row_starting("docs/results.md", name)] == []
+
+
+def test_every_method_and_estimator_is_described():
+    assert [name for name in METHODS if f"\n## {name}\n" not in text("docs/methods.md")] == []
+    assert [n for n in ESTIMATORS if not row_starting("docs/identify.md", n)] == []
+
+
+def test_the_architecture_names_every_package():
+    packages = {p.parent.name for p in (ROOT / "src" / "jointz").glob("*/__init__.py")}
+
+    rows = re.findall(r"^\| \d \| `(\w+)` \|", text("ARCHITECTURE.md"), re.MULTILINE)
+
+    assert set(rows) == packages
+
+
+# --- pages ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", PAGES, ids=PAGE_NAMES)
+def test_every_link_leads_to_a_file(page):
+    links = [link for link in _LINK.findall(page.read_text()) if "://" not in link]
+
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=PAGE_NAMES)
+def test_no_page_holds_a_path_of_a_machine(page):
+    assert re.findall(r"(?<![\w.])/(?:work|tmp|root|home)\b", page.read_text()) == []
+
+
+def test_source_files_named_in_the_architecture_exist():
+    named = re.findall(
+        r"`((?:kernels|core|gait|io|identify|sim|stats|report|workflows|cli)/\w+\.py)`",
+        text("ARCHITECTURE.md"),
+    )
+
+    assert len(named) > 10
+    assert [n for n in named if not (ROOT / "src" / "jointz" / n).is_file()] == []
+
+
+def test_the_picture_of_the_readme_is_small():
+    assert (DOCS / "images" / "demo.svg").stat().st_size < 300_000
+
+
+def test_the_citation_names_the_version_of_the_package():
+    version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
+
+    assert f"version: {version}\n" in text("CITATION.cff")
