@@ -5,16 +5,24 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow check docs benchmark clean
+.PHONY: demo test test-slow browser check docs benchmark clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
 
-test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m "not slow"
+test: $(VENV)/.installed-test browser
+	$(BIN)/python -m pytest -m "not slow" tests benchmarks --benchmark-disable
 
 test-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -m slow
+
+# A browser to look at the report with, where this machine lets us install one; the
+# test that needs it is skipped elsewhere.
+browser:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		(apt-get update && apt-get install --yes --no-install-recommends chromium) >/dev/null 2>&1 || true; \
+	fi
 
 check: $(VENV)/.installed-check
 	$(BIN)/ruff format --check src tests benchmarks
@@ -28,7 +36,7 @@ docs: $(VENV)/.installed-docs
 	@echo "Pages: docs/_build/html/index.html"
 
 benchmark: $(VENV)/.installed-test
-	$(BIN)/python -m pytest benchmarks --benchmark-only -q -s
+	$(BIN)/python -m pytest benchmarks -q -s
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -39,21 +39,19 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list:
-    return [
-        pytest.param(body, id=f"{name}-{k}")
+def blocks(language: str) -> dict[str, str]:
+    """Return every fenced block of a language, by page and place."""
+    return {
+        f"{name}-{k}": body
         for page, name in zip(PAGES, PAGE_NAMES, strict=True)
         for k, (found, body) in enumerate(_FENCE.findall(page.read_text(encoding="utf-8")))
         if found == language
-    ]
+    }
 
 
-def shell_lines() -> list:
-    lines = []
-    for block in blocks("bash"):
-        joined = block.values[0].replace("\\\n", " ")
-        lines += [pytest.param(line, id=line) for line in joined.splitlines() if line.strip()]
-    return lines
+def shell_lines() -> list[str]:
+    joined = "\n".join(blocks("bash").values()).replace("\\\n", " ")
+    return [line for line in dict.fromkeys(joined.splitlines()) if line.strip()]
 
 
 def words_in_code(name: str) -> set[str]:
@@ -119,7 +117,7 @@ def test_an_option_that_is_not_there_would_be_noticed():
         parse(["analyze", "study", "--out", "results", "--no-such"])
 
 
-@pytest.mark.parametrize("body", blocks("toml"))
+@pytest.mark.parametrize("body", blocks("toml").values(), ids=blocks("toml"))
 def test_every_toml_block_is_valid(body):
     content = tomllib.loads(body)
 
@@ -130,12 +128,12 @@ def test_every_toml_block_is_valid(body):
 
 
 def test_there_are_whole_studies_among_the_toml_blocks():
-    whole = [b.values[0] for b in blocks("toml") if "jointz = 1" in b.values[0]]
+    whole = [body for body in blocks("toml").values() if "jointz = 1" in body]
 
     assert len(whole) == 2
 
 
-@pytest.mark.parametrize("body", blocks("python"))
+@pytest.mark.parametrize("body", blocks("python").values(), ids=blocks("python"))
 def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsys):
     shutil.copytree(small_study.root, tmp_path / "my-study")
     monkeypatch.chdir(tmp_path)
@@ -144,7 +142,7 @@ def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsy
 
 
 def test_the_study_of_the_readme_is_analysed(small_study, analyze):
-    toml = next(b.values[0] for b in blocks("toml") if b.id.startswith("README"))
+    toml = next(body for place, body in blocks("toml").items() if place.startswith("README"))
     names = {"time": "t", "angle": "knee_deg", "command": "torque_cmd", "contact": "footswitch"}
     for ours, theirs in (("unperturbed", "normal"), ("perturbed", "pulses")):
         table = pd.read_csv(small_study.root / f"S01_{ours}.csv")

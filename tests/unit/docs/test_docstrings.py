@@ -5,11 +5,13 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from pydantic import BaseModel
 
 import jointz
 from jointz.cli.main import app
@@ -50,6 +52,15 @@ def _is_function(thing: Any) -> bool:
 
 OBJECTS = dict(public_objects())
 FUNCTIONS = {n: t for n, t in OBJECTS.items() if not (inspect.ismodule(t) or inspect.isclass(t))}
+#: Those that say themselves how they are made; fields of a study are described on their own page.
+CLASSES = {
+    n: t
+    for n, t in OBJECTS.items()
+    if inspect.isclass(t)
+    and "__init__" in vars(t)
+    and not issubclass(t, BaseModel | Enum)
+    and not getattr(t, "_is_protocol", False)
+}
 
 
 def described(doc: str) -> set[str]:
@@ -90,15 +101,17 @@ def test_every_public_name_has_a_docstring(name):
     assert not doc.startswith(f"{name.rpartition('.')[2]}(")
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", [*FUNCTIONS, *CLASSES])
 def test_every_argument_is_described(name):
-    doc = inspect.getdoc(FUNCTIONS[name]) or ""
+    doc = inspect.getdoc(OBJECTS[name]) or ""
 
-    assert [a for a in arguments(FUNCTIONS[name]) if a not in described(doc)] == []
+    assert [a for a in arguments(OBJECTS[name]) if a not in described(doc)] == []
 
 
 def test_an_argument_that_is_not_described_would_be_noticed():
-    doc = "Do it.\n\nParameters\n----------\na, b : int\n    Two.\n*rest : str\n    More.\n\nNotes\n-----\nc : no"
+    parameters = "Parameters\n----------\na, b : int\n    Two.\n*rest : str\n    More.\n"
+
+    doc = f"Do it.\n\n{parameters}\nNotes\n-----\nc : no"
 
     assert described(doc) == {"a", "b", "rest"}
 
