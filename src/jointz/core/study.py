@@ -229,7 +229,19 @@ class StudySpec(_Model):
 
 @dataclass(frozen=True, slots=True)
 class UserExclusion:
-    """A line of the user's ``exclusions.csv``."""
+    """A line of the user's ``exclusions.csv``.
+
+    Parameters
+    ----------
+    participant, recording : str
+        Whose, and which file as the study names it.
+    onset_s : float, s
+        Onset of the pulse or heel strike of the stride.
+    action : str
+        ``exclude`` or ``restore``.
+    reason : str
+        The user's own words.
+    """
 
     participant: str
     recording: str

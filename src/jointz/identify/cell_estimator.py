@@ -18,7 +18,19 @@ from jointz.identify.sources import ParticipantSettings, Source, most_alike
 
 
 class CellEstimator:
-    """Estimates every cell of a participant by one method."""
+    """Estimates every cell of a participant by one method.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    method : Method
+        How.
+    sources : sequence of Source
+        The participant's recordings, made ready.
+    settings : ParticipantSettings
+        What the study and the caller ask for.
+    """
 
     def __init__(
         self,
@@ -37,7 +49,13 @@ class CellEstimator:
     def run(
         self, candidates: Sequence[Candidate]
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes."""
+        """Return the cells and the pulses with their final codes.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            Every pulse of the participant's perturbed recordings.
+        """
         records = [c.record for c in candidates]
         cells = []
         for label in dict.fromkeys(r.timing_point for r in records if r.timing_point):

@@ -221,7 +221,7 @@ def _piece(
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,
         session=entry.session or "",
-        trial=str(labels["trial"][rows][0]) if "trial" in labels else "",
+        trial=_trial(spec, str(labels["trial"][rows][0])) if "trial" in labels else "",
         side=entry.side or "",
         joint=spec.joint,
         positive=spec.positive,
@@ -251,6 +251,11 @@ def _time(
             channel="time",
         )
     return time
+
+
+def _trial(spec: StudySpec, value: str) -> str:
+    names = spec.channels["trial"].values or {}  # noqa: PD011 - a field, not a frame
+    return names.get(value, value)
 
 
 def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:

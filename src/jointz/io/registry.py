@@ -82,10 +82,26 @@ class Reader(Protocol):
     """What a file format has to offer."""
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns."""
+        """Return the wanted columns.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        request : TableRequest
+            What is wanted of it.
+        """
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names of the columns, None where that means reading the file."""
+        """Return the names of the columns, None where that means reading the file.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        files : FilesSpec
+            How text files are laid out.
+        """
 
 
 _R = TypeVar("_R", bound=Reader)

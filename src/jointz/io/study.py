@@ -333,8 +333,8 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             continue
         if "kind" in channel and name != "contact":
             yield f"channels.{name}.kind: only channels.contact has a kind."
-        if "values" in channel and name not in LABEL_CHANNELS:
-            yield f"channels.{name}.values: only condition, trial and cycle have values."
+        if "values" in channel and name not in ("condition", "trial"):
+            yield f"channels.{name}.values: only condition and trial have values."
         if "positive" in channel:
             yield from _direction_problems(name, channel["positive"], raw)
     for value in _table(_table(channels, "condition"), "values").values():

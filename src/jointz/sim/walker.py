@@ -125,7 +125,15 @@ class WalkerSettings:
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """A pulse as commanded: its first sample (s) and its timing point."""
+    """A pulse as commanded.
+
+    Parameters
+    ----------
+    onset_s : float, s
+        Its first sample.
+    timing_point : str
+        Where in the gait cycle it was meant to be.
+    """
 
     onset_s: float
     timing_point: str

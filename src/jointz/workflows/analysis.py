@@ -1,6 +1,8 @@
 """Analyse a study: recordings in, impedance with intervals out."""
 
+import ctypes
 import os
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -75,6 +77,7 @@ def analyze(
     problems: list[str] = []
     people = [person.id for person in opened.spec.participants]
     for done, person_id in enumerate(people):
+        _give_back_memory()
         if progress:
             progress(done, len(people), person_id)
         try:
@@ -92,6 +95,18 @@ def analyze(
     if progress:
         progress(len(people), len(people), "done")
     return _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+
+
+def _give_back_memory() -> None:
+    """Hand freed memory back to the system, where the C library can.
+
+    glibc keeps what the threads of a parallel reader freed; without this ten
+    participants take a quarter more memory than one.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 def check_method(method: str) -> str:

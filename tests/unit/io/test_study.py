@@ -613,7 +613,7 @@ def test_a_channel_of_the_users_own_keeps_its_name_and_gets_an_si_unit(study):
         (
             'unit = "deg"',
             'unit = "deg"\nvalues = { "0" = "a" }',
-            "channels.angle.values: only condition, trial and cycle have values.",
+            "channels.angle.values: only condition and trial have values.",
         ),
         (
             "[[participants]]",
