@@ -76,7 +76,8 @@ def joint(
         Estimator | None,
         typer.Option(
             "--estimator",
-            help="By default admittance for torque input, least_squares for angle input.",
+            help="By default least_squares for angle input; for torque input "
+            "instrumental_variable with --command, else admittance.",
         ),
     ] = None,
     cutoff_hz: Annotated[

@@ -58,7 +58,7 @@ def run() -> None:
         app()
         return
     try:
-        sys.exit(app(standalone_mode=False))
+        status = app(standalone_mode=False)
     except _UsageError as exc:
         exc.show()
         if "--json" in sys.argv:
@@ -68,12 +68,14 @@ def run() -> None:
         _report(type(exc).__name__, str(exc))
         sys.exit(EXIT_BAD_INPUT)
     except (typer.Abort, KeyboardInterrupt):
-        _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
-        sys.exit(_EXIT_STOPPED)
+        status = _EXIT_STOPPED
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
         what = f"{type(exc).__name__}: {exc}"
         _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
         sys.exit(_EXIT_BUG)
+    if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
+        _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
+    sys.exit(status)
 
 
 def _report(kind: str, message: str) -> None:

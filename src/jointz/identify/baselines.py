@@ -12,7 +12,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from jointz.identify.conditioning import ANGLE, Conditioned
 PRE_PULSE_S = 0.05
 MATCH_S = 0.15
 N_MATCHES = 10
+#: Posture wanders: strides resemble their neighbours, and are resampled with them.
+STRIDE_BLOCK = 4
 N_NEIGHBOURS = 100
 _FEWEST_MATCHES = 3
 #: Angles are compared at this rate: they are low-passed far below.
@@ -41,11 +43,14 @@ class Baseline:
         The stride each window is from; strides are what is resampled.
     valid : (n_pulse, k) bool
         Which windows there are.
+    block : int
+        Strides are resampled in runs of so many neighbours.
     """
 
     windows: np.ndarray
     sources: np.ndarray
     valid: np.ndarray
+    block: int = 1
 
     @property
     def codes(self) -> list[str]:
@@ -96,7 +101,12 @@ class Baseline:
         pulses : (m,) int or bool
             Which pulses.
         """
-        return Baseline(self.windows[pulses], self.sources[pulses], self.valid[pulses])
+        return replace(
+            self,
+            windows=self.windows[pulses],
+            sources=self.sources[pulses],
+            valid=self.valid[pulses],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +198,7 @@ def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: 
     """
     windows, valid = pool.windows(elapsed_s, window_s=window_s)
     sources = np.broadcast_to(np.arange(pool.size), valid.shape)
-    return Baseline(windows, sources, valid)
+    return Baseline(windows, sources, valid, STRIDE_BLOCK)
 
 
 def matched_strides(

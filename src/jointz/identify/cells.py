@@ -247,7 +247,7 @@ def _averages(
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
     if not (settings.letter or baseline.own):
         n_strides = baseline.n_sources
-        draws = resample_weights(n_strides, settings.n_resamples, rng)
+        draws = resample_weights(n_strides, settings.n_resamples, rng, block=baseline.block)
         # The mean that was subtracted gives way to the mean of the strides drawn.
         change = baseline.weights(draws) - baseline.weights(np.ones((1, n_strides)))
         change *= (weights * turned[:, 0, 0])[:, :, None]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.ndimage import map_coordinates
 
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
@@ -234,29 +235,38 @@ def torque_from_current(
 
 
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    angle = next(n for n in ("motor_angle", "angle") if n in recording)
-    velocity, acceleration = _derivatives(recording, recording[angle].to_numpy(), cutoff_hz)
-    measured = next((n for n in ("motor_velocity", "velocity") if n in recording), None)
-    if measured:
-        velocity = recording[measured].to_numpy()
-        acceleration = _derivatives(recording, velocity, cutoff_hz)[0]
+    """Return velocity and acceleration of the output, as measured as possible.
+
+    The sign of a differentiated velocity is taken after the low-pass; the
+    acceleration is left as it is: the torque it goes into is low-passed later,
+    with the angle and only once.
+    """
+    measured = ("motor_velocity", "motor_angle", "velocity", "angle")
+    name = next(n for n in measured if n in recording)
+    values = recording[name].to_numpy()
+    if name.endswith("velocity"):
+        velocity, acceleration = values, _derivative(recording, values)
+    else:
+        velocity = _derivative(recording, values, cutoff_hz=cutoff_hz)
+        acceleration = _derivative(recording, _derivative(recording, values))
     if "motor_acceleration" in recording:
         acceleration = recording["motor_acceleration"].to_numpy()
     return velocity, acceleration
 
 
-def _derivatives(
-    recording: xr.Dataset, values: np.ndarray, cutoff_hz: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _derivative(
+    recording: xr.Dataset, values: np.ndarray, *, cutoff_hz: float | None = None
+) -> np.ndarray:
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
-    first, second = np.full_like(values, np.nan), np.full_like(values, np.nan)
+    result = np.full_like(values, np.nan)
     for part in stretches(time, np.isfinite(values)):
         if part.stop - part.start > shortest_record():
-            smooth = lowpass_zero_phase(values[part], cutoff_hz=cutoff_hz, rate_hz=rate)
-            first[part] = derivative(smooth, rate_hz=rate)
-            second[part] = derivative(first[part], rate_hz=rate)
-    return first, second
+            run = values[part]
+            if cutoff_hz is not None:
+                run = lowpass_zero_phase(run, cutoff_hz=cutoff_hz, rate_hz=rate)
+            result[part] = derivative(run, rate_hz=rate)
+    return result
 
 
 def _stretch(
@@ -281,10 +291,12 @@ def _stretch(
         wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
     late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
     if wanted is not uniform or late_s.any():
-        signals = np.vstack(
+        # A cubic spline: the signals are low-passed, and a straight line would damp them.
+        where = (wanted - uniform[0] + late_s[:, None]) * own_rate
+        signals = np.stack(
             [
-                np.interp(wanted + late, uniform, row)
-                for row, late in zip(signals, late_s, strict=True)
+                map_coordinates(row, [place], order=3, mode="nearest")
+                for row, place in zip(signals, where, strict=True)
             ]
         )
     return Stretch(time=wanted, signals=signals)

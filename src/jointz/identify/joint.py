@@ -34,7 +34,6 @@ EstimatorName = Literal[
     "least_squares", "bounded_least_squares", "admittance", "instrumental_variable"
 ]
 
-_DEFAULT_ESTIMATOR = {"torque": "admittance", "angle": "least_squares"}
 _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Estimators that keep K, B, J >= 0: their intervals do too.
 _BOUNDED = ("bounded_least_squares", "admittance")
@@ -149,12 +148,13 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     _check_choice("model", model, get_args(Model))
     _check_choice("input", input, get_args(Input))
     _check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
-    chosen = estimator if estimator is not None else _DEFAULT_ESTIMATOR[input]
-    _check_choice("estimator", chosen, tuple(ESTIMATORS))
+    if estimator is not None:
+        _check_choice("estimator", estimator, tuple(ESTIMATORS))
     if not 0.0 < ci_level < 1.0:
         raise ValueError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
     given = {"angle": angle, "torque": torque, "command": command, "time": time}
     record = _gather(recording, given, rate_hz)
+    chosen = estimator or _default_estimator(input, has_command="command" in record.channels)
     signals = _prepare(record, cutoff_hz, torque_acts_on)
     solution = ESTIMATORS[chosen](signals)
     settings = {
@@ -179,6 +179,17 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise ValueError(f"{name}: expected one of {', '.join(choices)}; got {value!r}")
+
+
+def _default_estimator(input: Input, *, has_command: bool) -> EstimatorName:
+    """Choose by what was perturbed, and by whether a device may have reacted to the joint.
+
+    A device with an impedance of its own closes a loop in which only the
+    command is free of the joint's noise.
+    """
+    if input == "angle":
+        return "least_squares"
+    return "instrumental_variable" if has_command else "admittance"
 
 
 def _gather(

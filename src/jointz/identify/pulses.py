@@ -1,6 +1,6 @@
 """Where the perturbation pulses of a recording are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,8 @@ _SPEED_SHARE = 0.3
 #: A step begins where its speed first exceeds this share of its own peak.
 _ONSET_SHARE = 0.1
 _QUIET_S = 0.06
+_BEFORE_S = 0.05
+_TYPICAL_PULSE_S = 0.1
 _SETTLE_S = (0.03, 0.08)
 _QUIET_SHARE = 0.2
 _SIZE_SHARE = 0.5
@@ -65,6 +67,39 @@ def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
         Pulse(onset, duration, amplitude, point)
         for (onset, duration, amplitude), point in zip(numbers.tolist(), points, strict=True)
     )
+
+
+def with_measured_amplitudes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[Pulse, ...]:
+    """Fill amplitudes that a table does not give: responses are turned by their sign.
+
+    Parameters
+    ----------
+    pulses : tuple of Pulse
+        Pulses of a table.
+    recording : xarray.Dataset
+        Its command is read, else its torque: the mean over the pulse (or 0.1 s)
+        less that of the 50 ms before it.
+
+    Returns
+    -------
+    tuple of Pulse
+        The pulses; NaN stays where there is nothing to read.
+    """
+    time = recording["time"].to_numpy()
+    source = recording["command" if "command" in recording else "torque"].to_numpy()
+    return tuple(
+        replace(p, amplitude=_measured(time, source, p)) if np.isnan(p.amplitude) else p
+        for p in pulses
+    )
+
+
+def _measured(time: np.ndarray, torque: np.ndarray, pulse: Pulse) -> float:
+    length_s = _TYPICAL_PULSE_S if np.isnan(pulse.duration_s) else pulse.duration_s
+    moments = [pulse.onset_s - _BEFORE_S, pulse.onset_s, pulse.onset_s + length_s]
+    first, onset, end = np.searchsorted(time, moments)
+    before, during = torque[first:onset], torque[onset:end]
+    before, during = before[np.isfinite(before)], during[np.isfinite(during)]
+    return float(during.mean() - before.mean()) if before.size and during.size else np.nan
 
 
 def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
@@ -150,9 +185,9 @@ def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
 def _steps(time: np.ndarray, angle: np.ndarray, speed: np.ndarray, rate: float) -> list[Pulse]:
     size = np.abs(speed)
     quiet, settled = round(_QUIET_S * rate), [round(s * rate) for s in _SETTLE_S]
-    peaks, _ = find_peaks(
-        size, height=_SPEED_SHARE * float(np.percentile(size, 99)), distance=max(quiet, 1)
-    )
+    # Where steps are rare the percentile is one of rest, not of steps.
+    fast = max(float(np.percentile(size, 99)), _SPEED_SHARE * float(size.max()))
+    peaks, _ = find_peaks(size, height=_SPEED_SHARE * fast, distance=max(quiet, 1))
     steps: list[Pulse] = []
     for peak in peaks:
         below = np.flatnonzero(size[:peak] < _ONSET_SHARE * size[peak])

@@ -21,6 +21,7 @@ from jointz.identify.pulses import (
     pulses_from_command,
     pulses_from_reference,
     pulses_from_table,
+    with_measured_amplitudes,
 )
 
 _STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
@@ -223,7 +224,7 @@ def _pulses(
     if source == "table":
         if given.pulse_table is None:
             raise DataError(f'{given.file}: perturbations.source is "table" but it has none.')
-        pulses = pulses_from_table(given.pulse_table)
+        pulses = with_measured_amplitudes(pulses_from_table(given.pulse_table), given.recording)
         check_onsets(pulses, given.recording)
         _check_names(pulses, given.file, settings)
         return pulses

@@ -185,6 +185,8 @@ def _sentence(error: Mapping[str, Any]) -> str:
     if place == "jointz":
         return f"jointz: schema version {shown} is not one this version reads (1)."
     if kind == "too_short":
+        if isinstance(error["input"], str):
+            return f"{place}: expected text that is not empty; got {shown}."
         return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
     told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
     message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told

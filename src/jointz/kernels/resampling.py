@@ -10,7 +10,9 @@ _LANES = 256  # resamples that run side by side in vector registers and fit the 
 _STEP = 5  # trials a loop takes at once
 
 
-def resample_weights(n_trials: int, n_resamples: int, rng: np.random.Generator) -> np.ndarray:
+def resample_weights(
+    n_trials: int, n_resamples: int, rng: np.random.Generator, *, block: int = 1
+) -> np.ndarray:
     """Return the weights with which each bootstrap resample averages the trials.
 
     A row holds how often each trial was drawn, with replacement and as many
@@ -25,6 +27,9 @@ def resample_weights(n_trials: int, n_resamples: int, rng: np.random.Generator) 
         Number of resamples.
     rng : numpy.random.Generator
         Source of randomness; the same state gives the same weights.
+    block : int
+        Draw runs of so many neighbours (the last joined to the first): trials
+        in order of time may resemble their neighbours.
 
     Returns
     -------
@@ -39,7 +44,10 @@ def resample_weights(n_trials: int, n_resamples: int, rng: np.random.Generator) 
     Notes
     -----
     B. Efron, "Bootstrap methods: another look at the jackknife", Ann. Statist.
-    7 (1979) 1, doi:10.1214/aos/1176344552, in its resampling-vector form.
+    7 (1979) 1, doi:10.1214/aos/1176344552, in its resampling-vector form; blocks
+    as in D. N. Politis and J. P. Romano, "A circular block-resampling procedure
+    for stationary data" (1992). Where the block does not divide the number of
+    trials, the last run is cut short.
 
     Examples
     --------
@@ -52,7 +60,12 @@ def resample_weights(n_trials: int, n_resamples: int, rng: np.random.Generator) 
             f"resample_weights: expected n_trials >= 1 and n_resamples >= 0, got {n_trials} and "
             f"{n_resamples}. Give at least one trial."
         )
-    drawn = rng.integers(0, n_trials, size=(n_resamples, n_trials), dtype=np.int64)
+    block = min(block, n_trials)
+    n_runs = -(-n_trials // block)
+    drawn = rng.integers(0, n_trials, size=(n_resamples, n_runs), dtype=np.int64)
+    if block > 1:
+        runs = (drawn[:, :, np.newaxis] + np.arange(block)) % n_trials
+        drawn = runs.reshape(n_resamples, -1)[:, :n_trials]
     # One flat count: trial t of resample r is bin r * n_trials + t.
     drawn += n_trials * np.arange(n_resamples, dtype=np.int64)[:, np.newaxis]
     counts = np.bincount(drawn.ravel(), minlength=n_resamples * n_trials)

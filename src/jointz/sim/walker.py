@@ -24,7 +24,7 @@ _MEAN_DAMPING_PER_MASS = (0.035, 0.040, 0.050, 0.030, 0.036, 0.027)
 _SPREAD_OVER_PEOPLE = 0.25
 
 _STANCE = 0.62  # share of the cycle with the foot on the ground
-_STEADY = 0.12  # K and B stand still for this share of a mean stride after an onset
+_STEADY = 0.15  # K and B stand still for this share of a mean stride after an onset
 
 _STRIDES_OF_ESTIMATE = 3  # the device's stride time is the mean of the last three
 _FEWEST_STRIDES_APART, _MOST_STRIDES_APART = 3, 7

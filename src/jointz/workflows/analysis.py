@@ -134,7 +134,8 @@ def _settings(
 ) -> ParticipantSettings:
     spec = study.spec
     walking = spec.kind == "walking"
-    others = [m for m in METHODS if m != method] if walking else []
+    # The level before a pulse is no baseline for a joint that moves: never beside the others.
+    others = [m for m in METHODS if m not in (method, "pre_pulse")] if walking else []
     own = spec.perturbations.baseline is None
     return ParticipantSettings(
         walking=walking,

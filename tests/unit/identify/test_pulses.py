@@ -144,6 +144,16 @@ def test_steps_of_the_angle_are_found_where_they_begin():
         assert np.isnan(pulse.duration_s)
 
 
+@pytest.mark.parametrize("noise", [0.0, 2e-4])
+def test_rare_steps_are_found_among_rest(noise):
+    t, angle = moved([(5.0, 0.05), (15.0, -0.05)], n=20_000)
+    angle = angle + noise * np.random.default_rng(0).standard_normal(t.size)
+
+    found = pulses_from_angle(build_recording(t, {"angle": angle}), cutoff_hz=20.0)
+
+    assert [round(p.onset_s, 1) for p in found] == [5.0, 15.0]
+
+
 def test_small_steps_steps_out_of_motion_and_steps_at_the_edges_do_not_count():
     t, angle = moved([(0.03, 0.035), (1.0, 0.035), (2.0, -0.035), (3.0, 0.012), (7.98, 0.035)])
     angle += np.where((t > 4) & (t < 5), 0.02 * np.sin(2 * np.pi * 8 * (t - 4)), 0.0)

@@ -1,0 +1,65 @@
+"""The demo: from nothing to a report, and only its own folder replaced."""
+
+import json
+
+import pandas as pd
+import pytest
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("demo")
+
+
+def demo(jointz, out, *more):
+    return jointz("demo", "--quick", "--out", out, *more)
+
+
+def test_the_demo_writes_study_results_truth_and_report(jointz, folder):
+    outcome = demo(jointz, folder / "demo", "--json")
+
+    assert outcome.code == 0
+    found = outcome.json
+    assert found["report"] == str(folder / "demo" / "results" / "report.html")
+    assert found["n_standing"] == 2 * 6 * 5
+    page = (folder / "demo" / "results" / "report.html").read_text()
+    assert "<svg" in page
+    assert "http://" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "")
+    truth = pd.read_csv(folder / "demo" / "truth.csv")
+    assert len(truth) == 2 * 6 * 3
+    assert {row["parameter"] for row in found["accuracy"]} == {"stiffness", "damping", "inertia"}
+    people = json.loads((folder / "demo" / "ground_truth.json").read_text())
+    assert all(0.004 <= p["angle_lag_s"] <= 0.012 for p in people)
+    k, n = truth.query("parameter == 'stiffness'"), people[0]
+    expected = n["stiffness_per_mass"]["LRE"] * n["mass_kg"]
+    mine = k.query("participant == @n['id'] and timing_point == 'LRE'")["truth"].item()
+    assert mine == pytest.approx(expected)
+
+
+def test_the_demo_replaces_its_own_folder(jointz, folder):
+    assert (folder / "demo" / ".jointz-demo").is_file()
+    stale = folder / "demo" / "stale"
+    stale.write_text("x")
+    outcome = demo(jointz, folder / "demo")
+
+    assert outcome.code == 0
+    assert "Report: " in outcome.out
+    assert not stale.exists()
+    assert [p.name for p in folder.iterdir()] == ["demo"]
+
+
+def test_the_demo_refuses_a_folder_it_did_not_make(jointz, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.doc").write_text("years of work")
+    outcome = demo(jointz, mine, "--json")
+
+    assert outcome.code == 2
+    assert outcome.json["error"] == "OutputError"
+    assert [p.name for p in mine.iterdir()] == ["thesis.doc"]
+    assert [p.name for p in tmp_path.iterdir()] == ["mine"]
+
+
+def test_the_quiet_demo_prints_nothing(jointz, tmp_path):
+    outcome = demo(jointz, tmp_path / "demo", "--quiet")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")

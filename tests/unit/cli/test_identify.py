@@ -1,0 +1,90 @@
+"""``jointz identify joint``: numbers, echo, figure, failures."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+
+@pytest.fixture
+def file(tmp_path):
+    t = np.arange(8000) / 500.0
+    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
+    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
+    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
+    table = pd.DataFrame(
+        {
+            "t": t,
+            "knee": np.rad2deg(0.01 * s.sum(axis=0)),
+            "tau": -0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0),
+        }
+    )
+    path = tmp_path / "r.csv"
+    table.to_csv(path, index=False)
+    return path
+
+
+ARGUMENTS = ("--angle", "knee:deg", "--torque", "tau", "--input", "angle")
+FLIPPED = ("--torque-acts-on", "device")
+
+
+def test_json_holds_parameters_with_units_and_intervals_and_echoes_columns(jointz, file):
+    outcome = jointz("identify", "joint", file, *ARGUMENTS, *FLIPPED, "--time", "t", "--json")
+
+    assert outcome.code == 0
+    found = outcome.json
+    assert found["model"] == "kbj"
+    for name, truth, unit in (
+        ("stiffness", 80.0, "N*m/rad"),
+        ("damping", 1.2, "N*m*s/rad"),
+        ("inertia", 0.02, "kg*m^2"),
+    ):
+        parameter = found["parameters"][name]
+        assert parameter["value"] == pytest.approx(truth, rel=1e-3)
+        assert parameter["unit"] == unit
+        low, high = parameter["ci"]
+        assert low <= parameter["value"] <= high
+    assert found["vaf_pct"] > 99.9
+    assert found["columns"]["angle"] == {"column": "knee", "unit": "deg"}
+    assert found["columns"]["torque"] == {"column": "tau", "unit": "N*m"}
+
+
+def test_a_person_reads_a_table_and_quiet_prints_nothing(jointz, file):
+    arguments = ("identify", "joint", file, *ARGUMENTS, *FLIPPED, "--rate", 500)
+    assert "stiffness\t80" in jointz(*arguments).out
+    quiet = jointz(*arguments, "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png"])
+def test_a_figure_is_written(jointz, file, tmp_path, suffix):
+    figure = tmp_path / f"fit.{suffix}"
+    arguments = ("--time", "t", "--estimator", "least_squares", "--figure", figure, "--quiet")
+    assert jointz("identify", "joint", file, *ARGUMENTS, *FLIPPED, *arguments).code == 0
+    assert figure.stat().st_size > 1000
+
+
+def test_a_record_without_an_answer_exits_1_with_the_code(jointz, file):
+    pd.read_csv(file).assign(knee=1.0).to_csv(file, index=False)
+    arguments = ("identify", "joint", file, *ARGUMENTS, "--time", "t")
+
+    outcome = jointz(*arguments, "--json")
+    assert outcome.code == 1
+    assert outcome.json["status"].startswith("failed:")
+    assert outcome.json["message"]
+    plain = jointz(*arguments)
+    assert (plain.code, plain.out) == (1, "")
+    assert plain.err.startswith("jointz: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--angle", "knee:furlong_x", "--torque", "tau", "--time", "t"), "furlong_x"),
+        (("--angle", "kneee", "--torque", "tau", "--time", "t"), "knee"),
+        (("--angle", "knee", "--torque", "tau"), "--rate"),
+    ],
+)
+def test_what_cannot_be_read_exits_2(jointz, file, arguments, word):
+    outcome = jointz("identify", "joint", file, *arguments, "--json")
+    assert outcome.code == 2
+    assert word in outcome.json["message"]

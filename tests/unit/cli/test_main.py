@@ -1,0 +1,201 @@
+"""The command line: one JSON object, exit codes, no traceback, help, quick start."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from jointz import __version__
+from jointz.cli import main
+from jointz.cli.main import app
+from jointz.workflows import analysis, results_folder
+
+FEW = ("--resamples", 20)
+
+
+def test_the_version_is_told(jointz):
+    outcome = jointz("--version")
+    assert (outcome.code, outcome.out) == (0, f"jointz {__version__}\n")
+
+
+def commands():
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from ([name, inner] for inner in command.commands)
+        else:
+            yield [name]
+
+
+@pytest.mark.parametrize("path", list(commands()), ids=" ".join)
+def test_every_command_has_help_with_an_example_and_the_shared_options(jointz, path):
+    outcome = jointz(*path, "--help")
+    assert outcome.code == 0
+    assert f"Example: jointz {' '.join(path)}" in outcome.out
+    for option in ("--json", "--quiet", "--debug"):
+        assert option in outcome.out
+
+
+@pytest.mark.parametrize("arguments", [(), ("identify",), ("--help",), ("analyze", "--help")])
+def test_help_is_shown_where_a_command_is_missing(jointz, arguments):
+    outcome = jointz(*arguments)
+    assert "Usage: jointz" in outcome.out + outcome.err
+    assert outcome.code == (0 if "--help" in arguments else 2)
+
+
+USAGE_ERRORS = [
+    ("frobnicate",),
+    ("analyze",),
+    ("analyze", "study"),
+    ("analyze", "study", "--out", "x", "--frob"),
+    ("analyze", "study", "--out", "x", "--method", "nope"),
+    ("analyze", "study", "--out", "x", "--resamples", "1"),
+    ("analyze", "study", "--out", "x", "--seed", "-1"),
+    ("identify", "joint"),
+    ("identify", "joint", "f", "--angle", "a", "--torque", "b", "--model", "nope"),
+    ("identify", "joint", "f", "--angle", "a", "--torque", "b", "--input", "nope"),
+    ("identify", "joint", "f", "--angle", "a", "--torque", "b", "--estimator", "nope"),
+    ("demo", "--seed", "x"),
+]
+
+
+@pytest.mark.parametrize("arguments", USAGE_ERRORS, ids=" ".join)
+def test_wrong_options_exit_2_with_json_where_it_is_wanted(jointz, arguments):
+    plain = jointz(*arguments)
+    assert (plain.code, plain.out) == (2, "")
+    assert "Usage:" in plain.err
+    assert "Traceback" not in plain.err
+
+    wanted = jointz(*arguments, "--json")
+    assert wanted.code == 2
+    assert wanted.json["status"] == "error"
+    assert wanted.json["message"]
+
+
+def test_bad_input_is_one_json_object_and_one_message(jointz, tmp_path):
+    arguments = ("analyze", tmp_path / "nowhere", "--out", tmp_path / "out")
+    outcome = jointz(*arguments, "--json")
+
+    assert outcome.code == 2
+    assert outcome.json["error"] == "DataError"
+    assert outcome.err == f"jointz: {outcome.json['message']}\n"
+    assert jointz(*arguments).out == ""
+
+
+def test_debug_shows_the_traceback(monkeypatch, tmp_path):
+    arguments = ["analyze", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o"), "--debug"]
+    monkeypatch.setattr(sys, "argv", ["jointz", *arguments])
+    with pytest.raises(main.JointzError, match="no study"):
+        main.run()
+
+
+def test_debug_before_the_command_shows_it_too(monkeypatch, tmp_path):
+    arguments = ["--debug", "analyze", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o")]
+    monkeypatch.setattr(sys, "argv", ["jointz", *arguments])
+    with pytest.raises(main.JointzError, match="no study"):
+        main.run()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "word"),
+    [(ZeroDivisionError("oops"), 70, "bug in jointz"), (KeyboardInterrupt(), 130, "Stopped")],
+)
+def test_whatever_happens_there_is_no_traceback(
+    jointz, small_study, tmp_path, monkeypatch, error, code, word
+):
+    def failing(*_, **__):
+        raise error
+
+    monkeypatch.setattr(analysis, "analyze_participant", failing)
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", "--json")
+
+    assert outcome.code == code
+    assert word in outcome.json["message"]
+    assert word in outcome.err
+    assert "Traceback" not in outcome.err
+    assert [p.name for p in tmp_path.iterdir()] == ["study"]
+
+
+def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(results_folder, "render_report", broken)
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW, "--json")
+
+    assert outcome.code not in (0, 1)
+    assert "no space left" in outcome.json["message"]
+    assert [p.name for p in tmp_path.iterdir()] == ["study"]
+
+
+def test_quiet_prints_nothing_and_writes_all(jointz, small_study, tmp_path):
+    out = tmp_path / "out"
+    outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--quiet")
+
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
+    written = {p.name for p in out.iterdir()}
+    assert written >= {
+        "estimates.csv", "comparison.csv", "population.csv", "excluded.csv", "statistics.json",
+        "figures", "report.html", "provenance.json",
+    }  # fmt: skip
+    assert list((out / "figures").glob("*.svg"))
+    assert json.loads((out / "provenance.json").read_text())["seed"] == 0
+
+
+def test_a_person_reads_means_the_report_and_what_failed(jointz, small_study, tmp_path):
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW)
+
+    assert outcome.code == 0
+    assert "Means over people" in outcome.out
+    assert "LRE\tstiffness\t" in outcome.out
+    assert f"Report: {tmp_path / 'out' / 'report.html'}" in outcome.out
+
+
+def test_one_person_reads_the_estimates_and_why_some_are_missing(jointz, small_study, tmp_path):
+    head = small_study.toml.index('[[participants]]\nid = "S02"')
+    tail = small_study.toml.index("[[recordings]]")
+    only = small_study.toml[:head] + small_study.toml[tail:]
+    only = only[: only.index('[[recordings]]\nparticipant = "S02"')]
+    points = "[perturbations]\ntiming_points = { LRE = 7.0, TSW = 93.5, MST = 21.5 }\n"
+    (small_study.root / "study.toml").write_text(only + points)
+    line = "participant,recording,onset_s,action\nS01,S01_perturbed.csv,0.1,exclude\n"
+    (small_study.root / "exclusions.csv").write_text(line)
+    # A pulse table would name them; here the nearest of the three points takes each pulse.
+    small_study.edit_table(
+        "S01_perturbed.csv", lambda t: t.assign(command=t["command"].where(t["time"] < 8, 0.0))
+    )
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW)
+
+    assert outcome.code == 1
+    assert "Estimates" in outcome.out
+    assert "S01 LRE\tall\t-\t-\t-\tfailed:" in outcome.out
+    assert "note: exclusions.csv: nothing begins at 0.1 s" in outcome.out
+    assert "without an estimate: failed:" in outcome.out
+
+
+LAZY = ("scipy.signal", "matplotlib", "numba", "statsmodels", "pandas", "xarray", "pint")
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, contextlib, io\n"
+        "sys.argv = ['jointz', '--help']\n"
+        "from jointz.cli.main import run\n"
+        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
+        "    run()\n"
+        f"print([name for name in {LAZY!r} if name in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_importing_the_package_imports_nothing_at_all():
+    code = "import sys, jointz; print([m for m in ('numpy', 'pydantic') if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,70 @@
+"""Means over people by hand."""
+
+import numpy as np
+import pytest
+
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.stats.population import population_means
+
+
+def cell(person, value, *, point="LRE", status="ok", onset=7.0, name="stiffness"):
+    parameter = ParameterEstimate(name, value, None, None, status)
+    return CellEstimate(person, point, onset, (parameter,), 99.0, 5, 0, "dissertation")
+
+
+def test_the_interval_is_students_over_people():
+    cells = [cell(f"S{i}", v) for i, v in enumerate([10.0, 12.0, 17.0])]
+    (mean,) = population_means(cells)
+
+    assert mean.value == pytest.approx(13.0)
+    assert mean.sd == pytest.approx(np.sqrt(13.0))
+    half = 4.302652729911275 * np.sqrt(13.0 / 3)  # t of 2 degrees of freedom, from tables
+    assert (mean.ci_low, mean.ci_high) == pytest.approx((13.0 - half, 13.0 + half))
+    assert (mean.n_participants, mean.status, mean.unit) == (3, "ok", "N*m/rad")
+    assert mean.ci_level == 0.95
+
+
+def test_values_at_the_bound_count_and_failed_ones_do_not():
+    cells = [
+        cell("S1", 0.0, status="at_bound"),
+        cell("S2", 4.0),
+        cell("S3", None, status="failed:no_pulses", onset=None),
+        cell("S4", None, status="undecided"),
+    ]
+    (mean,) = population_means(cells)
+    assert (mean.value, mean.n_participants) == (2.0, 2)
+
+
+@pytest.mark.parametrize("values", [[5.0], []])
+def test_fewer_than_two_people_are_no_population(values):
+    cells = [cell(f"S{i}", v) for i, v in enumerate(values)]
+    cells.append(cell("S9", None, status="failed:no_pulses"))
+    (mean,) = population_means(cells)
+
+    assert mean.status == "failed:too_few_participants"
+    assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
+    assert mean.n_participants == len(values)
+
+
+def test_every_point_and_parameter_has_its_own_mean_in_their_order():
+    cells = [
+        cell(person, value, point=point, name=name)
+        for point, name, value in [("TST", "damping", 1.0), ("LRE", "stiffness", 9.0)]
+        for person in ("S1", "S2")
+    ]
+    means = population_means(cells)
+    assert [(m.timing_point, m.parameter, m.value) for m in means] == [
+        ("TST", "damping", 1.0),
+        ("LRE", "stiffness", 9.0),
+    ]
+
+
+def test_onsets_are_averaged_on_the_circle():
+    (mean,) = population_means([cell("S1", 1.0, onset=99.0), cell("S2", 2.0, onset=3.0)])
+    assert mean.onset_gait_pct == pytest.approx(1.0)
+    (bench,) = population_means([cell("S1", 1.0, onset=None), cell("S2", 2.0, onset=None)])
+    assert bench.onset_gait_pct is None
+
+
+def test_no_cells_have_no_means():
+    assert population_means([]) == ()

@@ -1,0 +1,133 @@
+"""A whole study: methods, order, notes, provenance."""
+
+import hashlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.errors import StudyError
+from jointz.workflows.analysis import analyze, check_method
+
+
+@pytest.fixture(scope="module")
+def whole(small_study_source):
+    return analyze(small_study_source, resamples=50, seed=3)
+
+
+def test_names_of_methods_are_checked():
+    assert check_method("recommended") == "dissertation"
+    assert check_method("pre_pulse") == "pre_pulse"
+    with pytest.raises(ValueError, match=r"one of recommended, dissertation, .*'nope'"):
+        check_method("nope")
+
+
+def test_fewer_than_two_resamples_are_refused(small_study_source):
+    with pytest.raises(ValueError, match="resamples: expected at least 2, got 1"):
+        analyze(small_study_source, resamples=1)
+
+
+def test_the_other_methods_stand_in_the_comparison(whole):
+    assert set(whole.to_frame()["method"]) == {"dissertation"}
+    assert list(whole.comparison_frame()["method"].unique()) == ["matched_strides"]
+    assert len(whole.comparison_frame()) == len(whole.to_frame())
+
+
+def test_a_method_chosen_by_name_is_the_same_as_in_the_comparison(small_study_source, whole):
+    chosen = analyze(small_study_source, method="matched_strides", resamples=50, seed=3)
+
+    compared = whole.comparison_frame().query("method == 'matched_strides'")
+    pd.testing.assert_frame_equal(chosen.to_frame(), compared.reset_index(drop=True))
+    assert "dissertation" in set(chosen.comparison_frame()["method"])
+
+
+def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):
+    toml = small_study.toml + '\n[perturbations]\nbaseline = "pre_pulse"\n'
+    (small_study.root / "study.toml").write_text(toml)
+    found = jointz.analyze(small_study.root, resamples=20)
+
+    assert found.comparison == ()
+    assert {c.baseline for c in found.cells} == {"pre_pulse"}
+    assert found.settings["baseline"] == "pre_pulse"
+
+
+def test_settings_and_provenance_say_what_was_done(small_study_source, whole):
+    assert whole.settings["resamples"] == 50
+    assert whole.settings["seed"] == whole.provenance["seed"] == 3
+    assert whole.settings["study"] == "study"
+    toml = (small_study_source / "study.toml").read_bytes()
+    assert whole.provenance["study_sha256"] == hashlib.sha256(toml).hexdigest()
+    for entry in whole.provenance["inputs"]:
+        content = (small_study_source / entry["file"]).read_bytes()
+        assert entry["sha256"] == hashlib.sha256(content).hexdigest()
+        assert entry["history"][0]["step"] == "read"
+    assert len(whole.provenance["inputs"]) == 4
+
+
+def test_an_analysis_survives_json(whole):
+    again = StudyAnalysis.from_dict(json.loads(json.dumps(whole.to_dict(), allow_nan=False)))
+    pd.testing.assert_frame_equal(again.to_frame(), whole.to_frame())
+    assert again.pulses == whole.pulses
+    np.testing.assert_array_equal(again.cells[0].response.angle, whole.cells[0].response.angle)
+
+
+def test_progress_is_told_before_each_participant_and_at_the_end(small_study_source):
+    told = []
+    analyze(small_study_source, resamples=2, progress=lambda *a: told.append(a))
+    assert told == [(0, 2, "S01"), (1, 2, "S02"), (2, 2, "done")]
+
+
+def test_all_unreadable_recordings_stand_in_one_error(small_study):
+    for file in ("S01_perturbed.csv", "S01_unperturbed.csv", "S02_perturbed.csv"):
+        small_study.edit_table(file, lambda t: t.assign(angle=100.0 * t["angle"]))
+    with pytest.raises(StudyError) as refused:
+        analyze(small_study.root, resamples=2)
+    assert len(refused.value.problems) == 3
+
+
+def user_lines(*lines):
+    head = "participant,recording,onset_s,action,reason,time\n"
+    return head + "".join(f"{line},because,2026-01-01\n" for line in lines)
+
+
+def test_the_users_exclusions_are_honoured_and_a_line_without_effect_is_noted(small_study, whole):
+    pulse = next(p for p in whole.pulses if not p.code)
+    where = f"{pulse.participant},{pulse.recording}"
+    text = user_lines(f"{where},{pulse.onset_s},exclude", f"{where},0.123,exclude")
+    (small_study.root / "exclusions.csv").write_text(text)
+    found = analyze(small_study.root, resamples=20)
+
+    left_out = [p for p in found.pulses if p.code == "user"]
+    assert [p.onset_s for p in left_out] == [pulse.onset_s]
+    (note,) = found.statistics["notes"]
+    assert "nothing begins at 0.123 s" in note
+    same = (pulse.participant, pulse.timing_point)
+    before, after = (
+        next(c for c in a.cells if (c.participant, c.timing_point) == same) for a in (whole, found)
+    )
+    assert after.n_used == before.n_used - 1
+    assert after.n_used + after.n_excluded == before.n_used + before.n_excluded
+
+
+def test_a_stride_left_out_by_the_user_leaves_the_baseline(small_study, whole):
+    stride = next(s for s in whole.strides if s.condition == "unperturbed" and not s.code)
+    line = f"{stride.participant},{stride.recording},{stride.start_s},exclude"
+    (small_study.root / "exclusions.csv").write_text(user_lines(line))
+    found = analyze(small_study.root, resamples=20)
+
+    assert found.statistics["notes"] == []
+    assert [s.start_s for s in found.strides if s.code == "user"] == [stride.start_s]
+    assert found.cells[0].parameters[0].value != whole.cells[0].parameters[0].value
+
+
+def test_a_participant_without_a_perturbed_recording_has_rows_that_say_so(small_study):
+    block = '\n[[recordings]]\nparticipant = "S02"\ncondition = "perturbed"\n'
+    small_study.edit_toml(block + 'file = "S02_perturbed.csv"\n', "")
+    found = analyze(small_study.root, resamples=20).to_frame()
+
+    mine = found.query("participant == 'S02'")
+    assert len(mine) == 30
+    assert set(mine["status"]) == {"failed:no_perturbed_recording"}

@@ -1,0 +1,99 @@
+"""A results folder is whole or absent, and nothing of the user's is replaced."""
+
+import pytest
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.errors import OutputError
+from jointz.workflows import results_folder
+from jointz.workflows.results_folder import MARKER, check_free, new_folder, write_results
+
+
+def names(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+def fill(out, text, *, overwrite=False):
+    with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
+        (folder / MARKER).write_text(text)
+
+
+def test_a_new_folder_takes_its_name_when_all_went_well(tmp_path):
+    with new_folder(tmp_path / "deep" / "out", marker=MARKER, overwrite=False) as folder:
+        (folder / "a").write_text("1")
+        assert not (tmp_path / "deep" / "out").exists()
+    assert names(tmp_path / "deep" / "out") == ["a"]
+    assert names(tmp_path / "deep") == ["out"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_nothing_is_left_of_a_folder_that_failed(tmp_path, error):
+    def fail(folder):
+        (folder / "a").write_text("1")
+        raise error
+
+    with pytest.raises(error), new_folder(tmp_path / "out", marker=MARKER, overwrite=False) as f:
+        fail(f)
+    assert names(tmp_path) == []
+
+
+def test_an_old_folder_is_replaced_whole(tmp_path):
+    fill(tmp_path / "out", "old")
+    (tmp_path / "out" / "stale.csv").write_text("x")
+    fill(tmp_path / "out", "new", overwrite=True)
+
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == [MARKER]
+    assert (tmp_path / "out" / MARKER).read_text() == "new"
+
+
+def test_a_failure_keeps_the_old_folder(tmp_path):
+    fill(tmp_path / "out", "old")
+    with (
+        pytest.raises(RuntimeError),
+        new_folder(tmp_path / "out", marker=MARKER, overwrite=True),
+    ):
+        raise RuntimeError
+    assert (tmp_path / "out" / MARKER).read_text() == "old"
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_failing_rename_brings_the_old_folder_back(tmp_path, monkeypatch):
+    fill(tmp_path / "out", "old")
+    rename = results_folder.Path.rename
+
+    def failing(self, target):
+        if ".partial-" in self.name:
+            raise OSError("disk says no")
+        return rename(self, target)
+
+    monkeypatch.setattr(results_folder.Path, "rename", failing)
+    with pytest.raises(OSError, match="disk says no"):
+        fill(tmp_path / "out", "new", overwrite=True)
+    assert (tmp_path / "out" / MARKER).read_text() == "old"
+    assert names(tmp_path) == ["out"]
+
+
+def test_what_must_be_kept_is_refused(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="is a file"):
+        check_free(tmp_path / "file", marker=MARKER, overwrite=True)
+    fill(tmp_path / "ours", "1")
+    with pytest.raises(OutputError, match="--overwrite"):
+        check_free(tmp_path / "ours", marker=MARKER, overwrite=False)
+    check_free(tmp_path / "ours", marker=MARKER, overwrite=True)
+    (tmp_path / "theirs").mkdir()
+    check_free(tmp_path / "theirs", marker=MARKER, overwrite=False)  # empty
+    (tmp_path / "theirs" / "thesis.doc").write_text("x")
+    with pytest.raises(OutputError, match="did not make it"):
+        check_free(tmp_path / "theirs", marker=MARKER, overwrite=True)
+    check_free(tmp_path / "absent", marker=MARKER, overwrite=False)
+
+
+def test_results_are_absent_when_a_figure_fails(tmp_path, monkeypatch):
+    def broken(_analysis):
+        raise RuntimeError("no pen")
+
+    monkeypatch.setattr(results_folder, "draw_figures", broken)
+    with pytest.raises(RuntimeError, match="no pen"):
+        write_results(StudyAnalysis(cells=()), tmp_path / "out")
+    assert names(tmp_path) == []
