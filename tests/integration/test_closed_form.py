@@ -178,7 +178,9 @@ def test_motion_integrated_by_scipy_returns_the_joint(joint, rate_hz):
     solution = solve_ivp(
         motion, (0, t[-1]), [1e-3, 0], "DOP853", t, rtol=1e-11, atol=1e-13, max_step=0.01
     )
-    command = sum(17 * s * ((t >= a - 1e-9) & (t < a + 0.2)) for a, s in zip(starts, signs))
+    command = sum(
+        17 * s * ((t >= a - 1e-9) & (t < a + 0.2)) for a, s in zip(starts, signs, strict=True)
+    )
     recording = build_recording(
         t,
         {"angle": solution.y[0], "torque": torque(t), "command": command},

@@ -55,10 +55,10 @@ def _jointz(
 def run() -> None:
     """Run the command line; errors become one message and an exit status."""
     if "--debug" in sys.argv:
-        app()
+        app(prog_name="jointz")
         return
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="jointz", standalone_mode=False)
     except _UsageError as exc:
         exc.show()
         if "--json" in sys.argv:

@@ -1,0 +1,216 @@
+"""What must not change an estimate, and what must change it in proportion."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jointz import analyze
+from jointz.core.recording import build_recording
+from jointz.core.study import CalibrationSpec, PerturbationsSpec
+from jointz.identify.participant import analyze_participant
+from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.sim.walker import WalkerSettings, draw_participants, simulate_recording
+
+METHODS = ("dissertation", "pre_pulse", "matched_strides")
+FEW = settings(
+    max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def recording_of(simulated, condition, *, order=("angle", "torque", "command", "contact")):
+    return build_recording(
+        simulated.time,
+        {name: getattr(simulated, name) for name in order},
+        condition=condition,
+        file=f"{condition}.csv",
+        contact_kind="contact",
+    )
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    (person,) = draw_participants(1, np.random.default_rng(5))
+    rig = WalkerSettings(rate_hz=400.0)
+    return {
+        condition: simulate_recording(
+            person,
+            condition=condition,
+            rng=np.random.default_rng([5, k]),
+            settings=rig,
+            n_strides=16,
+            n_pulses_per_point=3,
+        )
+        for k, condition in enumerate(("unperturbed", "perturbed"))
+    }
+
+
+@pytest.fixture(scope="module")
+def pair(simulated):
+    return [recording_of(s, c) for c, s in simulated.items()]
+
+
+@pytest.fixture(scope="module")
+def plain(pair):
+    return numbers(run(pair))
+
+
+def run(recordings, *, participant="S01", seed=0, mass_kg=70.0):
+    setting = ParticipantSettings(
+        walking=True,
+        perturbations=PerturbationsSpec(),
+        group_edges=(),
+        torque_model=None,
+        methods=METHODS,
+        n_resamples=40,
+        seed=seed,
+        mass_kg=mass_kg,
+    )
+    inputs = [RecordingInput(r, CalibrationSpec()) for r in recordings]
+    return analyze_participant(participant, inputs, setting)
+
+
+def numbers(result) -> pd.DataFrame:
+    """Return value and interval of every method, point and parameter."""
+    rows = [row for cells in result.cells.values() for cell in cells for row in cell.rows()]
+    table = pd.DataFrame(rows).set_index(["method", "timing_point", "parameter"]).sort_index()
+    return table[["value", "ci_low", "ci_high", "vaf_pct", "n_used", "n_excluded", "status"]]
+
+
+def assert_same(found: pd.DataFrame, expected: pd.DataFrame, *, scale: float = 1.0) -> None:
+    scaled = ["value", "ci_low", "ci_high"]
+    size = expected[scaled].abs().max(axis=1).to_numpy()[:, None]
+    difference = np.abs(found[scaled].to_numpy() / scale - expected[scaled].to_numpy())
+    assert (difference <= 1e-6 * size + 1e-9).all(), (found, expected)
+    rest = ["n_used", "n_excluded", "status"]
+    pd.testing.assert_frame_equal(found[rest], expected[rest])
+    np.testing.assert_allclose(found["vaf_pct"], expected["vaf_pct"], atol=1e-4)
+
+
+def with_values(recording: xr.Dataset, **changed) -> xr.Dataset:
+    return recording.assign(
+        {n: ("time", np.asarray(v), recording[n].attrs) for n, v in changed.items()}
+    )
+
+
+def test_the_simulated_participant_has_estimates_to_compare(plain):
+    assert len(plain) == 3 * 6 * 5
+    assert (plain["status"] == "ok").mean() > 0.7
+
+
+@FEW
+@given(shift_s=st.sampled_from([-1000.0, -3.25, 0.5, 64.0, 1e4]))
+def test_a_shift_of_the_clock_changes_nothing(pair, plain, shift_s):
+    moved = [r.assign_coords(time=("time", r["time"].to_numpy() + shift_s)) for r in pair]
+    assert_same(numbers(run(moved)), plain)
+
+
+def test_the_opposite_positive_direction_changes_nothing(pair, plain):
+    turned = [
+        with_values(r, angle=-r["angle"], torque=-r["torque"], command=-r["command"]) for r in pair
+    ]
+    assert_same(numbers(run(turned)), plain)
+
+
+@FEW
+@given(scale=st.floats(0.05, 20.0))
+def test_torque_times_a_number_is_impedance_times_it(pair, plain, scale):
+    scaled = [with_values(r, torque=scale * r["torque"]) for r in pair]
+    assert_same(numbers(run(scaled)), plain, scale=scale)
+
+
+@FEW
+@given(offset=st.floats(-1.0, 1.0))
+def test_a_constant_on_angle_and_torque_changes_nothing(pair, plain, offset):
+    moved = [
+        with_values(r, angle=r["angle"] + offset, torque=r["torque"] - 20 * offset) for r in pair
+    ]
+    assert_same(numbers(run(moved)), plain)
+
+
+@FEW
+@given(order=st.permutations(["angle", "torque", "command", "contact"]), name=st.text(min_size=1))
+def test_the_order_of_channels_and_the_name_of_the_person_change_nothing(
+    simulated, plain, order, name
+):
+    other = [recording_of(s, c, order=order) for c, s in simulated.items()]
+    pd.testing.assert_frame_equal(numbers(run(other, participant=name)), plain)
+
+
+def test_the_order_of_recordings_changes_nothing(pair, plain):
+    pd.testing.assert_frame_equal(numbers(run(pair[::-1])), plain)
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_other_intervals(pair, plain):
+    pd.testing.assert_frame_equal(numbers(run(pair)), plain)
+    other = numbers(run(pair, seed=1))
+    assert (other["ci_low"] != plain["ci_low"]).mean() > 0.5
+    plug_in = plain.loc["matched_strides", "value"]
+    np.testing.assert_array_equal(other.loc["matched_strides", "value"], plug_in)
+
+
+def whole(study, **more):
+    return analyze(study.root, resamples=20, **more).to_frame()
+
+
+def test_degrees_give_the_same_numbers_as_radians(small_study):
+    expected = whole(small_study)
+    small_study.edit_toml('unit = "rad"', 'unit = "deg"')
+    for person in ("S01", "S02"):
+        for condition in ("perturbed", "unperturbed"):
+            small_study.edit_table(
+                f"{person}_{condition}.csv", lambda t: t.assign(angle=np.rad2deg(t["angle"]))
+            )
+    found = whole(small_study)
+    np.testing.assert_allclose(found["value"], expected["value"], rtol=1e-6, atol=1e-9)
+    assert list(found["status"]) == list(expected["status"])
+
+
+def test_torque_on_the_device_with_its_sign_turned_gives_the_same_numbers(small_study):
+    expected = whole(small_study)
+    small_study.edit_toml('torque_acts_on = "joint"', 'torque_acts_on = "device"')
+    for person in ("S01", "S02"):
+        for condition in ("perturbed", "unperturbed"):
+            small_study.edit_table(
+                f"{person}_{condition}.csv", lambda t: t.assign(torque=-t["torque"])
+            )
+    pd.testing.assert_frame_equal(whole(small_study), expected)
+
+
+def test_the_order_of_columns_and_people_changes_nothing(small_study):
+    expected = whole(small_study)
+    small_study.edit_table("S01_perturbed.csv", lambda t: t[t.columns[::-1]])
+    toml = small_study.toml
+    first, second = toml.index("[[participants]]"), toml.rindex("[[participants]]")
+    third = toml.index("[[recordings]]")
+    swapped = toml[:first] + toml[second:third] + toml[first:second] + toml[third:]
+    (small_study.root / "study.toml").write_text(swapped)
+
+    found = whole(small_study)
+    assert list(found["participant"].unique()) == ["S02", "S01"]
+    found = found.sort_values("participant", kind="stable").reset_index(drop=True)
+    pd.testing.assert_frame_equal(found, expected)
+
+
+def test_another_participant_in_the_study_changes_nothing(small_study):
+    expected = whole(small_study).query("participant == 'S02'").reset_index(drop=True)
+    toml = small_study.toml
+    second = toml.rindex("[[participants]]")
+    alone = toml[: toml.index("[[participants]]")] + toml[second : toml.index("[[recordings]]")]
+    alone += toml[toml.index('[[recordings]]\nparticipant = "S02"') :]
+    (small_study.root / "study.toml").write_text(alone)
+
+    pd.testing.assert_frame_equal(whole(small_study), expected)
+
+
+def test_a_new_name_for_a_person_changes_the_name_only(small_study):
+    expected = whole(small_study)
+    small_study.edit_toml('id = "S01"', 'id = "Zoe 7"')
+    small_study.edit_toml('participant = "S01"', 'participant = "Zoe 7"')
+    found = whole(small_study)
+    pd.testing.assert_frame_equal(
+        found.drop(columns="participant"), expected.drop(columns="participant")
+    )
+    assert set(found["participant"]) == {"Zoe 7", "S02"}

@@ -1,0 +1,215 @@
+"""The ways people lay out a study on disk, each with a joint that is known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.workflows.analysis import analyze
+
+RATE_HZ = 500.0
+TRUTH = np.array([50.0, 1.5, 0.05])
+HEAD = """
+jointz = 1
+joint = "knee"
+kind = "{kind}"
+[channels.time]
+column = "t"
+unit = "s"
+[channels.angle]
+column = "angle"
+unit = "rad"
+[channels.torque]
+column = "torque"
+unit = "N*m"
+"""
+CONTACT = '[channels.contact]\ncolumn = "foot"\nkind = "contact"\n'
+COMMAND = '[channels.command]\ncolumn = "command"\nunit = "N*m"\n'
+PERSON = '[[participants]]\nid = "S01"\nmass_kg = 70\n'
+
+
+def bump(t):
+    total = np.zeros((3, t.size))
+    for centre, width, height in ((0.055, 0.018, 0.05), (0.11, 0.03, -0.03)):
+        z = (t - centre) / width
+        g = height * np.exp(-(z**2) / 2)
+        total += [g, -g * z / width, g * (z**2 - 1) / width**2]
+    return total
+
+
+def rows(*, n=22, pulses=(), level=0.0, moving=1.0, start_s=0.0, **columns) -> pd.DataFrame:
+    """Strides of 1 s from the first row on."""
+    s = np.arange(int(n * RATE_HZ)) / RATE_HZ
+    response = sum((bump(s - p) for p in pulses), np.zeros((3, s.size)))
+    cycle = moving * 0.3 * np.cos(2 * np.pi * s)
+    return pd.DataFrame(
+        {
+            "t": s + start_s,
+            "angle": level + cycle + response[0],
+            "torque": moving * 3 * np.sin(4 * np.pi * s) - 10 * level + TRUTH @ response,
+            "foot": (np.arange(s.size) % RATE_HZ < 0.6 * RATE_HZ).astype(int),
+            "command": sum((17.0 * ((s >= p) & (s < p + 0.2)) for p in pulses), 0 * s),
+            **columns,
+        }
+    )
+
+
+def entry(condition, file, **more):
+    lines = [f'{k} = "{v}"' for k, v in {"participant": "S01", "file": file, **more}.items()]
+    if condition:
+        lines.append(f'condition = "{condition}"')
+    return "[[recordings]]\n" + "\n".join(lines) + "\n"
+
+
+def analyzed(folder, toml, **tables):
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    (folder / "study.toml").write_text(toml)
+    return analyze(folder, resamples=20)
+
+
+def assert_finds_the_joint(cell, *, n_used):
+    assert cell.n_used == n_used
+    found = [cell.parameter(n).value for n in ("stiffness", "damping", "inertia")]
+    np.testing.assert_allclose(found, TRUTH, rtol=1e-3)
+
+
+def standing(analysis):
+    return [c for c in analysis.cells if c.n_used]
+
+
+PULSES = (6.2, 10.2, 14.2)
+
+
+def test_one_file_with_conditions_and_trials_whose_time_restarts(tmp_path):
+    parts = [
+        rows(phase="0", run=1),
+        rows(phase="1", run=2, pulses=PULSES),
+        rows(phase="1", run=3, pulses=PULSES),
+    ]
+    values = '{ "0" = "unperturbed", "1" = "EWP" }'
+    toml = HEAD.format(kind="walking") + CONTACT + COMMAND
+    toml += f'[channels.condition]\ncolumn = "phase"\nvalues = {values}\n'
+    toml += '[channels.trial]\ncolumn = "run"\n' + PERSON + entry(None, "all.csv")
+
+    found = analyzed(tmp_path, toml, all=pd.concat(parts))
+
+    (cell,) = standing(found)
+    assert cell.timing_point == "MST"
+    assert_finds_the_joint(cell, n_used=6)
+
+
+def test_a_table_of_a_file_with_several_perturbed_runs_counts_each_pulse_once(tmp_path):
+    parts = [
+        rows(phase="0"),
+        rows(phase="1", pulses=PULSES, start_s=22.0),
+        rows(phase="0", start_s=44.0),
+        rows(phase="1", pulses=PULSES, start_s=66.0),
+    ]
+    onsets = [*(np.array(PULSES) + 22.0), *(np.array(PULSES) + 66.0)]
+    values = '{ "0" = "unperturbed", "1" = "perturbed" }'
+    toml = HEAD.format(kind="walking") + CONTACT
+    toml += f'[channels.condition]\ncolumn = "phase"\nvalues = {values}\n'
+    toml += PERSON + entry(None, "all.csv", perturbations="pulses.csv")
+
+    found = analyzed(tmp_path, toml, all=pd.concat(parts), pulses=pd.DataFrame({"onset_s": onsets}))
+
+    assert [p.onset_s for p in found.pulses] == pytest.approx(onsets)
+    assert [p.code for p in found.pulses] == [""] * 6
+    (cell,) = standing(found)
+    assert_finds_the_joint(cell, n_used=6)
+
+
+def test_sessions_of_one_participant_are_one_cell_with_baselines_of_their_own(tmp_path):
+    tables, entries = {}, ""
+    for session, level in (("a", 0.0), ("b", 0.3)):
+        for condition, pulses in (("unperturbed", ()), ("perturbed", PULSES)):
+            tables[f"{condition}_{session}"] = rows(level=level, pulses=pulses)
+            entries += entry(condition, f"{condition}_{session}.csv", session=session)
+    toml = HEAD.format(kind="walking") + CONTACT + COMMAND + PERSON + entries
+
+    (cell,) = standing(analyzed(tmp_path, toml, **tables))
+
+    assert_finds_the_joint(cell, n_used=6)
+
+
+def test_a_bench_with_trials_takes_pulses_from_the_difference_of_references(tmp_path):
+    def trial(name, condition, *, level, pulses=()):
+        table = rows(level=level, pulses=pulses, trial=name, phase=condition)
+        return table.assign(ref=np.sin(3 * table["t"]) * (1 + level) + table["command"])
+
+    parts = [
+        trial(name, condition, level=level, pulses=pulses)
+        for name, level in (("1A", 0.0), ("2B", 0.4))
+        for condition, pulses in (("unperturbed", ()), ("perturbed", PULSES))
+    ]
+    toml = HEAD.format(kind="bench")
+    toml += '[channels.reference]\ncolumn = "ref"\nunit = "N*m"\n'
+    toml += '[channels.condition]\ncolumn = "phase"\n[channels.trial]\ncolumn = "trial"\n'
+    toml += PERSON + entry(None, "bench.csv")
+
+    found = analyzed(tmp_path, toml, bench=pd.concat(parts))
+
+    assert [c.timing_point for c in found.cells] == ["1A", "2B"]
+    for cell in found.cells:
+        assert_finds_the_joint(cell, n_used=3)
+        assert cell.onset_gait_pct is None
+
+
+def test_walking_without_a_contact_uses_the_names_of_the_table(tmp_path):
+    pulses = pd.DataFrame({"onset_s": PULSES, "timing_point": ["LRE", "MSW", "LRE"]})
+    toml = HEAD.format(kind="walking") + PERSON
+    toml += entry("perturbed", "p.csv", perturbations="pulses.csv")
+    toml += '[perturbations]\nbaseline = "pre_pulse"\n'
+
+    found = analyzed(tmp_path, toml, p=rows(moving=0.0, pulses=PULSES), pulses=pulses)
+
+    cells = {c.timing_point: c for c in found.cells}
+    assert_finds_the_joint(cells["LRE"], n_used=2)
+    assert cells["MSW"].parameters[0].status == "failed:too_few_pulses"
+    assert cells["MSW"].n_excluded == 1
+
+
+def test_torque_comes_from_current_by_equation_4_1(tmp_path):
+    def motor(table):
+        # The torque model holds for the motion as it was measured: motor channels are given.
+        velocity = np.gradient(table["angle"], table["t"])
+        acceleration = np.gradient(velocity, table["t"])
+        friction = 0.4 * np.sign(velocity)
+        drag = 0.1 * np.sign(velocity)  # times |current|: solved for the current's sign
+        rest = table["torque"] + friction + 0.009 * acceleration
+        current = np.where(rest >= 0, rest / (0.9 - drag), rest / (0.9 + drag))
+        return table.drop(columns="torque").assign(
+            amp=1e3 * current, speed=np.rad2deg(velocity), acc=acceleration
+        )
+
+    toml = HEAD.format(kind="walking")
+    toml = toml[: toml.index("[channels.torque]")] + CONTACT + COMMAND
+    toml += '[channels.current]\ncolumn = "amp"\nunit = "mA"\n'
+    toml += '[channels.motor_velocity]\ncolumn = "speed"\nunit = "deg/s"\n'
+    toml += '[channels.motor_acceleration]\ncolumn = "acc"\nunit = "rad/s^2"\n'
+    toml += "[torque_model]\ngear_ratio = 9.0\ntorque_constant = 0.1\ncoulomb_friction = 0.4\n"
+    toml += "gear_friction = 0.1\nrotor_inertia = 0.009\n"
+    toml += PERSON + entry("unperturbed", "u.csv") + entry("perturbed", "p.csv")
+
+    found = analyzed(tmp_path, toml, u=motor(rows()), p=motor(rows(pulses=PULSES)))
+
+    (cell,) = standing(found)
+    assert_finds_the_joint(cell, n_used=3)
+
+
+def test_calibrations_of_study_person_and_recording_are_used(tmp_path):
+    toml = HEAD.format(kind="walking") + CONTACT + COMMAND
+    toml += "[calibration]\ntorque_gain = { value = 1.25, sd = 0.0 }\n"
+    toml += "intrinsic_stiffness = { value = 99.0, sd = 0.0 }\n" + PERSON
+    toml += "calibration.intrinsic_stiffness = { value = 10.0, sd = 0.5 }\n"
+    toml += entry("unperturbed", "u.csv") + entry("perturbed", "p.csv")
+
+    def gained(table):
+        return table.assign(torque=1.25 * table["torque"])
+
+    (cell,) = standing(analyzed(tmp_path, toml, u=gained(rows()), p=gained(rows(pulses=PULSES))))
+
+    found = [cell.parameter(n).value for n in ("stiffness", "damping", "inertia")]
+    np.testing.assert_allclose(found, TRUTH - [10.0, 0.0, 0.0], rtol=1e-3)
+    stiffness = cell.parameter("stiffness")
+    assert 0.5 < stiffness.ci_high - stiffness.ci_low < 4.0
