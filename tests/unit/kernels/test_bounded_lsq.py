@@ -51,6 +51,12 @@ def contributions(solution, averages):
     return solution * np.linalg.norm(averages[:, :3], axis=2)
 
 
+def rounding(averages):
+    """What rounding may change, of the torque: normal equations square the condition number."""
+    condition = condition_numbers(normal_equations(averages)[0])
+    return np.maximum(1e-9, 1e-15 * condition**2)[:, None]
+
+
 def bits(active):
     return (np.asarray(active)[:, None] >> np.arange(3)) & 1
 
@@ -80,6 +86,8 @@ def test_every_active_set_agrees_with_bvls_to_1e_9(problems):
     assert (np.bincount(active, minlength=8) >= 10).all()
 
 
+# The peer divides 0 by 0 where its last step ends on a bound, by the BLAS of the machine.
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 def test_every_active_set_agrees_with_trf_within_its_tolerance(problems):
     gram, moment, _ = normal_equations(problems)
     solution, active = nonnegative_least_squares(gram, moment)
@@ -240,7 +248,7 @@ def test_scaling_torque_scales_the_solution(seed, factor):
     solution, active = nonnegative_least_squares(*normal_equations(averages)[:2])
     changed, changed_active = nonnegative_least_squares(*normal_equations(scaled)[:2])
     error = np.abs(contributions(changed - factor * solution, averages))
-    assert (error < 1e-9 * np.linalg.norm(scaled[:, 3], axis=1)[:, None]).all()
+    assert (error < rounding(averages) * np.linalg.norm(scaled[:, 3], axis=1)[:, None]).all()
     np.testing.assert_array_equal(active, changed_active)
 
 
@@ -253,7 +261,7 @@ def test_the_order_of_samples_changes_nothing(seed):
     solution, active = nonnegative_least_squares(*normal_equations(averages)[:2])
     changed, changed_active = nonnegative_least_squares(*normal_equations(shuffled)[:2])
     error = np.abs(contributions(changed - solution, averages))
-    assert (error < 1e-9 * np.linalg.norm(averages[:, 3], axis=1)[:, None]).all()
+    assert (error < rounding(averages) * np.linalg.norm(averages[:, 3], axis=1)[:, None]).all()
     np.testing.assert_array_equal(active, changed_active)
 
 
