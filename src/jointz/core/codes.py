@@ -22,6 +22,8 @@ class Exclusion(StrEnum):
     NO_BASELINE = "no_baseline"
     OUTSIDE_GROUPS = "outside_groups"
     LONE_PULSE = "lone_pulse"
+    CONSTANT_ANGLE = "constant_angle"
+    CONSTANT_TORQUE = "constant_torque"
     USER = "user"
 
     @property
@@ -70,6 +72,8 @@ _EXCLUSION_MEANING = {
     Exclusion.NO_BASELINE: "no unperturbed data to subtract at this point of the cycle",
     Exclusion.OUTSIDE_GROUPS: "its group channel lies outside all edges",
     Exclusion.LONE_PULSE: "the only pulse at its timing point: nothing to resample",
+    Exclusion.CONSTANT_ANGLE: "the measured angle stands still in its window: a dead sensor",
+    Exclusion.CONSTANT_TORQUE: "the measured torque stands still in its window: a dead sensor",
     Exclusion.USER: "left out by the study's exclusions.csv",
 }
 

@@ -161,10 +161,10 @@ class GroupSpec(_Model):
 class PerturbationsSpec(_Model):
     """How pulses are found, grouped and compared with an unperturbed baseline."""
 
-    timing_points: dict[str, float] | None = None
+    timing_points: dict[Name, float] | None = None
     source: Literal["command", "table", "reference", "angle"] | None = None
     baseline: Baseline | None = None
-    window_s: float = Field(default=0.1, gt=0)
+    window_s: float = Field(default=0.1, ge=0.001, le=10)
     cutoff_hz: float = Field(default=20.0, gt=0)
     group: GroupSpec | None = None
 

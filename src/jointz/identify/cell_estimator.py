@@ -12,7 +12,13 @@ from jointz.core.events import PulseRecord
 from jointz.identify import baselines
 from jointz.identify.assignment import Candidate
 from jointz.identify.baselines import Baseline, StridePool
-from jointz.identify.cells import FitSettings, Method, failed_parameters, fit_cell
+from jointz.identify.cells import (
+    FitSettings,
+    Method,
+    dead_signals,
+    failed_parameters,
+    fit_cell,
+)
 from jointz.identify.conditioning import ANGLE
 from jointz.identify.sources import ParticipantSettings, Source, most_alike
 
@@ -72,8 +78,8 @@ class CellEstimator:
         windows = baseline = None
         if usable:
             windows, baseline = self._windows([candidates[k] for k in usable])
-            for k, code in zip(usable, baseline.codes, strict=True):
-                codes[k] = code
+            for k, code, dead in zip(usable, baseline.codes, dead_signals(windows), strict=True):
+                codes[k] = dead or code
         fine = np.array([not codes[k] for k in usable], dtype=bool)
         used = [candidates[k] for k, keep in zip(usable, fine, strict=True) if keep]
         if windows is None or baseline is None or len(used) < 2:
@@ -151,6 +157,9 @@ class CellEstimator:
             return Failure.NO_UNPERTURBED_STRIDES
         if Exclusion.LONE_PULSE in kinds:
             return Failure.TOO_FEW_PULSES
+        for dead in (Failure.CONSTANT_ANGLE, Failure.CONSTANT_TORQUE):
+            if dead.value in kinds:
+                return dead
         if kinds == {Exclusion.NO_HEEL_STRIKES.value}:
             return Failure.NO_HEEL_STRIKES
         return Failure.ALL_PULSES_EXCLUDED

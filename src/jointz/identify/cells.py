@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.codes import Failure
+from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import ParameterEstimate, Response
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -214,6 +214,31 @@ class _Replicates:
         if not fine.any():
             raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
         return _Replicates(self.bounded[fine], self.unbounded[fine], self.active[fine])
+
+
+def dead_signals(windows: np.ndarray) -> list[str]:
+    """Name the signal that stands still in each window, before anything is subtracted.
+
+    What is subtracted moves: a dead sensor minus a baseline looks like a response.
+
+    Parameters
+    ----------
+    windows : (n, 4, T) float
+        Angle, velocity, acceleration, torque as measured; NaN where missing.
+
+    Returns
+    -------
+    list of str
+        ``constant_angle``, ``constant_torque``, or ``""``.
+    """
+    angle = np.ptp(windows[:, ANGLE], axis=1) < _DUST_RAD
+    torque = np.ptp(windows[:, TORQUE], axis=1) < _DUST_NM
+    codes = np.select(
+        [angle, torque],
+        [Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value],
+        default="",
+    )
+    return [str(code) for code in codes]
 
 
 def _check(average: np.ndarray, condition: float) -> None:

@@ -108,10 +108,13 @@ def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
     Parameters
     ----------
     recording : xarray.Dataset
-        With ``command``; 0 outside pulses. Missing samples count as 0.
+        With ``command``; 0 outside pulses. Samples that are missing or not finite belong
+        to a pulse where there is one on both sides of them, else they count as 0.
     """
-    time = recording["time"].to_numpy()
-    return _runs(time, np.nan_to_num(recording["command"].to_numpy()))
+    command = recording["command"].to_series().where(np.isfinite)
+    before, after = command.ffill().fillna(0.0), command.bfill().fillna(0.0)
+    bridged = command.fillna(before.where(after != 0.0, 0.0))
+    return _runs(recording["time"].to_numpy(), bridged.to_numpy())
 
 
 def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tuple[Pulse, ...]:
@@ -169,9 +172,10 @@ def pulses_from_angle(recording: xr.Dataset, *, cutoff_hz: float) -> tuple[Pulse
 
 def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
     size = np.abs(command)
-    largest = float(size.max(initial=0.0))
-    if largest == 0.0:
+    if not size.any():
         return ()
+    # Not the largest: a single spike must not hide the pulses.
+    largest = float(np.percentile(size[size > 0], 99))
     active = np.concatenate([[False], size > _COMMAND_SHARE * largest, [False]])
     edges = np.flatnonzero(active[1:] != active[:-1])
     pulses = []

@@ -162,6 +162,8 @@ def prepare_sources(
         When torque or the source of pulses is missing, or the filter does not
         fit the sampling rate.
     """
+    if not recordings:
+        return []
     unperturbed = [r for r in recordings if r.condition == "unperturbed"]
     ordered = sorted(recordings, key=lambda r: r.condition != "perturbed")
     target_hz = rate_hz(ordered[0].recording["time"].to_numpy())

@@ -231,17 +231,28 @@ def test_a_pulse_that_alone_has_a_baseline_is_lone():
     assert (cell.n_used, cell.n_excluded) == (0, 2)
 
 
-def test_responses_without_an_answer_fail_with_all_pulses_used():
+@pytest.mark.parametrize("channel", ["angle", "torque"])
+def test_a_dead_sensor_gives_no_response_though_the_baseline_moves(channel):
     given = record(onsets=[6.2, 10.2, 14.2])
-    still = given.recording.assign(angle=0.0 * given.recording["angle"])
-    flat = record("unperturbed")
-    flat = RecordingInput(
-        flat.recording.assign(angle=0.0 * flat.recording["angle"]), flat.calibration
-    )
-    (cell,), _ = run(flat, RecordingInput(still, given.calibration, given.pulse_table))
+    still = given.recording.assign({channel: 0.0 * given.recording[channel] + 0.3})
+    dead = RecordingInput(still, given.calibration, given.pulse_table)
+    (cell,), records = run(record("unperturbed"), dead)
 
-    assert {p.status for p in cell.parameters} == {"failed:constant_angle"}
-    assert (cell.n_used, cell.n_excluded) == (3, 0)
+    assert {p.status for p in cell.parameters} == {f"failed:constant_{channel}"}
+    assert [r.code for r in records] == [f"constant_{channel}"] * 3
+    assert (cell.n_used, cell.n_excluded) == (0, 3)
+
+
+def test_pulses_after_a_sensor_died_are_left_out_and_the_others_stand():
+    given = record(onsets=[6.2, 10.2, 14.2])
+    time = given.recording["time"]
+    angle = given.recording["angle"].where(time < 13.0, 0.2)
+    dead = RecordingInput(
+        given.recording.assign(angle=angle), given.calibration, given.pulse_table
+    )
+    (cell,), records = run(record("unperturbed"), dead)
+    assert [r.code for r in records] == ["", "", "constant_angle"]
+    assert (cell.n_used, cell.n_excluded) == (2, 1)
 
 
 def test_the_mean_phase_is_taken_on_the_circle():

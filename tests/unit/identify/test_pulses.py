@@ -47,6 +47,14 @@ def test_a_ramp_belongs_to_its_pulse():
     assert pulse.amplitude == -7.0
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 5e4])
+def test_bad_samples_inside_a_pulse_neither_split_nor_hide_it(bad):
+    command = np.where((T >= 1) & (T < 1.25), 17.0, 0.0) + np.where((T >= 3) & (T < 3.25), 17.0, 0)
+    command[540:545] = np.nan
+    command[1530] = bad
+    assert [p.onset_s for p in of_command(command)] == [1.0, 3.0]
+
+
 def test_no_command_is_no_pulse_and_missing_samples_are_zero():
     assert of_command(np.zeros(T.size)) == ()
     command = np.full(T.size, np.nan)
