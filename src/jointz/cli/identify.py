@@ -33,6 +33,13 @@ class Model(StrEnum):
     KBJ = "kbj"
 
 
+class Decimal(StrEnum):
+    """Choices of ``--decimal``."""
+
+    POINT = "."
+    COMMA = ","
+
+
 class Estimator(StrEnum):
     """Choices of ``--estimator``."""
 
@@ -86,6 +93,16 @@ def joint(
     figure: Annotated[
         Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")
     ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option("--delimiter", help="Between the columns of a text file.")
+    ] = None,
+    decimal: Annotated[Decimal, typer.Option("--decimal", help="Sign in numbers.")] = Decimal.POINT,
+    skip_rows: Annotated[
+        int, typer.Option("--skip-rows", min=0, help="Rows before the table of a text file.")
+    ] = 0,
+    no_header: Annotated[
+        bool, typer.Option("--no-header", help="No column names: COL is a number, from 1.")
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -98,11 +115,19 @@ def joint(
     from jointz.core.errors import EstimationError
     from jointz.workflows.identification import identify_joint_file
 
+    if figure is not None:
+        _check_figure(figure)
     given = {"angle": angle, "torque": torque, "time": time, "command": command}
     try:
         fit, columns = identify_joint_file(
             file,
             {name: text for name, text in given.items() if text is not None},
+            files={
+                "delimiter": delimiter,
+                "decimal": decimal.value,
+                "skip_rows": skip_rows,
+                "header": not no_header,
+            },
             rate_hz=rate,
             input=perturbed.value,
             model=model.value,
@@ -126,6 +151,15 @@ def joint(
         _print(fit)
     standing = any(p.stands for p in fit.parameters)
     raise typer.Exit(0 if standing else EXIT_NOTHING_STANDS)
+
+
+def _check_figure(figure: Path) -> None:
+    """Refuse a figure that could not be written, before the work is done."""
+    kinds = (".svg", ".pdf", ".png")
+    if figure.suffix.lower() not in kinds:
+        raise typer.BadParameter(f"--figure {figure}: expected a name that ends in {kinds}.")
+    if figure.is_dir() or not figure.absolute().parent.is_dir():
+        raise typer.BadParameter(f"--figure {figure}: expected a file in a folder that exists.")
 
 
 def _save(fit: "JointFit", figure: Path) -> None:

@@ -14,7 +14,7 @@ from jointz.io.netcdf import write_recording
 from jointz.sim.walker import Participant, Simulated, WalkerSettings, draw_participants
 from jointz.sim.walker import simulate_recording as simulate
 from jointz.workflows.analysis import Progress, analyze
-from jointz.workflows.results_folder import new_folder, write_results
+from jointz.workflows.results_folder import new_folder, write_marker, write_results
 
 MARKER = ".jointz-demo"
 _CONDITIONS: tuple[Literal["unperturbed", "perturbed"], ...] = ("unperturbed", "perturbed")
@@ -85,7 +85,6 @@ def run_demo(
     """
     n_participants, n_pulses = (2, 10) if quick else (10, 50)
     with new_folder(out, marker=MARKER, overwrite=True) as folder:
-        (folder / MARKER).write_text("made by jointz demo\n", encoding="utf-8")
         people = write_study(
             folder / "study",
             n_participants=n_participants,
@@ -97,6 +96,7 @@ def run_demo(
         truth = truth_table(analysis, people)
         truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
         write_results(analysis, folder / "results", truth=truth)
+        write_marker(folder, MARKER, {"made_by": "jointz demo"})
     return Demo(out / "results" / "report.html", analysis, truth)
 
 

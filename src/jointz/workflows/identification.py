@@ -76,6 +76,7 @@ def identify_joint_file(
     file: Path,
     columns: Mapping[str, str],
     *,
+    files: Mapping[str, Any] | None = None,
     rate_hz: float | None = None,
     **settings: Any,
 ) -> tuple[JointFit, dict[str, Column]]:
@@ -88,6 +89,9 @@ def identify_joint_file(
     columns : mapping of str to str
         ``angle``, ``torque`` and, where there are, ``time`` and ``command`` ->
         ``COL[:unit]``.
+    files : mapping, optional
+        Layout of a text file: ``delimiter``, ``decimal``, ``skip_rows``, ``header``
+        as under ``[files]`` of a study; without a header a column is a number.
     rate_hz : float, optional
         Where the file has no time column.
     **settings : Any
@@ -108,13 +112,23 @@ def identify_joint_file(
     """
     if ("time" in columns) == (rate_hz is not None):
         raise DataError("Give either --time COL[:unit] or --rate HZ, one of them.")
-    files = FilesSpec()
-    there = list_columns(file, files) if file.is_file() else None
+    layout = FilesSpec.model_validate(files or {})
+    there = list_columns(file, layout) if file.is_file() else None
     parsed = {name: parse_column(text, name, there) for name, text in columns.items()}
-    table = read_table(file, numeric=[c.name for c in parsed.values()], files=files)
+    wanted = [_key(column, layout) for column in parsed.values()]
+    table = read_table(file, numeric=wanted, files=layout)
     signals: dict[str, np.ndarray] = {}
     for name, column in parsed.items():
         factor, offset = conversion(column.unit, CHANNEL_UNITS[name][0])
         signals[name] = factor * np.asarray(table.columns[column.name], dtype=float) + offset
     fit = identify_joint(signals, rate_hz=rate_hz, **settings)
     return fit, parsed
+
+
+def _key(column: Column, layout: FilesSpec) -> str | int:
+    """Return how the readers know a column: by its name, or by number without a header."""
+    if layout.header:
+        return column.name
+    if not column.name.isdecimal():
+        raise DataError(f"{column.name}: without a header a column is a number, from 1.")
+    return int(column.name)

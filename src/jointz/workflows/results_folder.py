@@ -3,7 +3,7 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -53,10 +53,6 @@ def write_results(
     with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
-        _write_json(
-            folder / MARKER,
-            {**analysis.provenance, "settings": dict(analysis.settings)},
-        )
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
         figures = draw_figures(analysis)
         if truth is not None:
@@ -67,6 +63,8 @@ def write_results(
         title = f"Impedance of the {analysis.settings.get('joint', 'joint')}"
         page = render_report(analysis, figures, title=title, truth=truth)
         (folder / "report.html").write_text(page, encoding="utf-8")
+        settings = {"settings": dict(analysis.settings)}
+        write_marker(folder, MARKER, {**analysis.provenance, **settings})
     return out / "report.html"
 
 
@@ -95,11 +93,47 @@ def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
         raise OutputError(
             f"{out}: exists and is kept. Name another folder, or add --overwrite to replace it."
         )
-    if not (out / marker).is_file():
+    own = _own_files(out / marker)
+    if own is None:
         raise OutputError(
-            f"{out}: holds no {marker}, so jointz did not make it and will not replace it. "
-            "Name another folder."
+            f"{out}: holds no {marker} of jointz, so jointz did not make it and will not replace "
+            "it. Name another folder."
         )
+    foreign = sorted(_files(out) - own - {marker})
+    if foreign:
+        raise OutputError(
+            f"{out}: holds files that jointz did not write ({', '.join(foreign[:3])}"
+            f"{', ...' if len(foreign) > 3 else ''}) and will not replace it. Move them, or name "
+            "another folder."
+        )
+
+
+def write_marker(folder: Path, marker: str, content: Mapping[str, object]) -> None:
+    """Write the file that shows a folder to be ours; it lists all others, and comes last.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The folder.
+    marker : str
+        The file's name.
+    content : mapping
+        What else it says.
+    """
+    _write_json(folder / marker, {**content, "files": sorted(_files(folder) - {marker})})
+
+
+def _files(folder: Path) -> set[str]:
+    return {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()}
+
+
+def _own_files(marker: Path) -> set[str] | None:
+    """Return the files that a marker lists, None where it is none of ours."""
+    try:
+        listed = json.loads(marker.read_text(encoding="utf-8"))["files"]
+        return set(map(str, listed))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 @contextmanager

@@ -88,3 +88,26 @@ def test_what_cannot_be_read_exits_2(jointz, file, arguments, word):
     outcome = jointz("identify", "joint", file, *arguments, "--json")
     assert outcome.code == 2
     assert word in outcome.json["message"]
+
+
+def test_a_table_without_header_and_with_decimal_commas_is_read(jointz, tmp_path):
+    t = np.arange(0, 20, 0.001)
+    angle = 0.05 * np.sin(2 * np.pi * t) + 0.02 * np.sin(2 * np.pi * 3.3 * t)
+    velocity = np.gradient(angle, t)
+    torque = 60 * angle + 1.5 * velocity + 0.05 * np.gradient(velocity, t)
+    rows = np.round(np.stack([t, angle, torque], axis=1), 6)
+    text = "\n".join(";".join(map(str, row)) for row in rows.tolist()).replace(".", ",")
+    (tmp_path / "knee.csv").write_text("recorded in the lab\n" + text + "\n")
+    options = ("--time", "1", "--angle", "2", "--torque", "3", "--input", "angle")
+    layout = ("--delimiter", ";", "--decimal", ",", "--no-header", "--skip-rows", "1")
+    outcome = jointz("identify", "joint", tmp_path / "knee.csv", *options, *layout, "--json")
+    assert outcome.code == 0
+    assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(60.0, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["figure.txt", "no/such/figure.svg"])
+def test_a_figure_that_cannot_be_written_is_refused_before_the_work(jointz, tmp_path, name):
+    options = (*ARGUMENTS, "--time", "t", "--figure", tmp_path / name)
+    outcome = jointz("identify", "joint", tmp_path / "absent.csv", *options)
+    assert outcome.code == 2
+    assert "--figure" in outcome.err

@@ -1,11 +1,19 @@
 """A results folder is whole or absent, and nothing of the user's is replaced."""
 
+import json
+
 import pytest
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError
 from jointz.workflows import results_folder
-from jointz.workflows.results_folder import MARKER, check_free, new_folder, write_results
+from jointz.workflows.results_folder import (
+    MARKER,
+    check_free,
+    new_folder,
+    write_marker,
+    write_results,
+)
 
 
 def names(folder):
@@ -14,7 +22,11 @@ def names(folder):
 
 def fill(out, text, *, overwrite=False):
     with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
-        (folder / MARKER).write_text(text)
+        write_marker(folder, MARKER, {"text": text})
+
+
+def text_of(out):
+    return json.loads((out / MARKER).read_text())["text"]
 
 
 def test_a_new_folder_takes_its_name_when_all_went_well(tmp_path):
@@ -37,13 +49,31 @@ def test_nothing_is_left_of_a_folder_that_failed(tmp_path, error):
 
 
 def test_an_old_folder_is_replaced_whole(tmp_path):
-    fill(tmp_path / "out", "old")
-    (tmp_path / "out" / "stale.csv").write_text("x")
+    with new_folder(tmp_path / "out", marker=MARKER, overwrite=False) as folder:
+        (folder / "stale.csv").write_text("x")
+        write_marker(folder, MARKER, {"text": "old"})
     fill(tmp_path / "out", "new", overwrite=True)
 
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == [MARKER]
-    assert (tmp_path / "out" / MARKER).read_text() == "new"
+    assert text_of(tmp_path / "out") == "new"
+
+
+@pytest.mark.parametrize("name", ["NOTES.md", "figures/mine.svg", "study/study.toml"])
+def test_a_folder_that_holds_anything_of_the_users_is_kept(tmp_path, name):
+    fill(tmp_path / "out", "old")
+    (tmp_path / "out" / name).parent.mkdir(exist_ok=True)
+    (tmp_path / "out" / name).write_text("x")
+    with pytest.raises(OutputError, match=rf"did not write \({name}\).* Move them"):
+        fill(tmp_path / "out", "new", overwrite=True)
+    assert text_of(tmp_path / "out") == "old"
+
+
+def test_a_marker_of_somebody_else_protects_its_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / MARKER).write_text('{"made": "by hand"}')
+    with pytest.raises(OutputError, match="did not make it"):
+        fill(tmp_path / "out", "new", overwrite=True)
 
 
 def test_a_failure_keeps_the_old_folder(tmp_path):
@@ -53,7 +83,7 @@ def test_a_failure_keeps_the_old_folder(tmp_path):
         new_folder(tmp_path / "out", marker=MARKER, overwrite=True),
     ):
         raise RuntimeError
-    assert (tmp_path / "out" / MARKER).read_text() == "old"
+    assert text_of(tmp_path / "out") == "old"
     assert names(tmp_path) == ["out"]
 
 
@@ -69,7 +99,7 @@ def test_a_failing_rename_brings_the_old_folder_back(tmp_path, monkeypatch):
     monkeypatch.setattr(results_folder.Path, "rename", failing)
     with pytest.raises(OSError, match="disk says no"):
         fill(tmp_path / "out", "new", overwrite=True)
-    assert (tmp_path / "out" / MARKER).read_text() == "old"
+    assert text_of(tmp_path / "out") == "old"
     assert names(tmp_path) == ["out"]
 
 
