@@ -14,7 +14,7 @@ import xarray as xr
 from scipy.ndimage import median_filter
 
 from jointz.core.codes import Exclusion
-from jointz.core.errors import EstimationError
+from jointz.core.errors import DataError, EstimationError
 from jointz.gait.timestamps import longest_step_s
 
 #: Refractory time: at first, then as a share of the median interval.
@@ -192,11 +192,22 @@ def strikes_from_force(time: np.ndarray, force: np.ndarray) -> HeelStrikes:
         Increasing time stamps.
     force : (n,) float, N
         Vertical force; NaN where missing.
+
+    Raises
+    ------
+    DataError
+        When the load is negative.
     """
     t, x = _finite(time, force)
     if t.size < 2:
         return _none("force")
     low, high = _coarse_levels(x)
+    if -low > abs(high) + _LOAD_N:
+        raise DataError(
+            f"ground_reaction_force: expected positive upward on the foot, found {low:.0f} N to "
+            f"{high:.0f} N: its sign is turned. Turn it in the file.",
+            channel="ground_reaction_force",
+        )
     unloaded = x[x <= low + 0.1 * (high - low)]
     loaded = x[x >= 0.5 * (low + high)]
     level, spread = _level(unloaded)

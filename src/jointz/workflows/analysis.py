@@ -1,6 +1,7 @@
 """Analyse a study: recordings in, impedance with intervals out."""
 
 import ctypes
+import hashlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -19,7 +20,7 @@ from jointz.identify.cells import METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.sources import SAME_TIME_S, ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
-from jointz.io.study import open_study
+from jointz.io.study import data_file, open_study
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.population import population_means
 
@@ -73,7 +74,10 @@ def analyze(
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     results: dict[str, ParticipantResult] = {}
+    exclusions = opened.root / "exclusions.csv"
     inputs: dict[str, dict[str, Any]] = {}
+    if exclusions.is_file():
+        inputs[exclusions.name] = _hashed(opened, exclusions.name)
     problems: list[str] = []
     people = [person.id for person in opened.spec.participants]
     for done, person_id in enumerate(people):
@@ -163,6 +167,8 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
         except DataError as exc:
             problems.append(str(exc))
             continue
+        if entry.perturbations is not None:
+            inputs[entry.perturbations] = _hashed(study, entry.perturbations)
         calibration = study.spec.calibration_of(entry)
         alone = sum(p.attrs["condition"] == "perturbed" for p in pieces) == 1
         found += [
@@ -176,6 +182,11 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
     if problems:
         raise StudyError(str(study.root), problems)
     return found
+
+
+def _hashed(study: Study, file: str) -> dict[str, Any]:
+    content = data_file(study.root, file).read_bytes()
+    return {"file": file, "sha256": hashlib.sha256(content).hexdigest()}
 
 
 def _own_pulses(piece: Any, table: Any, *, alone: bool) -> Any:
@@ -216,13 +227,14 @@ def _assembled(
             "onset_accuracy": onset_accuracy(pulses),
             "strides": stride_summary(strides, gaps),
             "vaf": vaf_summary(cells),
-            "notes": _notes(study, pulses, strides),
+            "notes": _notes(study, pulses, strides) + _sign_notes(cells),
         },
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
         provenance={
             **provenance.software(),
             "created": provenance.now(),
             "study_sha256": study.sha256,
+            "study": study.spec.model_dump(mode="json", exclude_none=True),
             "inputs": list(inputs.values()),
             "seed": seed,
         },
@@ -299,6 +311,24 @@ def _notes(study: Study, pulses: Sequence[Any], strides: Sequence[Any]) -> list[
             (person, file) == (e.participant, e.recording) and abs(t - e.onset_s) < SAME_TIME_S
             for person, file, t in moments
         )
+    ]
+
+
+def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
+    """Say where a turned sign is the likely reason for nothing but zeros."""
+    turned = [
+        f"{cell.participant} {cell.timing_point}"
+        for cell in cells
+        if cell.vaf_pct is not None
+        and cell.vaf_pct <= 0.0
+        and {p.status for p in cell.parameters} == {"at_bound"}
+    ]
+    if not turned:
+        return []
+    return [
+        f"stiffness, damping and inertia are all at 0 in {', '.join(turned[:3])}"
+        f"{', ...' if len(turned) > 3 else ''}: torque seems to oppose the motion it causes. Check "
+        "the signs, and torque_acts_on."
     ]
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jointz.core.errors import EstimationError
+from jointz.core.errors import DataError, EstimationError
 from jointz.core.recording import build_recording
 from jointz.gait.heel_strikes import (
     find_heel_strikes,
@@ -394,3 +394,11 @@ def test_a_recording_without_any_of_the_channels_is_refused():
     ) as info:
         find_heel_strikes(recording)
     assert info.value.code == "no_heel_strikes"
+
+
+def test_a_force_of_the_wrong_sign_is_refused():
+    t = np.arange(0, 20, 0.01)
+    force = np.where(np.mod(t, 1.1) < 0.68, 700.0, 0.0)
+    assert strikes_from_force(t, force).time_s.size > 10
+    with pytest.raises(DataError, match=r"positive upward on the foot, found -700 N .* Turn it"):
+        strikes_from_force(t, -force)

@@ -131,3 +131,23 @@ def test_a_participant_without_a_perturbed_recording_has_rows_that_say_so(small_
     mine = found.query("participant == 'S02'")
     assert len(mine) == 30
     assert set(mine["status"]) == {"failed:no_perturbed_recording"}
+
+
+def test_a_participant_without_any_recording_has_rows_that_say_so(small_study):
+    file = small_study.root / "study.toml"
+    file.write_text(file.read_text() + '\n[[participants]]\nid = "idle"\n')
+    found = analyze(small_study.root, resamples=20).to_frame()
+    assert set(found.query("participant == 'idle'")["status"]) == {"failed:no_perturbed_recording"}
+
+
+def test_a_turned_sign_is_suspected_where_everything_is_zero(small_study):
+    small_study.edit_toml('torque_acts_on = "joint"', 'torque_acts_on = "device"')
+    found = analyze(small_study.root, resamples=20)
+    assert any("torque_acts_on" in note for note in found.statistics["notes"])
+
+
+def test_provenance_holds_what_the_study_said_and_the_users_exclusions(small_study):
+    (small_study.root / "exclusions.csv").write_text(user_lines())
+    found = analyze(small_study.root, resamples=20)
+    assert found.provenance["study"]["joint"] == "knee"
+    assert "exclusions.csv" in [entry["file"] for entry in found.provenance["inputs"]]
