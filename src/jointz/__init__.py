@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from jointz.identify.joint import identify_joint
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
+    from jointz.workflows.run import run
 
 __version__ = "0.1.0"
 
@@ -18,9 +19,10 @@ _HOMES = {
     "analyze": "jointz.workflows.analysis",
     "identify_joint": "jointz.identify.joint",
     "open_study": "jointz.io.study",
+    "run": "jointz.workflows.run",
 }
 
-__all__ = ["__version__", "analyze", "identify_joint", "open_study"]
+__all__ = ["__version__", "analyze", "identify_joint", "open_study", "run"]
 
 
 def __getattr__(name: str) -> Any:

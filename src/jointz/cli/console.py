@@ -1,17 +1,22 @@
 """What commands print: results on stdout, progress and errors on stderr."""
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from jointz.core.errors import OutputError
+
 if TYPE_CHECKING:
     from jointz.workflows.analysis import Progress
+    from jointz.workflows.worker_pool import RunProgress
 
 EXIT_OK = 0
 EXIT_NOTHING_STANDS = 1
 EXIT_BAD_INPUT = 2
+EXIT_DEVICE = 3
 
 
 def emit(text: str = "") -> None:
@@ -22,7 +27,13 @@ def emit(text: str = "") -> None:
     text : str
         The line.
     """
-    sys.stdout.write(text + "\n")
+    try:
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+    except OSError as exc:
+        # Python would try again at its end, and complain again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise OutputError(f"stdout cannot be written ({exc.strerror}).") from exc
 
 
 def emit_json(content: Mapping[str, Any]) -> None:
@@ -33,7 +44,7 @@ def emit_json(content: Mapping[str, Any]) -> None:
     content : mapping
         JSON-serialisable.
     """
-    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    emit(json.dumps(content, indent=2, allow_nan=False))
 
 
 def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> None:
@@ -96,5 +107,49 @@ def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
 
         def update(done: int, total: int, what: str) -> None:
             bar.update(task, completed=done, total=total, description=what)
+
+        yield update
+
+
+@contextmanager
+def experiment_progress(*, shown: bool) -> Iterator["RunProgress | None"]:
+    """Give a progress callback that draws a bar a participant on a terminal's stderr.
+
+    Parameters
+    ----------
+    shown : bool
+        False under ``--quiet`` and ``--json``.
+
+    Yields
+    ------
+    callable or None
+        Called with participant, condition, strides, pulses done, pulses planned.
+    """
+    if not shown or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description:<20}"),
+        BarColumn(),
+        TextColumn("{task.fields[told]:<34}"),
+        TimeElapsedColumn(),
+    )
+    bars: dict[str, TaskID] = {}
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+
+        def update(who: str, condition: str, strides: int, done: int, planned: int) -> None:
+            if who not in bars:
+                bars[who] = bar.add_task(who, total=None, told="")
+            pulses = f", {done}/{planned} pulses" if planned else ""
+            bar.update(
+                bars[who],
+                description=f"{who} {condition}",
+                total=planned or None,
+                completed=done,
+                told=f"{strides} strides{pulses}",
+            )
 
         yield update

@@ -1,5 +1,7 @@
 """The ``jointz`` command."""
 
+import io
+import signal
 import sys
 from typing import Annotated, Any
 
@@ -7,10 +9,12 @@ import typer
 
 from jointz import __version__
 from jointz.cli.analyze import analyze
-from jointz.cli.console import EXIT_BAD_INPUT, emit, emit_json
+from jointz.cli.console import EXIT_BAD_INPUT, EXIT_DEVICE, emit, emit_json
 from jointz.cli.demo import demo
 from jointz.cli.identify import identify
-from jointz.core.errors import JointzError
+from jointz.cli.protocols import protocols
+from jointz.cli.run import run as run_experiment
+from jointz.core.errors import DeviceError, JointzError
 
 _EXIT_STOPPED = 130
 _EXIT_BUG = 70
@@ -26,6 +30,8 @@ app = typer.Typer(
     add_completion=False,
 )
 app.command("demo")(demo)
+app.add_typer(protocols, name="protocols")
+app.command("run")(run_experiment)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
 
@@ -54,6 +60,10 @@ def _jointz(
 
 def run() -> None:
     """Run the command line; errors become one message and an exit status."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's Ctrl-C
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
     if "--debug" in sys.argv:
         app(prog_name="jointz")
         return
@@ -66,7 +76,7 @@ def run() -> None:
         sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
         _report(type(exc).__name__, str(exc))
-        sys.exit(EXIT_BAD_INPUT)
+        sys.exit(EXIT_DEVICE if isinstance(exc, DeviceError) else EXIT_BAD_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         status = _EXIT_STOPPED
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug

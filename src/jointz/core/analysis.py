@@ -168,11 +168,13 @@ class StudyAnalysis:
 
         axes = ax if ax is not None else plt.subplots()[1]
         table = self.to_frame().query("parameter == @parameter")
+        # One axis for all: a cell that failed has no onset, and is left out of the cycle.
+        walking = table["onset_gait_pct"].notna().any()
+        along = "onset_gait_pct" if walking else "timing_point"
         for person, rows in table.groupby("participant", sort=False):
-            walking = rows["onset_gait_pct"].notna().all()
-            x = rows["onset_gait_pct"] if walking else rows["timing_point"]
-            axes.plot(x, rows["value"], marker="o", label=str(person))
+            axes.plot(rows[along], rows["value"], marker="o", label=str(person))
         unit = table["unit"].iloc[0] if len(table) else ""
+        axes.set_xlabel("gait cycle (%)" if walking else "")
         axes.set_ylabel(f"{parameter} ({unit})")
         return axes
 

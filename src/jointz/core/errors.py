@@ -3,7 +3,11 @@
     JointzError
     ├── DataError (ValueError)      input that cannot be trusted; exit status 2
     │   ├── StudyError              a study.toml, with all its problems
+    │   ├── ProtocolError           a protocol, with all its problems
     │   └── UnitError               a unit that cannot be read or does not fit
+    ├── DeviceError                 a device that cannot go on; exit status 3
+    │   ├── NotConnectedError       it does not answer
+    │   └── SafetyStop              the safety gate ended the trial
     ├── EstimationError             a single fit that has no answer
     └── OutputError                 a place to write to that may not be used
 
@@ -46,8 +50,8 @@ class DataError(JointzError, ValueError):
         self.row = row
 
 
-class StudyError(DataError):
-    """One or more problems of a study, all of them in one message.
+class _ProblemsError(DataError):
+    """One or more problems, all of them in one message.
 
     Parameters
     ----------
@@ -62,6 +66,14 @@ class StudyError(DataError):
         count = len(self.problems)
         head = f"{where}: {count} problem{'s' if count != 1 else ''}"
         super().__init__("\n".join([head, *(f"  - {p}" for p in self.problems)]), path=where)
+
+
+class StudyError(_ProblemsError):
+    """One or more problems of a study."""
+
+
+class ProtocolError(_ProblemsError):
+    """One or more problems of a protocol."""
 
 
 class UnitError(DataError):
@@ -86,3 +98,39 @@ class EstimationError(JointzError):
 
 class OutputError(JointzError):
     """A place to write to that exists or that may not be replaced."""
+
+
+class DeviceError(JointzError):
+    """A device that cannot go on.
+
+    Parameters
+    ----------
+    device : str
+        Which.
+    message : str
+        What happened, and what to do.
+    """
+
+    def __init__(self, device: str, message: str) -> None:
+        super().__init__(f"{device}: {message}")
+        self.device = device
+
+
+class NotConnectedError(DeviceError):
+    """A device that does not answer."""
+
+
+class SafetyStop(DeviceError):  # noqa: N818 - it states the event
+    """The safety gate ended the trial.
+
+    Parameters
+    ----------
+    code : str
+        A stable code from :class:`jointz.core.codes.Trip`.
+    message : str
+        Which limit, the value, and what to do.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__("safety", f"{code}: {message}")
+        self.code = code

@@ -76,6 +76,15 @@ class Response:
     torque: np.ndarray
     fitted_torque: np.ndarray
 
+    def __eq__(self, other: object) -> bool:
+        # The one of dataclasses compares tuples of arrays, which have no single truth.
+        if not isinstance(other, Response):
+            return NotImplemented
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name), equal_nan=True)
+            for name in self.__slots__
+        )
+
     def to_dict(self) -> dict[str, list[float]]:
         """Return plain lists, ready for JSON."""
         return {name: getattr(self, name).tolist() for name in self.__slots__}

@@ -161,6 +161,9 @@ def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Datas
 def _time_problems(recording: xr.Dataset) -> list[str]:
     if "time" not in recording.coords:
         return ["it has no coordinate 'time'."]
+    if recording["time"].dims != ("time",) or recording["time"].dtype.kind != "f":
+        found = f"{recording['time'].dtype} over {recording['time'].dims}"
+        return [f"its coordinate 'time' holds {found}, expected float64 seconds over ('time',)."]
     time = recording["time"].to_numpy()
     first_row = int(recording.attrs.get("first_row", 1))
     if time.size < 2:

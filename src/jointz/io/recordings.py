@@ -1,6 +1,6 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -93,23 +93,13 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     if entry.perturbations is None:
         return None
     path = data_file(study.root, entry.perturbations)
-    try:
-        table = pd.read_csv(path, encoding="utf-8-sig", dtype=str, keep_default_na=False)
-    except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
-        raise DataError(f"{path.name}: not a readable pulse table: {exc}.", path=str(path)) from exc
+    table = _text_table(path)
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
         raise DataError(
             f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
-            f"(onset_s is required), got {', '.join(map(str, table.columns))}.",
+            f"(onset_s is required), got {', '.join(map(str, table.columns))}. Correct the header.",
             path=str(path),
-        )
-    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
-        raise DataError(
-            f"{path.name}, row 2: expected {len(table.columns)} values as in the header, found "
-            "more. Correct the rows.",
-            path=str(path),
-            row=2,
         )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
     for name in ("duration_s", "amplitude_nm"):
@@ -117,9 +107,36 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
             _numbers(path, table, name, required=False) if name in table.columns else np.nan
         )
     named = "timing_point" in table.columns
-    given = table["timing_point"].fillna("").str.strip() if named else ""
-    pulses["timing_point"] = given
+    pulses["timing_point"] = table["timing_point"].str.strip().to_numpy() if named else ""
     return pulses
+
+
+def _text_table(path: Path) -> pd.DataFrame:
+    """Read a table of text; the index is the row of the file, counted from 1."""
+    try:
+        table = pd.read_csv(
+            path,
+            encoding="utf-8-sig",
+            dtype=str,
+            keep_default_na=False,
+            skip_blank_lines=False,  # they count as rows
+        )
+    except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
+        raise DataError(
+            f"{path.name}: not a readable pulse table ({str(exc).strip()}). Correct it, or export "
+            "it again.",
+            path=str(path),
+        ) from exc
+    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
+        raise DataError(
+            f"{path.name}, row 2: expected {len(table.columns)} values as in the header, found "
+            "more. Correct the rows.",
+            path=str(path),
+            row=2,
+        )
+    table.index += 2
+    table = table.fillna("")
+    return table[(table != "").any(axis=1)]
 
 
 def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> np.ndarray:
@@ -127,13 +144,13 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
     values = pd.to_numeric(text.where(text != "", "nan"), errors="coerce").to_numpy(dtype=float)
     bad = ~np.isfinite(values) & (required | (text != "").to_numpy())
     if bad.any():
-        row = int(np.flatnonzero(bad)[0])
+        row = int(text.index[bad][0])
         raise DataError(
-            f"{path.name}, row {row + 2}, column '{name}': expected a number, found "
-            f"'{text.iloc[row]}'. Correct the cell.",
+            f"{path.name}, row {row}, column '{name}': expected a number, found "
+            f"'{text.loc[row]}'. Correct the cell.",
             path=str(path),
             channel=name,
-            row=row + 2,
+            row=row,
         )
     return values
 
@@ -216,7 +233,7 @@ def _piece(
         data,
         units={name: units[name] for name in data if name in units},
         first_row=table.first_row + rows.start,
-        history=(_reading_step(study, entry, table),),
+        history=(_reading_step(study, entry, table, units),),
         participant=entry.participant,
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,
@@ -237,8 +254,8 @@ def _time(
 ) -> np.ndarray:
     declared = spec.sample_rate_hz
     if "time" not in channels:
-        n = len(next(iter(channels.values()))[rows])
-        return np.arange(n) / float(declared or 1.0)
+        # On the file's own clock, so that an onset of a pulse table falls into one piece.
+        return np.arange(rows.start, rows.stop) / float(declared or 1.0)
     time = channels["time"][rows]
     steps = np.diff(time)
     steps = steps[np.isfinite(steps)]
@@ -264,25 +281,27 @@ def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:
     if name is None:
         raise DataError(
             f"{entry.file}: column '{spec.channels['condition'].column}' holds '{value}', which "
-            f"channels.condition.values does not name (it names {', '.join(mapping) or 'none'}).",
+            f"channels.condition.values does not name (it names {', '.join(mapping) or 'none'}). "
+            "Name it there, or correct the file.",
             path=entry.file,
             channel="condition",
         )
     return name
 
 
-def _reading_step(study: Study, entry: RecordingSpec, table: RawTable) -> dict[str, object]:
+def _reading_step(
+    study: Study, entry: RecordingSpec, table: RawTable, si_units: Mapping[str, str]
+) -> dict[str, object]:
+    channels = {name: study.spec.channels[name] for name in si_units}
     return {
         "step": "read",
         "file": entry.file,
         "sha256": table.sha256,
-        "units": {n: c.unit or study.units[n][0] for n, c in study.spec.channels.items()},
-        "turned": _turned_channels(study.spec),
+        "units": {
+            n: c.unit or table.units.get(str(c.column)) or si_units[n] for n, c in channels.items()
+        },
+        "turned": [name for name in channels if _turned(name, study.spec)],
     }
-
-
-def _turned_channels(spec: StudySpec) -> Sequence[str]:
-    return [name for name in spec.channels if _turned(name, spec)]
 
 
 def _check_angle(entry: RecordingSpec, recording: xr.Dataset) -> None:

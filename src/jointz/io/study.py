@@ -4,15 +4,14 @@ import difflib
 import hashlib
 import os
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from jointz.core.channels import (
     CHANNEL_UNITS,
@@ -23,25 +22,12 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion
 from jointz.io.registry import list_columns
+from jointz.io.toml_problems import parse_toml, shape_problems
 from jointz.io.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
 _ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)
-_INTEGERS = range(-(2**63), 2**63)  # those of TOML
-_LONGEST_SHOWN = 80
-#: What pydantic calls by the names of Python, in the words of a file.
-_EXPECTED = {
-    "model_type": "a table",
-    "dict_type": "a table",
-    "tuple_type": "a list",
-    "string_type": "text",
-    "string_too_short": "text that is not empty",
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "int_type": "a whole number",
-    "bool_type": "true or false",
-}
 
 Problems = list[str]
 Unit = tuple[str, float, float]
@@ -76,7 +62,7 @@ def open_study(path: str | os.PathLike[str]) -> Study:
             path=str(file),
         )
     text = file.read_bytes()
-    raw = _parse(file, text)
+    raw = parse_toml(str(file), text, error=StudyError)
     spec, problems = _validate(raw)
     units, edges, unit_problems = _units(raw)
     problems += unit_problems + list(_reference_problems(raw)) + _file_problems(raw, file.parent)
@@ -139,80 +125,11 @@ def needed_channels(names: Iterable[str], condition: str | None) -> list[str]:
     ]
 
 
-def _parse(file: Path, text: bytes) -> dict[str, Any]:
-    try:
-        raw = tomllib.loads(text.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as exc:
-        raise StudyError(str(file), [f"not valid TOML: {exc}"]) from exc
-    if _holds_huge_integer(raw):
-        raise StudyError(str(file), ["not valid TOML: an integer has more than 64 bits."])
-    return raw
-
-
-def _holds_huge_integer(value: Any) -> bool:
-    if isinstance(value, dict):
-        return any(map(_holds_huge_integer, value.values()))
-    if isinstance(value, list):
-        return any(map(_holds_huge_integer, value))
-    return isinstance(value, int) and value not in _INTEGERS
-
-
 def _validate(raw: Mapping[str, Any]) -> tuple[StudySpec | None, Problems]:
     try:
         return StudySpec.model_validate(raw), []
     except ValidationError as exc:
-        return None, [_sentence(dict(e)) for e in exc.errors() if not _follows_from_entries(e)]
-
-
-def _follows_from_entries(error: Mapping[str, Any]) -> bool:
-    """Whether a list is called too short only because its entries were refused."""
-    if error["type"] != "too_short":
-        return False
-    return bool(len(error["input"]) >= error["ctx"]["min_length"])
-
-
-def _sentence(error: Mapping[str, Any]) -> str:
-    place = _place(error["loc"])
-    kind, shown = error["type"], repr(error["input"])
-    shown = shown if len(shown) <= _LONGEST_SHOWN else f"{shown[:_LONGEST_SHOWN]}..."
-    if kind == "extra_forbidden":
-        known = _known_keys(error["loc"][:-1])
-        close = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else f" Known keys: {', '.join(known)}."
-        return f"{place}: unknown key.{hint}"
-    if kind == "missing":
-        return f"{place}: missing; it is required."
-    if place == "jointz":
-        return f"jointz: schema version {shown} is not one this version reads (1)."
-    if kind == "too_short":
-        if isinstance(error["input"], str):
-            return f"{place}: expected text that is not empty; got {shown}."
-        return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
-    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
-    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told
-    return f"{place}: {message}; got {shown}."
-
-
-def _place(location: tuple[str | int, ...]) -> str:
-    place = ""
-    for part in location:
-        place += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if place else str(part)
-    return place
-
-
-def _known_keys(location: tuple[str | int, ...]) -> list[str]:
-    model: Any = StudySpec
-    for part in location:
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            model = model.model_fields[str(part)].annotation if part in model.model_fields else None
-        else:
-            model = next((a for a in get_args(model) if a not in (str, type(None), ...)), None)
-        options = [a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)]
-        if options and type(None) in get_args(model):
-            model = options[0]
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return sorted(model.model_fields)
-    return []
+        return None, shape_problems(exc, StudySpec, raw)
 
 
 def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:

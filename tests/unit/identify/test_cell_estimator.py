@@ -247,9 +247,7 @@ def test_pulses_after_a_sensor_died_are_left_out_and_the_others_stand():
     given = record(onsets=[6.2, 10.2, 14.2])
     time = given.recording["time"]
     angle = given.recording["angle"].where(time < 13.0, 0.2)
-    dead = RecordingInput(
-        given.recording.assign(angle=angle), given.calibration, given.pulse_table
-    )
+    dead = RecordingInput(given.recording.assign(angle=angle), given.calibration, given.pulse_table)
     (cell,), records = run(record("unperturbed"), dead)
     assert [r.code for r in records] == ["", "", "constant_angle"]
     assert (cell.n_used, cell.n_excluded) == (2, 1)

@@ -1,0 +1,135 @@
+"""``jointz run``: run an experiment and write its study."""
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from jointz.cli.console import emit, emit_json, emit_table, experiment_progress
+from jointz.cli.options import Debug, Json, Quiet
+
+if TYPE_CHECKING:
+    from jointz.workflows.run import StudyRun
+
+
+class Device(StrEnum):
+    """Devices an experiment can be run on."""
+
+    sim = "sim"
+
+
+class Preset(StrEnum):
+    """How well a simulated rig and its people behave."""
+
+    clean = "clean"
+    nominal = "nominal"
+    hard = "hard"
+    anthropometric = "anthropometric"
+
+
+class ClockName(StrEnum):
+    """Clocks."""
+
+    fast = "fast"
+    real = "real"
+
+
+class _Prompting:
+    """The operator at the terminal: reads what to do and presses Enter."""
+
+    def prompt(self, text: str) -> None:
+        typer.prompt(f"{text} [Enter]", default="", show_default=False, err=True)
+
+
+def run(
+    protocol: Annotated[str, typer.Argument(help="A built-in protocol, or a protocol file.")],
+    out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
+    device: Annotated[Device, typer.Option("--device", help="What to run it on.")] = Device.sim,
+    preset: Annotated[
+        Preset, typer.Option("--preset", help="How well simulated devices and people behave.")
+    ] = Preset.nominal,
+    clock: Annotated[
+        ClockName, typer.Option("--clock", help="As fast as it can, or in real time.")
+    ] = ClockName.fast,
+    participants: Annotated[
+        int | None, typer.Option("--participants", min=1, help="How many; else the protocol's.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Participants at once; else one a core.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a run that was interrupted.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Run an experiment on devices or their simulation, and write its study.
+
+    Takes the same arguments again with --resume after an interruption. Exits 3
+    when a device fails or the safety gate trips.
+
+    Example: jointz run walking --out study --participants 2 --seed 1
+    """
+    del debug
+    from jointz.workflows.run import NoOperator
+    from jointz.workflows.run import run as run_study
+
+    real = clock is ClockName.real
+    with experiment_progress(shown=not (quiet or as_json)) as progress:
+        made = run_study(
+            protocol,
+            device=device.value,
+            out=out,
+            seed=seed,
+            preset=preset.value,
+            clock=clock.value,
+            participants=participants,
+            workers=workers or (1 if real else os.cpu_count() or 1),
+            resume=resume,
+            operator=NoOperator() if device is Device.sim and not real else _Prompting(),
+            progress=progress,
+        )
+    if as_json:
+        emit_json({"status": "ok", "study": str(made.study), **_numbers(made)})
+    elif not quiet:
+        _print(made)
+
+
+def _numbers(made: "StudyRun") -> dict[str, Any]:
+    table = made.report.to_frame()
+    return {
+        "protocol": made.report.protocol,
+        "seed": made.report.seed,
+        "pulses_planned": int(table["planned"].sum()),
+        "pulses_completed": int(table["completed"].sum()),
+        "pulses_missed": int(table["missed"].sum()),
+        "pulses_aborted": int(table["aborted"].sum()),
+        "onsets": made.report.onset_rows(),
+        "gaps": [dict(row) for row in made.report.gaps],
+        "timing": [dict(row) for row in made.report.timing],
+    }
+
+
+def _print(made: "StudyRun") -> None:
+    rows = [
+        [
+            f"{row['participant']} {row['timing_point']}",
+            f"{row['completed']}/{row['planned']}",
+            str(row["missed"] + row["aborted"]),
+            "-" if row["error_mean_pct"] is None else f"{row['error_mean_pct']:+.2f}",
+            "-" if row["error_sd_pct"] is None else f"{row['error_sd_pct']:.2f}",
+            "-" if row["theory_sd_pct"] is None else f"{row['theory_sd_pct']:.2f}",
+        ]
+        for row in made.report.onset_rows()
+    ]
+    header = ["participant, point", "pulses", "done again", "onset error %", "SD %", "theory SD %"]
+    if rows:
+        emit_table(rows, header, title="Pulses, and where in the gait cycle they fired")
+    emit(made.report.summary().splitlines()[0])
+    emit(f"Study: {made.study / 'study.toml'}")

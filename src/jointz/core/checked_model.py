@@ -1,0 +1,57 @@
+"""A base for files that people edit: every inconsistency reported at once, at its own key."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+INCONSISTENT = "inconsistent"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something in a file that cannot be.
+
+    Parameters
+    ----------
+    key : tuple of str and int
+        Path of the key, from the model that found it; entries of lists count from 0.
+    message : str
+        What was expected, what was found, what to do.
+    """
+
+    key: tuple[str | int, ...]
+    message: str
+
+
+Check = Callable[[], Iterable[Problem]]
+
+
+class CheckedModel(BaseModel):
+    """A strict, frozen model whose checks name the key that each problem belongs to."""
+
+    # strict: "17" is no torque and true is no count; lists of TOML stand for tuples all the same.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the fields; each check stands without the others."""
+        return ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        problems = [problem for check in self.checks() for problem in check()]
+        if problems:
+            raise ValidationError.from_exception_data(
+                type(self).__name__,
+                [
+                    InitErrorDetails(
+                        type=PydanticCustomError(INCONSISTENT, "{told}", {"told": p.message}),
+                        loc=p.key,
+                        input=self,
+                    )
+                    for p in problems
+                ],
+            )
+        return self

@@ -1,0 +1,114 @@
+"""Safety limits: a device states its own, a protocol can only tighten them."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
+
+from jointz.core.checked_model import Check, CheckedModel, Problem
+from jointz.core.errors import ProtocolError
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class SafetyLimits(CheckedModel):
+    """What must not be exceeded, by request (clamped) or by measurement (tripped).
+
+    Torque, its rate and current bound what is sent to the device. Posture,
+    velocity, temperature and the age of samples are measured. A pulse's count
+    and duty bound what a wearer is exposed to.
+    """
+
+    torque_nm: Positive
+    torque_rate_nm_s: Positive
+    current_a: Positive
+    angle_min_rad: float
+    angle_max_rad: float
+    velocity_rad_s: Positive
+    temperature_c: Positive
+    sensor_age_s: Positive
+    pulse_count: Annotated[int, Field(gt=0)]
+    pulse_duty: Annotated[float, Field(gt=0, le=1)]
+    consecutive_overruns: Annotated[int, Field(gt=0)]
+    fade_s: Positive
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the limits."""
+        return (lambda: _posture_problems(self.angle_min_rad, self.angle_max_rad),)
+
+
+class LimitsOverride(CheckedModel):
+    """The limits a protocol tightens; what it leaves out stays as the device has it."""
+
+    torque_nm: Positive | None = None
+    torque_rate_nm_s: Positive | None = None
+    current_a: Positive | None = None
+    angle_min_rad: float | None = None
+    angle_max_rad: float | None = None
+    velocity_rad_s: Positive | None = None
+    temperature_c: Positive | None = None
+    sensor_age_s: Positive | None = None
+    pulse_count: Annotated[int, Field(gt=0)] | None = None
+    pulse_duty: Annotated[float, Field(gt=0, le=1)] | None = None
+    consecutive_overruns: Annotated[int, Field(gt=0)] | None = None
+    fade_s: Positive | None = None
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the limits."""
+        return (lambda: _posture_problems(self.angle_min_rad, self.angle_max_rad),)
+
+
+def tightened(limits: SafetyLimits, override: LimitsOverride) -> SafetyLimits:
+    """Return a device's limits with those that a protocol tightens.
+
+    Parameters
+    ----------
+    limits : SafetyLimits
+        The device's own.
+    override : LimitsOverride
+        The protocol's.
+
+    Raises
+    ------
+    ProtocolError
+        Naming every limit that the protocol would loosen, and a range of angles that
+        the device does not have.
+
+    Examples
+    --------
+    >>> own = SafetyLimits(
+    ...     torque_nm=30.0, torque_rate_nm_s=4000.0, current_a=30.0, angle_min_rad=-0.2,
+    ...     angle_max_rad=1.9, velocity_rad_s=12.0, temperature_c=80.0, sensor_age_s=0.02,
+    ...     pulse_count=1000, pulse_duty=0.3, consecutive_overruns=5, fade_s=0.05,
+    ... )
+    >>> tightened(own, LimitsOverride(torque_nm=20.0)).torque_nm
+    20.0
+    """
+    given = override.model_dump(exclude_none=True)
+    problems = [
+        f"safety.{name}: {value:g} is looser than the device's own {getattr(limits, name):g}. "
+        "A protocol can only tighten a limit."
+        for name, value in given.items()
+        if _looser(name, value, getattr(limits, name))
+    ]
+    together = {**limits.model_dump(), **given}
+    problems += [
+        f"safety.{p.key[0]}: {p.message} The device's own range is {limits.angle_min_rad:g} to "
+        f"{limits.angle_max_rad:g} rad."
+        for p in _posture_problems(together["angle_min_rad"], together["angle_max_rad"])
+    ]
+    if problems:
+        raise ProtocolError("safety", problems)
+    return SafetyLimits.model_validate(together)
+
+
+def _looser(name: str, value: float, own: float) -> bool:
+    return value < own if name == "angle_min_rad" else value > own
+
+
+def _posture_problems(lowest: float | None, highest: float | None) -> Iterator[Problem]:
+    if lowest is not None and highest is not None and lowest >= highest:
+        yield Problem(
+            ("angle_min_rad",),
+            f"expected less than angle_max_rad = {highest:g} rad, got {lowest:g} rad.",
+        )

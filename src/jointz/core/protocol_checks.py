@@ -1,0 +1,364 @@
+"""What must hold between the parts of a protocol, and how long it takes."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from jointz.core.checked_model import Problem
+
+if TYPE_CHECKING:
+    from jointz.core.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
+
+#: Duration of a stride where nobody has walked yet, s.
+ASSUMED_STRIDE_S = 1.1
+#: Ticks and samples that a period of the fastest sine must hold.
+_SAMPLES_A_PERIOD = 10
+_ROUNDING_S = 1e-9
+
+
+def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
+    """Return how long a condition takes with all its trials, s.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Whose pulse it is.
+    condition : ConditionSpec
+        One of its conditions.
+    """
+    plan = condition.perturbations
+    if protocol.kind == "walking":
+        if plan is None or plan.gap_strides is None:
+            return (condition.strides or 0) * ASSUMED_STRIDE_S
+        mean_gap = sum(plan.gap_strides) / 2.0
+        return (plan.warm_up_strides + plan.total * mean_gap) * ASSUMED_STRIDE_S
+    return condition.trials * (condition.duration_s or _untold_duration_s(protocol, condition))
+
+
+def _untold_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
+    """Return the duration of a trial on a bench that gives none."""
+    cycles = [r.cycle_s or 0.0 for r in condition.references.values() if r.runs_out]
+    if condition.perturbations is not None and protocol.pulse is not None:
+        cycles.append(_pulses_take_s(condition, condition.perturbations, protocol.pulse))
+    return max(cycles, default=0.0)
+
+
+def _pulses_take_s(
+    condition: "ConditionSpec", plan: "PerturbationPlan", pulse: "PulseSpec"
+) -> float:
+    """Return the shortest time that the pulses of a bench need, s."""
+    one = (plan.pause_s or 0.0) + pulse.duration_s
+    if plan.timing_points is None:
+        return plan.total * one
+    return plan.total * max([one, *_cycles_s(condition)])
+
+
+def _cycles_s(condition: "ConditionSpec") -> list[float]:
+    return [r.cycle_s for r in condition.references.values() if r.cycle_s is not None]
+
+
+# --- checks of the whole -----------------------------------------------------------------------
+
+
+def _names_unique(protocol: "Protocol") -> Iterator[Problem]:
+    yield from _repeated("conditions", (c.name for c in protocol.conditions))
+
+
+def _loads_unique(protocol: "Protocol") -> Iterator[Problem]:
+    yield from _repeated("loads", (load.name for load in protocol.loads))
+
+
+def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
+    for name, count in Counter(names).items():
+        if count > 1:
+            yield Problem((key,), f"name '{name}' is given {count} times. Names must be unique.")
+
+
+def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
+    if protocol.kind == "walking" and protocol.gait is None:
+        yield Problem(("gait",), "missing; walking needs it, at least its speed_m_s.")
+    if protocol.kind == "bench" and protocol.gait is not None:
+        yield Problem(("gait",), 'a bench does not walk. Remove it, or set kind = "walking".')
+
+
+def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
+    if not protocol.loads:
+        return
+    if protocol.kind == "walking":
+        yield Problem(("loads",), 'only a bench has loads. Remove them, or set kind = "bench".')
+    elif _given(protocol, "participants"):
+        yield Problem(("participants",), "the loads stand for participants. Remove it.")
+
+
+def _pulse_is_used(protocol: "Protocol") -> Iterator[Problem]:
+    if protocol.pulse is not None and all(c.perturbations is None for c in protocol.conditions):
+        yield Problem(
+            ("pulse",), "no condition has perturbations. Remove it, or give them where it belongs."
+        )
+
+
+def _pulse_suits_rate(protocol: "Protocol") -> Iterator[Problem]:
+    if protocol.pulse is None:
+        return
+    period_s = 1.0 / protocol.rates.control_hz
+    for key in ("ramp_up_s", "hold_s", "ramp_down_s"):
+        part: float = getattr(protocol.pulse, key)
+        if 0 < part < period_s - _ROUNDING_S:
+            yield Problem(
+                ("pulse", key),
+                f"expected 0 or at least one period of control_hz ({period_s:g} s), got "
+                f"{part:g} s. Raise it, or the rate.",
+            )
+
+
+def _pulse_within_torque(protocol: "Protocol") -> Iterator[Problem]:
+    limit = protocol.safety.torque_nm
+    if protocol.pulse is None or limit is None or protocol.pulse.amplitude_nm <= limit:
+        return
+    yield Problem(
+        ("pulse", "amplitude_nm"),
+        f"{protocol.pulse.amplitude_nm:g} N*m is above safety.torque_nm = {limit:g} N*m: it would "
+        "be cut. Lower it, or raise the limit.",
+    )
+
+
+def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
+    pulse, limit = protocol.pulse, protocol.safety.torque_rate_nm_s
+    if pulse is None or limit is None:
+        return
+    for key in ("ramp_up_s", "ramp_down_s"):
+        ramp_s: float = getattr(pulse, key)
+        if ramp_s and pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
+            yield Problem(
+                ("pulse", key),
+                f"{pulse.amplitude_nm:g} N*m in {ramp_s:g} s is steeper than "
+                f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
+                f"{pulse.amplitude_nm / limit:.3g} s, or raise the limit.",
+            )
+
+
+PROTOCOL_CHECKS = (
+    _names_unique,
+    _loads_unique,
+    _gait_fits_kind,
+    _loads_fit_kind,
+    _pulse_is_used,
+    _pulse_suits_rate,
+    _pulse_within_torque,
+    _pulse_within_torque_rate,
+)
+
+
+# --- checks of one condition -------------------------------------------------------------------
+
+#: Keys of conditions and of their perturbations that belong to the other kind.
+_FOREIGN = {
+    "walking": (
+        ("duration_s", "trials", "torque_nm", "position_rad", "velocity_rad_s"),
+        ("count", "pause_s"),
+    ),
+    "bench": (("strides",), ("gap_strides", "warm_up_strides")),
+}
+_OTHER = {"walking": "bench", "bench": "walking"}
+
+
+def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
+    of_condition, of_plan = _FOREIGN[protocol.kind]
+    given: list[tuple[str, ...]] = [(key,) for key in of_condition if _given(condition, key)]
+    given += [("perturbations", key) for key in of_plan if plan is not None and _given(plan, key)]
+    for keys in given:
+        yield Problem(
+            ("conditions", i, *keys),
+            f"belongs to kind = {_OTHER[protocol.kind]!r}, and this is {protocol.kind!r}. "
+            "Remove it.",
+        )
+
+
+def _given(model: "ConditionSpec | PerturbationPlan | Protocol", key: str) -> bool:
+    """Whether a key says something; written defaults do not, so that a dump can be read again."""
+    return bool(getattr(model, key) != type(model).model_fields[key].default)
+
+
+def _says_how_long(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, place = protocol.conditions[i], ("conditions", i)
+    if protocol.kind == "walking":
+        if condition.strides is None and condition.perturbations is None:
+            yield Problem((*place, "strides"), "missing; without perturbations it says how long.")
+        if condition.strides is not None and condition.perturbations is not None:
+            told = "the perturbations say how long. Remove it."
+            yield Problem((*place, "strides"), told)
+        return
+    finite = any(reference.runs_out for reference in condition.references.values())
+    if condition.duration_s is None and condition.perturbations is None and not finite:
+        yield Problem(
+            (*place, "duration_s"),
+            "missing; only perturbations, chirps and steps say themselves how long they take.",
+        )
+
+
+def _perturbed_is_perturbed(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, place = protocol.conditions[i], ("conditions", i)
+    if condition.condition != "perturbed" or condition.perturbations is not None:
+        return
+    if protocol.kind == "walking":
+        yield Problem((*place, "perturbations"), "missing; a perturbed condition needs them.")
+    elif not condition.references:
+        yield Problem(
+            (*place, "perturbations"),
+            "missing; a perturbed condition needs them, or a reference (torque_nm, position_rad, "
+            "velocity_rad_s).",
+        )
+
+
+def _perturbations_have_pulse(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    if protocol.conditions[i].perturbations is not None and protocol.pulse is None:
+        yield Problem(("pulse",), f"missing; conditions[{i + 1}].perturbations need it.")
+
+
+def _plan_is_whole(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    plan, place = protocol.conditions[i].perturbations, ("conditions", i, "perturbations")
+    if plan is None:
+        return
+    if protocol.kind == "walking":
+        needed: tuple[str, ...] = ("timing_points", "gap_strides")
+    else:
+        needed = () if plan.timing_points is not None else ("count", "pause_s")
+    for key in needed:
+        told = plan.count_per_point is not None and key in ("timing_points", "count", "pause_s")
+        if getattr(plan, key) is None and not told:  # the plan itself misses the timing points
+            yield Problem((*place, key), f"missing; on a {protocol.kind} it says when pulses fire.")
+
+
+def _directions_balanced(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    plan = protocol.conditions[i].perturbations
+    if plan is None or protocol.pulse is None or protocol.pulse.direction != "both":
+        return
+    for key in ("count_per_point", "count"):
+        count = getattr(plan, key)
+        if count is not None and count % 2:
+            yield Problem(
+                ("conditions", i, "perturbations", key),
+                f'expected an even number, as many of either direction (pulse.direction = "both"); '
+                f"got {count}.",
+            )
+
+
+def _pulses_apart(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    plan, pulse, gait = protocol.conditions[i].perturbations, protocol.pulse, protocol.gait
+    if plan is None or pulse is None or gait is None:
+        return
+    if plan.gap_strides is None or not plan.timing_points:
+        return
+    fewest, points = plan.gap_strides[0], plan.timing_points
+    first, last = min(points, key=points.__getitem__), max(points, key=points.__getitem__)
+    strides = fewest - (points[last] - points[first]) / 100.0
+    apart_s = strides * gait.shortest_stride_s
+    if fewest >= 1 and pulse.duration_s > apart_s + _ROUNDING_S:
+        yield Problem(
+            ("conditions", i, "perturbations", "gap_strides"),
+            f"with a gap of {fewest} a pulse at {last} may begin {apart_s:.3g} s before the next "
+            f"at {first}, when strides last {gait.shortest_stride_s:.3g} s, the least accepted; "
+            f"pulse.duration_s is {pulse.duration_s:g} s. Raise the gap.",
+        )
+
+
+def _points_have_a_cycle(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
+    if protocol.kind == "walking" or plan is None or plan.timing_points is None:
+        return
+    cyclic = [name for name, r in condition.references.items() if r.cycle_s is not None]
+    if len(cyclic) != 1:
+        yield Problem(
+            ("conditions", i, "perturbations", "timing_points"),
+            "expected one reference with a cycle that they are a part of, got "
+            f"{' and '.join(cyclic) or 'none'}. On a bench without one give count and pause_s.",
+        )
+
+
+def _pulses_fit_duration(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, pulse = protocol.conditions[i], protocol.pulse
+    plan, duration_s = condition.perturbations, condition.duration_s
+    if protocol.kind == "walking" or plan is None or pulse is None or duration_s is None:
+        return
+    needed_s = _pulses_take_s(condition, plan, pulse)
+    if needed_s > duration_s * (1.0 + 1e-9):
+        yield Problem(
+            ("conditions", i, "duration_s"),
+            f"{plan.total} pulses take at least {needed_s:g} s, got {duration_s:g} s. Raise it, "
+            "or plan fewer.",
+        )
+
+
+def _count_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, limit = protocol.conditions[i], protocol.safety.pulse_count
+    if condition.perturbations is None or limit is None:
+        return
+    planned = condition.trials * condition.perturbations.total
+    if planned > limit:
+        yield Problem(
+            ("conditions", i, "perturbations"),
+            f"{planned} pulses are more than safety.pulse_count = {limit}. Plan fewer, or raise "
+            "the limit.",
+        )
+
+
+def _rates_suffice(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    for name, reference in protocol.conditions[i].references.items():
+        needed_hz = _SAMPLES_A_PERIOD * reference.fastest_hz
+        for key in ("control_hz", "sample_hz"):
+            rate_hz: float = getattr(protocol.rates, key)
+            if rate_hz < needed_hz:
+                yield Problem(
+                    ("conditions", i, name),
+                    f"holds {reference.fastest_hz:g} Hz, for which rates.{key} = {rate_hz:g} Hz is "
+                    f"too low. Give at least {needed_hz:g} Hz ({_SAMPLES_A_PERIOD} a period).",
+                )
+
+
+def _torque_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, limit = protocol.conditions[i], protocol.safety.torque_nm
+    if condition.torque_nm is None or limit is None:
+        return
+    pulse_nm = protocol.pulse.amplitude_nm if condition.perturbations and protocol.pulse else 0.0
+    largest_nm = max(map(abs, condition.torque_nm.bounds)) + pulse_nm
+    if largest_nm > limit:
+        yield Problem(
+            ("conditions", i, "torque_nm"),
+            f"reaches {largest_nm:g} N*m{' with the pulse' if pulse_nm else ''}, above "
+            f"safety.torque_nm = {limit:g} N*m. Lower it, or raise the limit.",
+        )
+
+
+def _position_within_limits(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    position, safety = protocol.conditions[i].position_rad, protocol.safety
+    if position is None:
+        return
+    lowest, highest = position.bounds
+    for key, over in (
+        ("angle_min_rad", safety.angle_min_rad is not None and lowest < safety.angle_min_rad),
+        ("angle_max_rad", safety.angle_max_rad is not None and highest > safety.angle_max_rad),
+    ):
+        if over:
+            yield Problem(
+                ("conditions", i, "position_rad"),
+                f"goes from {lowest:.4g} to {highest:.4g} rad, beyond safety.{key} = "
+                f"{getattr(safety, key):g} rad. Lower it, or widen the limit.",
+            )
+
+
+CONDITION_CHECKS = (
+    _keys_fit_kind,
+    _says_how_long,
+    _perturbed_is_perturbed,
+    _perturbations_have_pulse,
+    _plan_is_whole,
+    _directions_balanced,
+    _pulses_apart,
+    _points_have_a_cycle,
+    _pulses_fit_duration,
+    _count_within_limit,
+    _rates_suffice,
+    _torque_within_limit,
+    _position_within_limits,
+)

@@ -1,0 +1,137 @@
+"""What became of an experiment: pulses done, where they fired, how well time was kept."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import isnan
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.errors import DataError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = 1
+_COLUMNS = (
+    "participant",
+    "condition",
+    "timing_point",
+    "planned_pct",
+    "planned",
+    "completed",
+    "missed",
+    "aborted",
+    "n",
+    "error_mean_pct",
+    "error_sd_pct",
+    "theory_sd_pct",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RunReport:
+    """What a run did, one row a participant, condition and timing point.
+
+    Parameters
+    ----------
+    protocol : str
+        Its name.
+    seed : int
+        Of plan and simulation.
+    onsets : tuple of dict
+        ``participant, condition, timing_point, planned_pct, planned, completed,
+        missed, aborted`` and the error of the onsets against the recorded heel
+        strikes: ``n, error_mean_pct, error_sd_pct`` and ``theory_sd_pct``, the SD that
+        the variation of the strides alone makes; all in % of the gait cycle.
+    gaps : tuple of dict
+        ``participant, condition, fewest, most, planned_fewest, planned_most``: strides
+        between pulses.
+    timing : tuple of dict
+        ``participant, condition, segment`` and the loop's timing.
+    """
+
+    protocol: str
+    seed: int
+    onsets: tuple[Mapping[str, Any], ...]
+    gaps: tuple[Mapping[str, Any], ...]
+    timing: tuple[Mapping[str, Any], ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the onsets as a table, one row a participant, condition and timing point."""
+        return pd.DataFrame([dict(row) for row in self.onsets], columns=list(_COLUMNS))
+
+    def onset_rows(self) -> list[dict[str, Any]]:
+        """Return the onsets as plain values, None where there is no number."""
+        return [
+            {k: None if isinstance(v, float) and isnan(v) else v for k, v in row.items()}
+            for row in self.onsets
+        ]
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        table = self.to_frame()
+        lines = [
+            f"{self.protocol}, seed {self.seed}: {table['participant'].nunique()} participants"
+        ]
+        lines.append(
+            f"{table['completed'].sum()} of {table['planned'].sum()} pulses, "
+            f"{table['missed'].sum()} missed and {table['aborted'].sum()} aborted were done again"
+        )
+        for name, rows in table.groupby("timing_point", sort=False):
+            lines.append(
+                f"{name}: onset error {rows['error_mean_pct'].mean():+.2f} % of the cycle, "
+                f"SD {rows['error_sd_pct'].mean():.2f} (theory {rows['theory_sd_pct'].mean():.2f})"
+            )
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the SD of the onsets beside the theory, by timing point.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure without it.
+        """
+        import matplotlib.pyplot as plt
+
+        ax = ax if ax is not None else plt.subplots(layout="constrained")[1]
+        table = self.to_frame()
+        ax.plot(table["planned_pct"], table["error_sd_pct"], "o", alpha=0.5, label="measured")
+        theory = table.groupby("planned_pct")["theory_sd_pct"].mean()
+        ax.plot(theory.index, theory.to_numpy(), "-", color="0.3", label="from stride variation")
+        ax.set_xlabel("Planned onset (% of gait cycle)")
+        ax.set_ylabel("SD of onset (% of gait cycle)")
+        ax.legend(frameon=False)
+        return ax
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain values."""
+        return {"schema": SCHEMA, **asdict(self), "onsets": self.onset_rows()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "RunReport":
+        """Return the report that :meth:`to_dict` wrote.
+
+        Parameters
+        ----------
+        values : mapping
+            What it returned.
+
+        Raises
+        ------
+        DataError
+            When it is of another schema.
+        """
+        if values.get("schema") != SCHEMA:
+            raise DataError(
+                f"run report: expected schema {SCHEMA}, got {values.get('schema')!r}. "
+                "Read it with the jointz that wrote it."
+            )
+        return cls(
+            protocol=values["protocol"],
+            seed=values["seed"],
+            onsets=tuple(values["onsets"]),
+            gaps=tuple(values["gaps"]),
+            timing=tuple(values["timing"]),
+        )

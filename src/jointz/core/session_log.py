@@ -1,0 +1,107 @@
+"""The crash-safe log of a session: its records, byte by byte.
+
+A log is one line of JSON, the header, and then records of one size, each with a
+CRC-32 of itself, written one tick at a time. What was written before a crash
+can be read; a record that was cut off is recognised by its length or checksum.
+
+A tick writes one record for each sample that an actuator or sensor had queued,
+at least one. The fields of the tick itself stand in all of them; ``part``
+counts them. Where a device had no sample left its time is :data:`NO_SAMPLE`.
+"""
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from enum import IntFlag
+from typing import Any, NamedTuple
+
+import numpy as np
+
+VERSION = 1
+NO_SAMPLE = -1
+
+
+class Field(NamedTuple):
+    """A field of a record: its name, code of :mod:`struct`, unit and meaning."""
+
+    name: str
+    code: str
+    unit: str
+    meaning: str
+
+
+#: The order is the order of bytes; what stands first is aligned without padding.
+FIELDS = (
+    Field("host_time_ns", "q", "ns", "when the tick began, by the host's clock"),
+    Field("actuator_time_ns", "q", "ns", "when the actuator measured, by its clock"),
+    Field("angle_sensor_time_ns", "q", "ns", "when the goniometer measured, by its clock"),
+    Field("contact_time_ns", "q", "ns", "when the footswitch measured, by its clock"),
+    Field("motor_angle", "d", "rad", "output angle of the actuator"),
+    Field("angle", "d", "rad", "joint angle of the goniometer"),
+    Field("slot", "I", "1", "number of the tick on the loop's grid"),
+    Field("busy_us", "f", "us", "how long the tick before was at work"),
+    Field("motor_velocity", "f", "rad/s", "output velocity of the actuator"),
+    Field("current", "f", "A", "motor current"),
+    Field("voltage", "f", "V", "supply"),
+    Field("temperature_c", "f", "degC", "winding"),
+    Field("contact", "f", "1", "footswitch"),
+    Field("requested_torque", "f", "N*m", "what the controller asked for"),
+    Field("sent_torque", "f", "N*m", "what the safety gate let through to the device"),
+    Field("command", "f", "N*m", "perturbation torque asked for, 0 outside pulses"),
+    Field("applied_torque", "f", "N*m", "torque on the joint by equation 4.1, online"),
+    Field("phase_pct", "f", "%", "phase of the gait cycle, NaN where there is none"),
+    Field("shadow_phase_pct", "f", "%", "the same from the knee angle, for comparison"),
+    Field("faults", "I", "1", "fault bits of the actuator"),
+    Field("stride", "I", "1", "heel strikes accepted so far"),
+    Field("pulse", "I", "1", "number of the planned pulse that is on, 0 for none"),
+    Field("flags", "H", "1", "state of the tick, bits of Flag"),
+    Field("part", "H", "1", "number of the sample within its tick"),
+)
+
+_BODY = struct.Struct("<" + "".join(field.code for field in FIELDS))
+_CHECK = struct.Struct("<I")
+RECORD_BYTES = _BODY.size + _CHECK.size
+
+#: Records as an array of numpy.
+DTYPE = np.dtype([(f.name, "<" + np.dtype(f.code).str[1:]) for f in FIELDS] + [("crc", "<u4")])
+
+
+class Flag(IntFlag):
+    """State of a tick."""
+
+    STEADY = 1
+    SHAM = 2
+    CLAMPED = 4
+    FADING = 8
+    TRIPPED = 16
+    OVERRUN = 32
+
+
+def pack(values: tuple[float, ...]) -> bytes:
+    """Return a record with its checksum.
+
+    Parameters
+    ----------
+    values : tuple
+        One number a field, in the order of :data:`FIELDS`.
+    """
+    body = _BODY.pack(*values)
+    return body + _CHECK.pack(zlib.crc32(body))
+
+
+def encode_header(header: Mapping[str, Any]) -> bytes:
+    """Return the first line of a log.
+
+    Parameters
+    ----------
+    header : mapping
+        What the log is of; version and fields are added.
+    """
+    full = {
+        "jointz_log": VERSION,
+        **header,
+        "record_bytes": RECORD_BYTES,
+        "fields": [field._asdict() for field in FIELDS],
+    }
+    return json.dumps(full, ensure_ascii=True).encode("ascii") + b"\n"

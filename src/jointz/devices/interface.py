@@ -1,0 +1,325 @@
+"""What an experiment asks of a device: small protocols that every driver implements.
+
+A device walks through a lifecycle::
+
+    UNCONFIGURED --configure--> INACTIVE --activate--> ACTIVE --stop--> INACTIVE
+    any --close--> FINALISED          ACTIVE --(its own fault)--> FAULT
+
+A driver of hardware, the simulated rig, a replay and a scripted fake are all
+devices; :mod:`jointz.testing` holds the tests that any of them can be run
+against. SI units; angles and torques are positive in the study's direction and
+torque is the torque on the joint, by the driver's care. Times are nanoseconds.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+from jointz.core.clock import Clock
+from jointz.core.limits import SafetyLimits
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
+
+
+class Lifecycle(Enum):
+    """Where a device is in its life."""
+
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FAULT = "fault"
+    FINALISED = "finalised"
+
+
+class ActuatorSample(NamedTuple):
+    """What an actuator measured at one time.
+
+    Parameters
+    ----------
+    device_time_ns, host_time_ns : int, ns
+        By the device's clock when measured, and by the host's when it arrived.
+    angle, velocity : float, rad, rad/s
+        Of the output, after the gear.
+    current, voltage : float, A, V
+        Motor current (q axis) and supply.
+    temperature_c : float, degrees Celsius
+        Of the winding, or the nearest to it that is measured.
+    faults : int
+        Bits set by the device itself, 0 when all is well.
+    """
+
+    device_time_ns: int
+    host_time_ns: int
+    angle: float
+    velocity: float
+    current: float
+    voltage: float
+    temperature_c: float
+    faults: int
+
+
+class SensorSample(NamedTuple):
+    """What a sensor measured at one time.
+
+    Parameters
+    ----------
+    device_time_ns, host_time_ns : int, ns
+        By the device's clock when measured, and by the host's when it arrived.
+    value : float
+        In the unit that the sensor declares.
+    """
+
+    device_time_ns: int
+    host_time_ns: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorDescription:
+    """What an actuator says about itself.
+
+    Parameters
+    ----------
+    name, model, serial, firmware : str
+        Which device it is.
+    sample_rate_hz : float, Hz
+        How many samples it queues a second.
+    command_timeout_s : float, s
+        Without a command for so long it goes to zero torque by itself.
+    limits : SafetyLimits
+        What it may be asked for, and what it must not reach; a protocol can only tighten them.
+    torque_model : TorqueModelSpec
+        Equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration.
+    fault_names : mapping of int to str
+        Bit -> what it means.
+    """
+
+    name: str
+    model: str
+    serial: str
+    firmware: str
+    sample_rate_hz: float
+    command_timeout_s: float
+    limits: SafetyLimits
+    torque_model: TorqueModelSpec
+    fault_names: Mapping[int, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as plain values."""
+        return {
+            **asdict(replace(self, fault_names={})),
+            "limits": self.limits.model_dump(),
+            "torque_model": self.torque_model.model_dump(),
+            "fault_names": {str(bit): name for bit, name in self.fault_names.items()},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SensorDescription:
+    """What a sensor says about itself.
+
+    Parameters
+    ----------
+    name, model, serial : str
+        Which device it is.
+    channel : str
+        The canonical channel it measures: ``angle``, ``contact``, ...
+    unit : str
+        SI unit of its samples, ``1`` for a contact.
+    sample_rate_hz : float, Hz
+        How many samples it queues a second.
+    kind : str
+        For a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``.
+    """
+
+    name: str
+    model: str
+    serial: str
+    channel: str
+    unit: str
+    sample_rate_hz: float
+    kind: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as plain values."""
+        return asdict(self)
+
+
+@runtime_checkable
+class Device(Protocol):
+    """The lifecycle that all devices share."""
+
+    @property
+    def state(self) -> Lifecycle:
+        """Where the device is in its life."""
+        ...
+
+    def configure(self) -> None:
+        """Connect and set up; afterwards ``INACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device does not answer.
+        """
+        ...
+
+    def activate(self) -> None:
+        """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        DeviceError
+            When the device is not ``INACTIVE``.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Go to zero torque and ``INACTIVE``, whatever the state; never raises, never blocks.
+
+        A device in ``FAULT`` or ``FINALISED`` stays there.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
+        ...
+
+
+@runtime_checkable
+class Actuator(Device, Protocol):
+    """A device that puts torque on the joint."""
+
+    def describe(self) -> ActuatorDescription:
+        """Return what the actuator says about itself; in any state."""
+        ...
+
+    def read(self) -> list[ActuatorSample]:
+        """Return all samples queued since the last read, oldest first; empty when none came.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE`` or ``FAULT``.
+        """
+        ...
+
+    def command_torque(self, torque_nm: float) -> None:
+        """Ask for a torque on the joint, held until the next command or the command timeout.
+
+        Parameters
+        ----------
+        torque_nm : float, N*m
+            Wanted torque, positive in the study's direction.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        ...
+
+
+@runtime_checkable
+class Sensor(Device, Protocol):
+    """A device that only measures."""
+
+    def describe(self) -> SensorDescription:
+        """Return what the sensor says about itself; in any state."""
+        ...
+
+    def read(self) -> list[SensorSample]:
+        """Return all samples queued since the last read, oldest first; empty when none came.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """The devices of one condition of an experiment.
+
+    Parameters
+    ----------
+    angle, contact : Sensor
+        Goniometer and footswitch.
+    actuator : Actuator, optional
+        None where the participant does not wear the device.
+    """
+
+    angle: Sensor
+    contact: Sensor
+    actuator: Actuator | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the devices say about themselves, as plain values."""
+        actuator = None if self.actuator is None else self.actuator.describe().to_dict()
+        return {
+            "actuator": actuator,
+            "angle": self.angle.describe().to_dict(),
+            "contact": self.contact.describe().to_dict(),
+        }
+
+    def all(self) -> tuple[Device, ...]:
+        """Return every device, the actuator first: it is the first to be stopped."""
+        sensors: tuple[Device, ...] = (self.angle, self.contact)
+        return sensors if self.actuator is None else (self.actuator, *sensors)
+
+
+@dataclass(frozen=True, slots=True)
+class Wearer:
+    """Who wears the devices.
+
+    Parameters
+    ----------
+    id : str
+        Name in the study.
+    mass_kg, height_m : float, optional
+        Body.
+    """
+
+    id: str
+    mass_kg: float | None = None
+    height_m: float | None = None
+
+
+class Rig(Protocol):
+    """Everything one participant is measured with, handed to an experiment."""
+
+    @property
+    def wearer(self) -> Wearer:
+        """Who wears it."""
+        ...
+
+    @property
+    def calibration(self) -> CalibrationSpec:
+        """What is known about the instruments of this wearer."""
+        ...
+
+    def open(self, condition: str, *, segment: int, clock: Clock) -> Devices:
+        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
+
+        Parameters
+        ----------
+        condition : str
+            Name of the protocol's condition.
+        segment : int
+            0 at first; one more for every time the condition was taken up again.
+        clock : Clock
+            The host's clock, for host times.
+        """
+        ...
+
+    def notes(self) -> Mapping[str, Any]:
+        """Return what else should stand in the session's description of the devices."""
+        ...

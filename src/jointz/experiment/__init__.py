@@ -1,0 +1,1 @@
+"""The experiment at run time: loop, gait phase, schedule, safety, recorder, session."""

@@ -1,0 +1,77 @@
+"""Watches the participant walk: heel strikes, strides, phase, and a second opinion."""
+
+from jointz.core.protocol import GaitSpec
+from jointz.devices.interface import SensorSample
+from jointz.experiment.heel_strikes import HeelStrikeDetector
+from jointz.experiment.phase import KneePhase, StridePhase
+
+_NAN = float("nan")
+_LOW, _HIGH = 0.3, 0.7  # of a contact that is 0 or 1
+
+
+class GaitWatch:
+    """Phase of the gait cycle at every tick.
+
+    A sample is placed in time by how much older it is, on its device's own clock,
+    than the newest of the tick; so devices need not share the host's clock.
+
+    Parameters
+    ----------
+    gait : GaitSpec
+        Of the protocol.
+
+    Attributes
+    ----------
+    strides : StridePhase
+        Counts, mean stride.
+    steady : bool
+        Whether the phase is known.
+    phase_pct, shadow_phase_pct : float, %
+        Phase by heel strikes and by the knee angle; NaN where unknown.
+    last_stride_ns : int, ns
+        When the last accepted stride ended, or the first tick.
+    """
+
+    __slots__ = (
+        "_detector",
+        "_knee",
+        "last_stride_ns",
+        "phase_pct",
+        "shadow_phase_pct",
+        "steady",
+        "strides",
+    )
+
+    def __init__(self, gait: GaitSpec) -> None:
+        self._detector = HeelStrikeDetector(low=_LOW, high=_HIGH, refractory_s=gait.refractory_s)
+        self._knee = KneePhase(gait)
+        self.strides = StridePhase(gait)
+        self.steady = False
+        self.phase_pct = self.shadow_phase_pct = _NAN
+        self.last_stride_ns = 0
+
+    def update(self, slot_ns: int, angle: list[SensorSample], contact: list[SensorSample]) -> bool:
+        """Take the samples of a tick and tell whether an accepted stride ended.
+
+        Parameters
+        ----------
+        slot_ns : int, ns
+            Time of the tick.
+        angle, contact : list of SensorSample
+            Of the tick, oldest first.
+        """
+        stride = False
+        for sample in contact:
+            at_ns = slot_ns - contact[-1].device_time_ns + sample.device_time_ns
+            if self._detector.update(at_ns, sample.value) is not None:
+                stride = self.strides.strike(at_ns) or stride
+        for sample in angle:
+            self._knee.update(
+                slot_ns - angle[-1].device_time_ns + sample.device_time_ns, sample.value
+            )
+        if stride or not self.last_stride_ns:
+            self.last_stride_ns = slot_ns
+        self.steady = self.strides.steady(slot_ns)
+        self.phase_pct = self.strides.phase_pct(slot_ns) if self.steady else _NAN
+        self.shadow_phase_pct = self._knee.phase_pct(slot_ns)
+        return stride

@@ -1,0 +1,65 @@
+"""Heel strikes as they happen, from a footswitch."""
+
+#: Off for at least so long before a rise counts: shorter is chatter of the switch.
+_OFF_NS = 60_000_000
+
+
+class HeelStrikeDetector:
+    """A Schmitt trigger with a refractory time.
+
+    Parameters
+    ----------
+    low, high : float
+        The signal is off below ``low`` and on from ``high``; between, it stays as it was.
+    refractory_s : float, s
+        After a strike no other is taken for so long.
+
+    Examples
+    --------
+    >>> detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
+    >>> values = [0.0] * 100 + [1.0, 0.0, 1.0]
+    >>> strikes = [detector.update(i * 1_000_000, value) for i, value in enumerate(values)]
+    >>> [strike for strike in strikes if strike is not None]
+    [100000000]
+    """
+
+    __slots__ = ("_high", "_last_ns", "_low", "_off_since_ns", "_on", "_refractory_ns")
+
+    def __init__(self, *, low: float, high: float, refractory_s: float) -> None:
+        if not low < high:
+            raise ValueError(f"expected low < high, got {low} and {high}.")
+        self._low, self._high = low, high
+        self._refractory_ns = round(refractory_s * 1e9)
+        self._on = True  # a contact at the very beginning is no strike
+        self._off_since_ns = 0
+        self._last_ns: int | None = None
+
+    def update(self, time_ns: int, value: float) -> int | None:
+        """Take a sample and return the time of a strike that it brings.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When it was measured.
+        value : float
+            The switch; NaN changes nothing.
+
+        Returns
+        -------
+        int or None
+            ``time_ns`` where the sample is a heel strike.
+        """
+        if self._on:
+            if value < self._low:
+                self._on = False
+                self._off_since_ns = time_ns
+            return None
+        if not value >= self._high:
+            return None
+        self._on = True
+        if time_ns - self._off_since_ns < _OFF_NS:
+            return None
+        if self._last_ns is not None and time_ns - self._last_ns < self._refractory_ns:
+            return None
+        self._last_ns = time_ns
+        return time_ns

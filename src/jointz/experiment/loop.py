@@ -1,0 +1,104 @@
+"""The control loop: ticks on an absolute grid of time."""
+
+import gc
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from jointz.core.clock import Clock
+
+_PRIORITY = 50  # of 1..99 under SCHED_FIFO: above everything but the kernel's own threads
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCounts:
+    """What a loop did.
+
+    Parameters
+    ----------
+    ticks, missed_slots : int
+        Slots that were served and slots that were skipped because a tick took too long.
+    """
+
+    ticks: int
+    missed_slots: int
+
+
+class ControlLoop:
+    """Calls a tick at every slot of an absolute grid.
+
+    Slot ``k`` is due at ``k`` periods of the clock and lasts a period; a tick may
+    begin late within it. Slots that passed altogether are skipped and counted,
+    never caught up: lateness does not add up and the mean rate is kept.
+
+    Parameters
+    ----------
+    clock : Clock
+        Real or virtual.
+    period_ns : int, ns
+        From slot to slot.
+    """
+
+    def __init__(self, clock: Clock, period_ns: int) -> None:
+        self._clock = clock
+        self._period_ns = period_ns
+
+    def run(self, tick: Callable[[int, int, int], bool]) -> LoopCounts:
+        """Run until a tick returns False.
+
+        Parameters
+        ----------
+        tick : callable
+            Called with the slot's number, the time (ns) and how many slots were
+            skipped just before.
+
+        Returns
+        -------
+        LoopCounts
+            How many ticks, how many missed.
+        """
+        now_ns, wait_until_ns = self._clock.now_ns, self._clock.wait_until_ns
+        period_ns = self._period_ns
+        expected = -(-now_ns() // period_ns)
+        ticks = missed = 0
+        running = True
+        while running:
+            wait_until_ns(expected * period_ns)
+            now = now_ns()
+            slot = now // period_ns
+            skipped = slot - expected
+            running = tick(slot, now, skipped)
+            ticks += 1
+            missed += skipped
+            expected = slot + 1
+        return LoopCounts(ticks, missed)
+
+
+@contextmanager
+def undisturbed() -> Iterator[str]:
+    """Keep the garbage collector and, where permitted, the scheduler out of the loop.
+
+    Yields
+    ------
+    str
+        ``SCHED_FIFO`` where it was permitted, else ``SCHED_OTHER``.
+    """
+    collecting = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        granted = "SCHED_FIFO"
+    except PermissionError:
+        granted = "SCHED_OTHER"
+    try:
+        yield granted
+    finally:
+        if granted == "SCHED_FIFO":
+            os.sched_setscheduler(0, policy, parameters)
+        gc.unfreeze()
+        if collecting:
+            gc.enable()

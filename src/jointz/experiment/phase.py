@@ -1,0 +1,199 @@
+"""Phase of the gait cycle in real time.
+
+:class:`StridePhase` tells it from heel strikes and fires pulses.
+:class:`KneePhase` tells it from the knee angle alone and only looks on: what it
+would have said is recorded beside the other.
+"""
+
+from collections import deque
+
+from jointz.core.protocol import GaitSpec
+
+_SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride, while nothing is known yet
+#: Strides in a row outside the accepted band after which the cadence is learnt anew.
+_STRANGERS = 3
+
+_PEAK_PCT = 72.2  # of the cycle, where a knee is most flexed
+_FLEXED_RAD = 0.6  # swing flexes a knee by more than this, stance by less
+
+
+class StridePhase:
+    """Time since the last heel strike over the mean of the last strides.
+
+    A stride is accepted when its duration lies in a band around that mean. A
+    strike that comes too early is spurious: the phase is unknown until the next
+    one that comes in time. A stride that is too long has lost a strike: the phase
+    is unknown until gait is steady again.
+
+    Parameters
+    ----------
+    gait : GaitSpec
+        Strides in the mean, accepted band, strides until gait counts as steady.
+
+    Attributes
+    ----------
+    strides : int
+        Strides accepted so far.
+    spurious, missing : int
+        Strikes that came too early and strides that were too long.
+    mean_ns : float, ns
+        Mean of the last strides, 0 while unknown.
+    """
+
+    __slots__ = (
+        "_doubt",
+        "_durations",
+        "_high",
+        "_last_ns",
+        "_low",
+        "_steady_after",
+        "_steady_run",
+        "_strangers",
+        "mean_ns",
+        "missing",
+        "spurious",
+        "strides",
+    )
+
+    def __init__(self, gait: GaitSpec) -> None:
+        self._low, self._high = gait.accepted_band
+        self._steady_after = gait.steady_after_strides
+        self._durations: deque[int] = deque(maxlen=gait.strides_in_mean)
+        self._last_ns = 0
+        self._steady_run = 0
+        self._strangers = 0
+        self._doubt = False
+        self.mean_ns = 0.0
+        self.strides = self.spurious = self.missing = 0
+
+    def strike(self, time_ns: int) -> bool:
+        """Take a heel strike and tell whether it ended an accepted stride.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When the heel struck.
+        """
+        duration = time_ns - self._last_ns
+        if not self._last_ns:
+            self._last_ns = time_ns
+            return False
+        low, high = self._band()
+        if low <= duration <= high:
+            self._accept(duration, time_ns)
+            return True
+        if duration < low:
+            self.spurious += 1
+            self._doubt = True
+        else:
+            self.missing += 1
+            self._steady_run = 0
+            self._doubt = False
+            self._last_ns = time_ns
+        self._strangers += 1
+        if self._strangers >= _STRANGERS:
+            self._forget(time_ns)
+        return False
+
+    def steady(self, time_ns: int) -> bool:
+        """Tell whether the phase is known: gait is steady and no strike is overdue.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When.
+        """
+        return (
+            self._steady_run >= self._steady_after
+            and not self._doubt
+            and time_ns - self._last_ns <= self._high * self.mean_ns
+        )
+
+    def phase_pct(self, time_ns: int) -> float:
+        """Return time since the last strike over the mean stride, %; above 100 when it is late.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When. Ask only where :meth:`steady` holds.
+        """
+        return 100.0 * (time_ns - self._last_ns) / self.mean_ns
+
+    def _band(self) -> tuple[float, float]:
+        if not self._durations:
+            return _SHORTEST_S * 1e9, _LONGEST_S * 1e9
+        return self._low * self.mean_ns, self._high * self.mean_ns
+
+    def _accept(self, duration_ns: int, time_ns: int) -> None:
+        self._durations.append(duration_ns)
+        self.mean_ns = sum(self._durations) / len(self._durations)
+        self._last_ns = time_ns
+        self._steady_run += 1
+        self._strangers = 0
+        self._doubt = False
+        self.strides += 1
+
+    def _forget(self, time_ns: int) -> None:
+        self._durations.clear()
+        self.mean_ns = 0.0
+        self._steady_run = self._strangers = 0
+        self._doubt = False
+        self._last_ns = time_ns
+
+
+class KneePhase:
+    """Time since the last swing flexion peak of the knee over the mean time between peaks.
+
+    Needs no footswitch. In shadow: recorded, never acted on.
+
+    Parameters
+    ----------
+    gait : GaitSpec
+        Strides in the mean.
+    """
+
+    __slots__ = ("_durations", "_last_ns", "_mean_ns", "_peak", "_peak_ns")
+
+    def __init__(self, gait: GaitSpec) -> None:
+        self._durations: deque[int] = deque(maxlen=gait.strides_in_mean)
+        self._peak = 0.0
+        self._peak_ns = self._last_ns = 0
+        self._mean_ns = 0.0
+
+    def update(self, time_ns: int, angle: float) -> None:
+        """Take a sample of the knee angle.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When it was measured.
+        angle : float, rad
+            Flexion positive; NaN changes nothing.
+        """
+        if angle > _FLEXED_RAD:
+            if angle > self._peak:
+                self._peak, self._peak_ns = angle, time_ns
+        elif self._peak:
+            self._peak = 0.0
+            self._end_stride()
+
+    def phase_pct(self, time_ns: int) -> float:
+        """Return the phase, % of the cycle; NaN while unknown.
+
+        Parameters
+        ----------
+        time_ns : int, ns
+            When.
+        """
+        if not self._mean_ns:
+            return float("nan")
+        return (_PEAK_PCT + 100.0 * (time_ns - self._last_ns) / self._mean_ns) % 100.0
+
+    def _end_stride(self) -> None:
+        duration = self._peak_ns - self._last_ns
+        if _SHORTEST_S * 1e9 <= duration <= _LONGEST_S * 1e9:
+            self._durations.append(duration)
+            self._mean_ns = sum(self._durations) / len(self._durations)
+        elif duration < _SHORTEST_S * 1e9:
+            return
+        self._last_ns = self._peak_ns

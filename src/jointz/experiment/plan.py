@@ -1,0 +1,123 @@
+"""The plan of a condition: which pulse fires where in the gait cycle, and how far apart.
+
+Made once from the protocol and a seed, and written down: what was planned can
+be compared with what was done, and an interrupted session goes on with the rest.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from jointz.core.protocol import PerturbationPlan, PulseSpec
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPulse:
+    """A pulse of the plan.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the plan, from 1.
+    timing_point : str
+        Where in the gait cycle.
+    gait_pct : float, % of the gait cycle
+        The same as a number.
+    amplitude_nm : float, N*m
+        Signed height; 0 for a sham.
+    gap_strides : int
+        Strides since the pulse before it.
+    """
+
+    number: int
+    timing_point: str
+    gait_pct: float
+    amplitude_nm: float
+    gap_strides: int
+
+    @property
+    def sham(self) -> bool:
+        """Whether nothing is to be felt."""
+        return self.amplitude_nm == 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the pulse as plain values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "PlannedPulse":
+        """Return the pulse that :meth:`to_dict` wrote.
+
+        Parameters
+        ----------
+        values : mapping
+            What it returned.
+        """
+        return cls(**values)
+
+
+def make_plan(
+    perturbations: PerturbationPlan, pulse: PulseSpec, rng: np.random.Generator
+) -> tuple[PlannedPulse, ...]:
+    """Lay out the pulses of a walking condition.
+
+    ``balanced`` shuffles rounds in which every timing point (and direction) occurs
+    once, so that the plan is balanced wherever it is broken off; ``random``
+    shuffles all pulses; ``sequential`` takes one timing point after the other.
+
+    Parameters
+    ----------
+    perturbations : PerturbationPlan
+        Timing points, counts, gaps, order.
+    pulse : PulseSpec
+        Amplitude and direction.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    tuple of PlannedPulse
+        In the order in which they are to fire.
+
+    Examples
+    --------
+    >>> from jointz.core.protocol import PerturbationPlan, PulseSpec
+    >>> perturbations = PerturbationPlan(
+    ...     timing_points={"LRE": 7.0, "MSW": 81.0}, count_per_point=2, gap_strides=(3, 7)
+    ... )
+    >>> pulse = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
+    >>> plan = make_plan(perturbations, pulse, np.random.default_rng(1))
+    >>> sorted(p.timing_point for p in plan[:2])
+    ['LRE', 'MSW']
+    """
+    points = perturbations.timing_points or {}
+    count = perturbations.count_per_point or 0
+    signs = {"positive": (1.0,), "negative": (-1.0,), "both": (1.0, -1.0)}[pulse.direction]
+    amplitudes = [pulse.amplitude_nm * signs[i % len(signs)] for i in range(count)]
+    shams = round(perturbations.sham_share / (1.0 - perturbations.sham_share) * count)
+    amplitudes = _spread_shams(amplitudes, shams, rng)
+    rounds = [[(point, amplitude) for point in points] for amplitude in amplitudes]
+    if perturbations.order == "sequential":
+        order = [entry for column in zip(*rounds, strict=True) for entry in column]
+    elif perturbations.order == "random":
+        entries = [entry for row in rounds for entry in row]
+        order = [entries[i] for i in rng.permutation(len(entries))]
+    else:
+        order = [row[i] for row in rounds for i in rng.permutation(len(row))]
+    fewest, most = perturbations.gap_strides or (1, 1)
+    gaps = rng.integers(fewest, most + 1, size=len(order))
+    return tuple(
+        PlannedPulse(i + 1, point, points[point], amplitude, int(gap))
+        for i, ((point, amplitude), gap) in enumerate(zip(order, gaps, strict=True))
+    )
+
+
+def _spread_shams(amplitudes: list[float], shams: int, rng: np.random.Generator) -> list[float]:
+    """Put as many rounds of shams at random places."""
+    if not shams:
+        return amplitudes
+    places = rng.permutation(len(amplitudes) + shams) < shams
+    rest = iter(amplitudes)
+    return [0.0 if sham else next(rest) for sham in places]

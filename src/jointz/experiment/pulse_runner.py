@@ -1,0 +1,151 @@
+"""Fires the pulses of the plan and writes down what became of each."""
+
+from jointz.core.protocol import PulseSpec
+from jointz.experiment.gait_watch import GaitWatch
+from jointz.experiment.journal import Journal
+from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.scheduler import Scheduler
+from jointz.experiment.torque import Trapezoid
+
+
+class PulseRunner:
+    """One pulse at a time, from its timing point to its end.
+
+    Parameters
+    ----------
+    condition, segment : str, int
+        Which stretch it is, for the journal.
+    pulse : PulseSpec
+        The shape.
+    scheduler : Scheduler
+        Of the pulses still to be done.
+    journal : Journal
+        Told of every start, end, miss and abort.
+    period_ns : int, ns
+        Of the loop: a pulse fires at the tick nearest to its timing point.
+
+    Attributes
+    ----------
+    active : PlannedPulse or None
+        The pulse that is on.
+    aborted : bool
+        Whether it is being faded out instead of counted.
+    completed : int
+        Pulses done by this runner.
+    """
+
+    __slots__ = (
+        "_condition",
+        "_half_period_ns",
+        "_journal",
+        "_onset_ns",
+        "_onset_slot",
+        "_scheduler",
+        "_segment",
+        "_shape",
+        "_slot",
+        "_was_steady",
+        "aborted",
+        "active",
+        "completed",
+    )
+
+    def __init__(
+        self,
+        condition: str,
+        segment: int,
+        pulse: PulseSpec,
+        scheduler: Scheduler,
+        *,
+        journal: Journal,
+        period_ns: int,
+    ) -> None:
+        self._condition, self._segment = condition, segment
+        self._shape = Trapezoid(pulse)
+        self._scheduler = scheduler
+        self._journal = journal
+        self._half_period_ns = period_ns // 2
+        self._onset_ns = self._onset_slot = self._slot = 0
+        self._was_steady = False
+        self.active: PlannedPulse | None = None
+        self.aborted = False
+        self.completed = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether every pulse of the plan is done."""
+        return self.active is None and not self._scheduler.queue
+
+    def stride(self) -> None:
+        """Take note of an accepted stride."""
+        self._missed(self._scheduler.stride(), "timing point passed")
+
+    def torque(self, slot: int, slot_ns: int, watch: GaitWatch) -> float:
+        """Return the perturbation torque that the plan wants now, N*m.
+
+        Parameters
+        ----------
+        slot, slot_ns : int
+            Number and time (ns) of the tick.
+        watch : GaitWatch
+            What is known of the gait.
+        """
+        self._slot, steady = slot, watch.steady
+        if self._was_steady and not steady:
+            self._missed(self._scheduler.miss(), "gait not steady")
+        self._was_steady = steady
+        if self.active is None:
+            if not steady:
+                return 0.0
+            started = self._scheduler.pulse_at(
+                watch.strides.phase_pct(slot_ns + self._half_period_ns)
+            )
+            if started is None:
+                return 0.0
+            self._start(started, slot_ns)
+        return self._value(slot_ns)
+
+    def abort(self, why: str) -> None:
+        """Count the pulse that is on as not done; its torque is faded by the safety gate.
+
+        Parameters
+        ----------
+        why : str
+            For the journal.
+        """
+        if self.active is None or self.aborted:
+            return
+        self.aborted = True
+        self._scheduler.requeue(self.active)
+        self._write("pulse_aborted", self.active, reason=why)
+
+    def _start(self, pulse: PlannedPulse, slot_ns: int) -> None:
+        self.active, self.aborted = pulse, False
+        self._onset_ns, self._onset_slot = slot_ns, self._slot
+        self._write("pulse_started", pulse)
+
+    def _value(self, slot_ns: int) -> float:
+        pulse, elapsed_ns = self.active, slot_ns - self._onset_ns
+        if pulse is None:
+            return 0.0
+        if elapsed_ns >= self._shape.duration_ns:
+            if not self.aborted:
+                self.completed += 1
+                self._write("pulse_completed", pulse, onset_slot=self._onset_slot)
+            self.active = None
+            return 0.0
+        return pulse.amplitude_nm * self._shape.share(elapsed_ns)
+
+    def _missed(self, pulse: PlannedPulse | None, why: str) -> None:
+        if pulse is not None:
+            self._write("pulse_missed", pulse, reason=why)
+
+    def _write(self, event: str, pulse: PlannedPulse, **details: object) -> None:
+        self._journal.write(
+            event,
+            condition=self._condition,
+            segment=self._segment,
+            pulse=pulse.number,
+            slot=self._slot,
+            **details,
+        )

@@ -1,0 +1,59 @@
+"""Writes the log: one unbuffered write a tick, so that a crash loses nothing before it."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from jointz.core.session_log import encode_header, pack
+
+
+class Recorder:
+    """The log of one segment.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A file that does not exist yet.
+    header : mapping
+        What the log is of.
+    """
+
+    def __init__(self, path: Path, header: Mapping[str, Any]) -> None:
+        self._path = path
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._write_all(encode_header(header))
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        os.close(self._fd)
+
+    def write(self, *records: tuple[float, ...]) -> None:
+        """Write the records of one tick.
+
+        Parameters
+        ----------
+        *records : tuple
+            One number a field of :data:`jointz.core.session_log.FIELDS`.
+
+        Raises
+        ------
+        OSError
+            When the disk does not take them whole.
+        """
+        self._write_all(
+            pack(records[0]) if len(records) == 1 else b"".join(pack(r) for r in records)
+        )
+
+    def _write_all(self, data: bytes) -> None:
+        written = os.write(self._fd, data)
+        if written != len(data):
+            raise OSError(f"{self._path}: the disk took {written} of {len(data)} bytes.")

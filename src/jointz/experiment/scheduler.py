@@ -1,0 +1,88 @@
+"""What is to be done with the plan while a participant walks."""
+
+from collections import deque
+from collections.abc import Iterable
+
+from jointz.experiment.plan import PlannedPulse
+
+#: A pulse whose timing point has passed by more than this is missed, % of the cycle.
+_LATE_PCT = 1.0
+
+
+class Scheduler:
+    """Decides at every tick whether a pulse begins.
+
+    A pulse becomes due when enough strides have passed since the one before it,
+    and fires in that stride when the phase reaches its timing point. Where the
+    phase is unknown then, the pulse is missed and goes to the end of the queue. A
+    gap is never shorter than planned; a missed pulse makes the next one longer.
+
+    Parameters
+    ----------
+    pulses : iterable of PlannedPulse
+        Those still to be done, in order.
+    warm_up_strides : int
+        Accepted strides before the first.
+
+    Attributes
+    ----------
+    queue : collections.deque of PlannedPulse
+        What is still to be done.
+    """
+
+    __slots__ = ("_due", "_since", "queue")
+
+    def __init__(self, pulses: Iterable[PlannedPulse], *, warm_up_strides: int) -> None:
+        self.queue = deque(pulses)
+        self._due = False
+        # The first gap counts from the end of the warm-up.
+        self._since = -warm_up_strides
+
+    def stride(self) -> PlannedPulse | None:
+        """Take note of an accepted stride.
+
+        Returns
+        -------
+        PlannedPulse or None
+            A pulse that was due in the stride and did not fire: it is missed.
+        """
+        missed = self.miss() if self._due else None
+        self._since += 1
+        self._due = bool(self.queue) and self._since >= self.queue[0].gap_strides
+        return missed
+
+    def pulse_at(self, phase_pct: float) -> PlannedPulse | None:
+        """Return the pulse that begins now, if any.
+
+        Parameters
+        ----------
+        phase_pct : float, %
+            Phase of the gait cycle, known.
+        """
+        if not self._due:
+            return None
+        late = phase_pct - self.queue[0].gait_pct
+        if not 0.0 <= late <= _LATE_PCT:
+            return None
+        self._due = False
+        self._since = 0
+        return self.queue.popleft()
+
+    def miss(self) -> PlannedPulse | None:
+        """Put the pulse that is due back to the end of the queue and return it."""
+        if not self._due:
+            return None
+        self._due = False
+        missed = self.queue.popleft()
+        self.queue.append(missed)
+        return missed
+
+    def requeue(self, pulse: PlannedPulse) -> None:
+        """Put a pulse that was broken off to the end of the queue.
+
+        Parameters
+        ----------
+        pulse : PlannedPulse
+            The pulse.
+        """
+        self.queue.append(pulse)

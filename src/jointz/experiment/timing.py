@@ -1,0 +1,45 @@
+"""How well the loop kept its time, from what the log says of every tick."""
+
+from typing import Any
+
+import numpy as np
+
+_QUANTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
+
+
+def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
+    """Summarise lateness, period error and work of the ticks.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    period_ns : int, ns
+        Of the loop.
+
+    Returns
+    -------
+    dict
+        ``ticks``, ``missed_slots``, ``mean_rate_hz`` and, in us, quantiles p50,
+        p99, p99_9 and max of ``lateness_us`` (after the slot), ``period_error_us``
+        (size, from tick to tick) and ``busy_us`` (work of a tick).
+    """
+    ticks = records[records["part"] == 0]
+    if ticks.size < 2:
+        return {"ticks": int(ticks.size), "missed_slots": 0}
+    slot = ticks["slot"].astype(np.int64)
+    host_ns = ticks["host_time_ns"]
+    steps = np.diff(slot)
+    period_error_ns = np.abs(np.diff(host_ns) - steps * period_ns)
+    return {
+        "ticks": int(ticks.size),
+        "missed_slots": int((steps - 1).sum()),
+        "mean_rate_hz": float((ticks.size - 1) * 1e9 / (host_ns[-1] - host_ns[0])),
+        "lateness_us": _quantiles((host_ns % period_ns) / 1e3),
+        "period_error_us": _quantiles(period_error_ns / 1e3),
+        "busy_us": _quantiles(ticks["busy_us"][1:]),
+    }
+
+
+def _quantiles(values: np.ndarray) -> dict[str, float]:
+    return {name: float(np.percentile(values, q)) for name, q in _QUANTILES.items()}

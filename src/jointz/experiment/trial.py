@@ -1,0 +1,256 @@
+"""One uninterrupted stretch of a walking condition: what happens at every tick."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jointz.core.clock import Clock
+from jointz.core.errors import SafetyStop
+from jointz.core.protocol import GaitSpec
+from jointz.core.session_log import Flag
+from jointz.core.trips import Trip
+from jointz.devices.interface import Devices
+from jointz.experiment.gait_watch import GaitWatch
+from jointz.experiment.pulse_runner import PulseRunner
+from jointz.experiment.recorder import Recorder
+from jointz.experiment.safety import SafetyGate
+from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
+from jointz.experiment.torque import AppliedTorque, ZeroTorque
+
+_NAN = float("nan")
+_STEADY, _SHAM, _OVERRUN = int(Flag.STEADY), int(Flag.SHAM), int(Flag.OVERRUN)
+_COOL_DOWN_STRIDES = 5
+#: No accepted stride for so long: the participant stands, or the footswitch is lost.
+_NO_STRIDE_NS = 20_000_000_000
+
+#: Called after every accepted stride with strides and completed pulses.
+TrialProgress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What a trial is to walk.
+
+    Parameters
+    ----------
+    gait : GaitSpec
+        Of the protocol.
+    period_ns : int, ns
+        Of the loop.
+    strides : int
+        Accepted strides; with pulses, the last pulse and a few more decide.
+    """
+
+    gait: GaitSpec
+    period_ns: int
+    strides: int
+
+
+class Motor:
+    """The actuator of a trial with everything between a wanted torque and its command.
+
+    Parameters
+    ----------
+    devices : Devices
+        With an actuator.
+    gate : SafetyGate
+        The last stage before the device.
+    """
+
+    __slots__ = ("applied", "command_torque", "gate", "zero_torque")
+
+    def __init__(self, devices: Devices, gate: SafetyGate) -> None:
+        if devices.actuator is None:
+            raise ValueError("expected devices with an actuator.")
+        described = devices.actuator.describe()
+        self.gate = gate
+        self.command_torque = devices.actuator.command_torque
+        self.applied = AppliedTorque(
+            described.torque_model, sample_period_s=1.0 / described.sample_rate_hz
+        )
+        self.zero_torque = ZeroTorque(described.torque_model)
+
+
+class Trial:
+    """Reads, decides, commands and records, once a tick.
+
+    Every decision is taken on the time of the tick's slot, so that the same
+    samples make the same trial under a real and under a virtual clock.
+
+    Parameters
+    ----------
+    course : Course
+        Gait, period, length.
+    devices : Devices
+        Active.
+    motor : Motor or None
+        None where the participant does not wear the device.
+    pulses : PulseRunner or None
+        None in a condition without pulses.
+    recorder : Recorder
+        The log.
+    clock : Clock
+        For the work a tick took.
+    progress : callable
+        Told after every accepted stride.
+    """
+
+    def __init__(
+        self,
+        course: Course,
+        *,
+        devices: Devices,
+        motor: Motor | None,
+        pulses: PulseRunner | None,
+        recorder: Recorder,
+        clock: Clock,
+        progress: TrialProgress,
+    ) -> None:
+        self._period_ns = course.period_ns
+        self._streams = Streams(devices)
+        self._watch = GaitWatch(course.gait)
+        self._motor = motor
+        self._pulses = pulses
+        self._strides = course.strides
+        self._recorder = recorder
+        self._now_ns = clock.now_ns
+        self._progress = progress
+        self._first_slot = -1
+        self._busy_us = 0.0
+        self._requested = self._sent = self._command = 0.0
+        self._flags = 0
+        self._stopping = False
+        self._last_needed = 0
+
+    @property
+    def strides(self) -> int:
+        """Strides accepted so far."""
+        return self._watch.strides.strides
+
+    def request_stop(self) -> None:
+        """End the trial soon: a pulse that is on is faded out first."""
+        self._stopping = True
+
+    def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
+        """Do everything that is to be done in one slot.
+
+        Parameters
+        ----------
+        slot, host_ns, skipped : int
+            Number of the slot, time (ns), slots skipped just before.
+
+        Returns
+        -------
+        bool
+            False when the trial is over or the safety gate has tripped.
+
+        Raises
+        ------
+        DeviceError
+            When a device is gone.
+        OSError
+            When the log or the journal cannot be written.
+        """
+        if self._first_slot < 0:
+            self._first_slot = slot
+        slot_ns = slot * self._period_ns
+        age_s = self._streams.read(slot_ns)
+        watch = self._watch
+        stride = watch.update(slot_ns, self._streams.angle, self._streams.contact)
+        self._flags = (_STEADY if watch.steady else 0) | (_OVERRUN if skipped else 0)
+        running = True
+        if self._motor is not None:
+            running = self._act(self._motor, slot, slot_ns, age_s=age_s, skipped=skipped)
+        self._record(slot, host_ns)
+        if stride:
+            running = self._after_stride() and running
+        self._check_walking(slot_ns)
+        self._busy_us = (self._now_ns() - host_ns) * 1e-3
+        return running
+
+    def _act(self, motor: Motor, slot: int, slot_ns: int, *, age_s: float, skipped: int) -> bool:
+        """Decide on a torque and send it; False when no more is to come."""
+        pulses, gate = self._pulses, motor.gate
+        wanted = 0.0
+        if pulses is not None:
+            wanted = pulses.torque(slot - self._first_slot, slot_ns, self._watch)
+            if pulses.active is not None and pulses.active.sham:
+                self._flags |= _SHAM
+        newest = self._streams.newest_actuator
+        requested = motor.zero_torque.request(wanted, newest.velocity)
+        if skipped:
+            gate.overran(skipped)
+        sent = gate.check(
+            requested,
+            newest if self._streams.actuator else None,
+            angle=self._streams.newest_angle.value,
+            age_s=age_s,
+            steady=self._watch.steady and not self._stopping,
+            pulse_active=wanted != 0.0,
+        )
+        motor.command_torque(sent)
+        self._command, self._requested, self._sent = wanted, requested, sent
+        self._flags |= gate.flags
+        if pulses is not None and gate.fading:
+            pulses.abort("stopped" if self._stopping else "gait not steady")
+        fading = pulses is not None and pulses.active is not None
+        return gate.tripped is None and (fading or not self._stopping)
+
+    def _after_stride(self) -> bool:
+        """Take note of an accepted stride; False when it was the last that is needed."""
+        pulses, strides = self._pulses, self.strides
+        if pulses is None:
+            self._progress(strides, 0)
+            return strides < self._strides
+        pulses.stride()
+        self._progress(strides, pulses.completed)
+        if not pulses.done:
+            self._last_needed = strides + _COOL_DOWN_STRIDES
+        return strides < self._last_needed
+
+    def _check_walking(self, slot_ns: int) -> None:
+        if slot_ns - self._watch.last_stride_ns > _NO_STRIDE_NS:
+            raise SafetyStop(
+                Trip.NO_STRIDES,
+                f"no accepted stride for {_NO_STRIDE_NS * 1e-9:.0f} s. Check that the participant "
+                "walks and the footswitch is connected, then go on with --resume.",
+            )
+
+    def _record(self, slot: int, host_ns: int) -> None:
+        streams = self._streams
+        counts = len(streams.actuator), len(streams.angle), len(streams.contact)
+        parts = max(1, *counts)
+        self._recorder.write(*[self._part(slot, host_ns, i) for i in range(parts)])
+
+    def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
+        """Return one record: the tick, and the sample of this number of every device."""
+        streams, watch, pulses, motor = self._streams, self._watch, self._pulses, self._motor
+        actuator, angle, contact = streams.actuator, streams.angle, streams.contact
+        a = actuator[part] if part < len(actuator) else NO_ACTUATOR_SAMPLE
+        g = angle[part] if part < len(angle) else NO_SENSOR_SAMPLE
+        c = contact[part] if part < len(contact) else NO_SENSOR_SAMPLE
+        return (
+            host_ns,
+            a.device_time_ns,
+            g.device_time_ns,
+            c.device_time_ns,
+            a.angle,
+            g.value,
+            slot - self._first_slot,
+            self._busy_us,
+            a.velocity,
+            a.current,
+            a.voltage,
+            a.temperature_c,
+            c.value,
+            self._requested,
+            self._sent,
+            self._command,
+            motor.applied.update(a.current, a.velocity) if motor and part < len(actuator) else _NAN,
+            watch.phase_pct,
+            watch.shadow_phase_pct,
+            a.faults,
+            watch.strides.strides,
+            pulses.active.number if pulses and pulses.active else 0,
+            self._flags,
+            part,
+        )

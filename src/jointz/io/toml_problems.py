@@ -1,0 +1,258 @@
+"""Everything that is wrong with a TOML file, in sentences that begin with the key's full path."""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError, create_model
+
+from jointz.core.checked_model import INCONSISTENT, CheckedModel
+from jointz.core.errors import ProtocolError, StudyError
+
+Location = tuple[str | int, ...]
+
+_INTEGERS = range(-(2**63), 2**63)  # those of TOML
+_LONGEST_SHOWN = 80
+_VERSION_KEYS = ("jointz", "jointz_protocol")
+#: What pydantic calls by the names of Python, in the words of a file.
+_EXPECTED = {
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+}
+
+
+def parse_toml(
+    where: str, text: bytes, *, error: type[StudyError] | type[ProtocolError]
+) -> dict[str, Any]:
+    """Parse a TOML file.
+
+    Parameters
+    ----------
+    where : str
+        The file, for the message.
+    text : bytes
+        What it holds, UTF-8.
+    error : type
+        Raised when it is not valid.
+    """
+    try:
+        raw = tomllib.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as exc:
+        raise error(where, [f"not valid TOML: {exc}"]) from exc
+    if _holds_huge_integer(raw):
+        raise error(where, ["not valid TOML: an integer has more than 64 bits."])
+    return raw
+
+
+def shape_problems(
+    error: ValidationError, model: type[BaseModel], raw: Mapping[str, Any]
+) -> list[str]:
+    """Return what pydantic refused, a sentence each.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        What it raised.
+    model : type
+        The model of the whole file.
+    raw : mapping
+        The file.
+    """
+    return [
+        _sentence(dict(e), model, raw)
+        for e in error.errors()
+        if e["type"] != INCONSISTENT and not _follows_from_entries(dict(e))
+    ]
+
+
+def all_problems(
+    error: ValidationError, model: type[CheckedModel], raw: Mapping[str, Any]
+) -> list[str]:
+    """Return what pydantic refused and every inconsistency among what can be read.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        What it raised.
+    model : type
+        The model of the whole file.
+    raw : mapping
+        The file.
+    """
+    found = _inconsistencies(_draft(model, raw), ())
+    return [*shape_problems(error, model, raw), *dict.fromkeys(found)]
+
+
+def _holds_huge_integer(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(map(_holds_huge_integer, value.values()))
+    if isinstance(value, list):
+        return any(map(_holds_huge_integer, value))
+    return isinstance(value, int) and value not in _INTEGERS
+
+
+def _follows_from_entries(error: Mapping[str, Any]) -> bool:
+    """Whether a list is called too short only because its entries were refused."""
+    if error["type"] != "too_short":
+        return False
+    return bool(len(error["input"]) >= error["ctx"]["min_length"])
+
+
+# --- sentences ---------------------------------------------------------------------------------
+
+
+def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str, Any]) -> str:
+    location = _written(error["loc"], raw)
+    place, kind, shown = _place(location), error["type"], repr(error["input"])
+    shown = shown if len(shown) <= _LONGEST_SHOWN else f"{shown[:_LONGEST_SHOWN]}..."
+    if kind == "extra_forbidden":
+        return f"{place}: unknown key.{_hint(location, model, raw)}"
+    if kind == "missing":
+        return f"{place}: missing; it is required."
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _kind_sentence(place, error["input"], _models_at(location, model, raw))
+    if place in _VERSION_KEYS:
+        return f"{place}: schema version {shown} is not one this version reads (1)."
+    if kind == "too_short":
+        if isinstance(error["input"], str):
+            return f"{place}: expected text that is not empty; got {shown}."
+        return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
+    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told
+    return f"{place}: {message}; got {shown}."
+
+
+def _kind_sentence(place: str, table: Mapping[str, Any], models: list[type[BaseModel]]) -> str:
+    kinds = ", ".join(_kind(model) for model in models)
+    if "kind" not in table:
+        return f"{place}.kind: missing; expected one of {kinds}."
+    close = difflib.get_close_matches(str(table["kind"]), map(_kind, models), n=1)
+    hint = f" Did you mean '{close[0]}'?" if close else ""
+    return f"{place}.kind: expected one of {kinds}; got {table['kind']!r}.{hint}"
+
+
+def _hint(location: Location, model: type[BaseModel], raw: Mapping[str, Any]) -> str:
+    models = _models_at(location[:-1], model, raw)
+    known = sorted(models[0].model_fields) if len(models) == 1 else []
+    close = difflib.get_close_matches(str(location[-1]), known, n=1)
+    return f" Did you mean '{close[0]}'?" if close else f" Known keys: {', '.join(known)}."
+
+
+def _written(location: Location, raw: Any) -> Location:
+    """Return a location without the kinds that pydantic puts between the keys of a union."""
+    kept: list[str | int] = []
+    value = raw
+    for i, part in enumerate(location):
+        last = i == len(location) - 1
+        if isinstance(value, Mapping) and part not in value and not last:
+            continue
+        kept.append(part)
+        value = _inside(value, part)
+    return tuple(kept)
+
+
+def _inside(value: Any, part: str | int) -> Any:
+    if isinstance(value, Mapping):
+        return value.get(part)
+    if isinstance(value, list) and isinstance(part, int) and part < len(value):
+        return value[part]
+    return None
+
+
+def _place(location: Location) -> str:
+    place = ""
+    for part in location:
+        place += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if place else str(part)
+    return place
+
+
+# --- models ------------------------------------------------------------------------------------
+
+
+def _models_at(location: Location, model: type[BaseModel], raw: Any) -> list[type[BaseModel]]:
+    """Return the models that may stand at a place; one, unless its kind is not known."""
+    models, value = [model], raw
+    annotation: Any = None
+    for part in location:
+        value = _inside(value, part)
+        field = models[0].model_fields.get(str(part)) if len(models) == 1 else None
+        # An entry of a list or of a table of tables has the model of the whole.
+        annotation = field.annotation if field is not None else annotation
+        models = _of_kind(_models_in(annotation), value)
+    return models
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models_in(part)]
+
+
+def _of_kind(models: list[type[BaseModel]], value: Any) -> list[type[BaseModel]]:
+    if len(models) < 2 or not isinstance(value, Mapping):
+        return models
+    return [m for m in models if _kind(m) == value.get("kind")] or models
+
+
+def _kind(model: type[BaseModel]) -> str:
+    """Return the word by which a model of a union is chosen."""
+    return str(get_args(model.model_fields["kind"].annotation)[0])
+
+
+# --- inconsistencies among what can be read ----------------------------------------------------
+
+
+def _draft(model: type[BaseModel], raw: Mapping[str, Any]) -> BaseModel:
+    """Return a model with what can be read; what cannot is no attribute of it."""
+    values, unreadable = {}, []
+    for name in model.model_fields:
+        if name not in raw:
+            continue
+        try:
+            values[name] = _value(model, name, raw[name])
+        except ValidationError:
+            unreadable.append(name)
+    draft = model.model_construct(_fields_set=set(values) | set(unreadable), **values)
+    for name in unreadable:
+        draft.__dict__.pop(name, None)  # its default would be taken for what was written
+    return draft
+
+
+def _value(model: type[BaseModel], name: str, raw: Any) -> Any:
+    """Return the value of a field, tables and lists of tables as far as they can be read."""
+    field = model.model_fields[name]
+    models = _of_kind(_models_in(field.annotation), raw)
+    is_list = get_origin(field.annotation) is tuple
+    if len(models) == 1 and isinstance(raw, Mapping) and not is_list:
+        return _draft(models[0], raw)
+    if len(models) == 1 and isinstance(raw, list) and is_list:
+        return tuple(_draft(models[0], e) if isinstance(e, Mapping) else None for e in raw)
+    definition: Any = (field.annotation, field)
+    alone = create_model(name, __config__=model.model_config, **{name: definition})
+    return getattr(alone.model_validate({name: raw}), name)
+
+
+def _inconsistencies(part: Any, place: Location) -> Iterator[str]:
+    if isinstance(part, tuple):
+        for i, entry in enumerate(part):
+            yield from _inconsistencies(entry, (*place, i))
+    if not isinstance(part, CheckedModel):
+        return
+    for name in type(part).model_fields:
+        yield from _inconsistencies(part.__dict__.get(name), (*place, name))
+    for check in part.checks():
+        try:
+            problems = list(check())
+        except AttributeError:  # it needs what cannot be read: a problem that is told already
+            continue
+        for problem in problems:
+            yield f"{_place((*place, *problem.key))}: {problem.message}"

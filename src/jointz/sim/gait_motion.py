@@ -1,0 +1,191 @@
+"""The unperturbed knee of a walker, stride after stride without end.
+
+The phase of a stride is a quintic polynomial of time whose rate at a heel
+strike is the mean of the neighbouring strides' rates and whose second
+derivative is zero there; the knee curve of a stride turns into that of the
+next over the stride by a quintic smoothstep of phase. The angle is thus twice
+continuously differentiable.
+"""
+
+from dataclasses import dataclass
+from math import exp, pi, sqrt
+
+import numpy as np
+
+from jointz.sim.joint import KNEE_COSINES, KNEE_SINES
+from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
+from jointz.sim.presets import GaitSettings
+
+_LARGEST_DEVIATION = 3.0  # sd; of what changes from stride to stride
+_SHAPE_HARMONICS = 3
+#: The first stride has gone so far when a recording begins: in swing, before a heel strike.
+_BEGUN_CYCLES = 0.75
+_MEAN_CURVE = np.radians(np.array([KNEE_COSINES, KNEE_SINES]))
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionShift:
+    """How the knee of one condition differs from the person's.
+
+    Parameters
+    ----------
+    offset_rad, amplitude, phase_cycles : float
+        Added to the angle, share added to the curve, cycles the curve is early.
+    """
+
+    offset_rad: float = 0.0
+    amplitude: float = 0.0
+    phase_cycles: float = 0.0
+
+
+def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShift:
+    """Draw the shift of one condition; two conditions differ by the settings' sd.
+
+    Parameters
+    ----------
+    settings : GaitSettings
+        How large.
+    rng : numpy.random.Generator
+        Of the condition.
+    """
+    offset, amplitude, phase = (rng.standard_normal(3) / sqrt(2.0)).tolist()
+    return ConditionShift(
+        settings.condition_offset_sd_rad * offset,
+        settings.condition_amplitude_sd * amplitude,
+        settings.condition_phase_sd * phase,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Stride:
+    """One stride.
+
+    Parameters
+    ----------
+    start_s, duration_s : float, s
+        Heel strike, on the device's clock, and time to the next.
+    row : (GAIT_SIZE,) float
+        Polynomial of phase and Fourier coefficients, see :class:`jointz.sim.layout.Gait`.
+    """
+
+    start_s: float
+    duration_s: float
+    row: np.ndarray
+
+    @property
+    def end_s(self) -> float:
+        """The next heel strike, s."""
+        return self.start_s + self.duration_s
+
+    def cycles(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the phase since the heel strike, in cycles.
+
+        Parameters
+        ----------
+        time_s : (n,) float, s
+            Times within the stride.
+        """
+        u = (time_s - self.start_s) / self.duration_s
+        r = self.row
+        higher = r[Gait.CUBIC] + u * (r[Gait.QUARTIC] + u * r[Gait.QUINTIC])
+        return np.asarray(u * (r[Gait.LINEAR] + u * u * higher))
+
+
+class GaitMotion:
+    """Generates strides in order.
+
+    Parameters
+    ----------
+    settings : GaitSettings
+        How strides differ.
+    stride_time_s : float, s
+        Mean.
+    shift : ConditionShift
+        Of the condition.
+    rng : numpy.random.Generator
+        Drawn from in the order of strides, and by nobody else.
+    stumbles : mapping of int to float, optional
+        Stride -> factor of its duration.
+    """
+
+    def __init__(
+        self,
+        settings: GaitSettings,
+        *,
+        stride_time_s: float,
+        shift: ConditionShift,
+        rng: np.random.Generator,
+        stumbles: dict[int, float] | None = None,
+    ) -> None:
+        self._settings = settings
+        self._mean_s = stride_time_s
+        self._shift = shift
+        self._rng = rng
+        self._stumbles = stumbles if stumbles is not None else {}
+        self._number = 0
+        self._slow = rng.standard_normal(2)
+        self._quick = rng.standard_normal(2)
+        self._previous_s = self._duration()
+        self._duration_s = self._duration()
+        self._following_s = self._duration()
+        self._start_s = -_BEGUN_CYCLES * self._duration_s
+        self._curve = self._new_curve()
+
+    def next(self) -> Stride:
+        """Return the next stride."""
+        row = np.zeros(GAIT_SIZE)
+        duration = self._duration_s
+        first = 0.5 * (duration / self._previous_s + 1.0)
+        last = 0.5 * (duration / self._following_s + 1.0)
+        row[Gait.START_S], row[Gait.DURATION_S] = self._start_s, duration
+        row[Gait.LINEAR] = first
+        row[Gait.CUBIC] = 10.0 - 6.0 * first - 4.0 * last
+        row[Gait.QUARTIC] = -15.0 + 8.0 * first + 7.0 * last
+        row[Gait.QUINTIC] = 6.0 - 3.0 * first - 3.0 * last
+        curve, following = self._curve, self._new_curve()
+        row[Gait.COSINES : Gait.COSINES + HARMONICS] = curve[0]
+        row[Gait.SINES : Gait.SINES + HARMONICS] = curve[1]
+        row[Gait.COSINE_CHANGES : Gait.COSINE_CHANGES + HARMONICS] = following[0] - curve[0]
+        row[Gait.SINE_CHANGES : Gait.SINE_CHANGES + HARMONICS] = following[1] - curve[1]
+        stride = Stride(self._start_s, duration, row)
+        self._start_s += duration
+        self._previous_s, self._duration_s = duration, self._following_s
+        self._following_s = self._duration()
+        self._curve = following
+        return stride
+
+    def _duration(self) -> float:
+        settings = self._settings
+        keep = exp(-1.0 / settings.drift_strides)
+        self._slow = keep * self._slow + sqrt(1.0 - keep**2) * self._rng.standard_normal(2)
+        quick = min(max(self._rng.standard_normal(), -_LARGEST_DEVIATION), _LARGEST_DEVIATION)
+        factor = self._stumbles.get(self._number - 1, 1.0)  # one is drawn before the first stride
+        self._number += 1
+        change = settings.duration_sd * quick + settings.duration_drift_sd * float(self._slow[0])
+        return self._mean_s * factor * (1.0 + change)
+
+    def _new_curve(self) -> np.ndarray:
+        """Return Fourier coefficients, (2, HARMONICS): cosines and sines, rad."""
+        settings, shift = self._settings, self._shift
+        keep = settings.memory
+        self._quick = keep * self._quick + sqrt(1.0 - keep**2) * self._rng.standard_normal(2)
+        drift = settings.offset_drift_sd_rad * float(self._slow[1])
+        size = 1.0 + shift.amplitude + settings.amplitude_sd * float(self._quick[0])
+        curve = size * _advanced(_MEAN_CURVE, shift.phase_cycles)
+        curve[0, 0] += shift.offset_rad + settings.offset_sd_rad * float(self._quick[1]) + drift
+        # 3 cosines and 3 sines of the same sd s have RMS s sqrt(3).
+        changes = self._rng.standard_normal((2, _SHAPE_HARMONICS))
+        curve[:, 1 : 1 + _SHAPE_HARMONICS] += settings.shape_sd_rad / sqrt(3.0) * changes
+        return curve
+
+
+def _advanced(curve: np.ndarray, cycles: float) -> np.ndarray:
+    """Return the coefficients of the curve at a later phase."""
+    turn = 2.0 * pi * cycles * np.arange(HARMONICS)
+    cosines, sines = curve
+    return np.array(
+        [
+            cosines * np.cos(turn) + sines * np.sin(turn),
+            sines * np.cos(turn) - cosines * np.sin(turn),
+        ]
+    )

@@ -1,0 +1,164 @@
+"""A seeded population of people, and the instruments that each of them is measured with."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, log, sqrt
+from zlib import crc32
+
+import numpy as np
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.sim.presets import Preset, Range
+
+# Means over people at the six timing points, N*m/rad/kg and N*m*s/rad/kg: near tables 4.1, 4.2.
+_MEAN_STIFFNESS_PER_MASS = (2.0, 0.65, 1.15, 1.15, 0.32, 0.38)
+_MEAN_DAMPING_PER_MASS = (0.035, 0.040, 0.050, 0.030, 0.036, 0.027)
+_SPREAD_OVER_PEOPLE = 0.25
+_LARGEST_ERROR = 3.0  # sd
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """A simulated person and the truth about the knee.
+
+    Parameters
+    ----------
+    number : int
+        Place in the population, from 0.
+    seed : int
+        Of the population.
+    mass_kg, height_m, stride_time_s : float
+        Body, and mean stride time.
+    stiffness_per_mass, damping_per_mass : mapping of str to float
+        Timing point -> N*m/rad/kg, N*m*s/rad/kg.
+    inertia : float, kg*m^2
+        Of joint, limb and frame; the anthropometric preset has its own.
+    """
+
+    number: int
+    seed: int
+    mass_kg: float
+    height_m: float
+    stride_time_s: float
+    stiffness_per_mass: Mapping[str, float]
+    damping_per_mass: Mapping[str, float]
+    inertia: float
+
+    @property
+    def id(self) -> str:
+        """Name in the study."""
+        return f"S{self.number + 1:02d}"
+
+    def stream(self, purpose: str, number: int = 0) -> np.random.Generator:
+        """Return the random numbers of one purpose; nothing else draws from them.
+
+        Parameters
+        ----------
+        purpose : str
+            What they are for.
+        number : int
+            Of a repetition.
+        """
+        return np.random.default_rng([self.seed, self.number, crc32(purpose.encode()), number])
+
+
+def draw_person(number: int, *, seed: int) -> Person:
+    """Draw a person: impedances spread by 25 % (log-normal) about means of able-bodied adults.
+
+    Parameters
+    ----------
+    number : int
+        Place in the population, from 0; does not depend on how many are drawn.
+    seed : int
+        Of the population.
+
+    Returns
+    -------
+    Person
+        The person.
+
+    Examples
+    --------
+    >>> draw_person(3, seed=1).id
+    'S04'
+    """
+    rng = np.random.default_rng([seed, number])
+    sigma = sqrt(log(1.0 + _SPREAD_OVER_PEOPLE**2))
+
+    def around(means: tuple[float, ...]) -> dict[str, float]:
+        factors = [exp(sigma * rng.standard_normal() - sigma**2 / 2.0) for _ in means]
+        return {
+            point: mean * factor
+            for point, mean, factor in zip(TIMING_POINTS, means, factors, strict=True)
+        }
+
+    return Person(
+        number=number,
+        seed=seed,
+        mass_kg=_within(rng, 73.0, 10.0, low=52.0, high=100.0),
+        height_m=_within(rng, 1.74, 0.08, low=1.55, high=1.95),
+        stride_time_s=_within(rng, 1.10, 0.05, low=1.0, high=1.2),
+        stiffness_per_mass=around(_MEAN_STIFFNESS_PER_MASS),
+        damping_per_mass=around(_MEAN_DAMPING_PER_MASS),
+        inertia=float(rng.uniform(0.03, 0.07)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """What the instruments of one person really do; the same in all conditions.
+
+    Parameters
+    ----------
+    torque_gain, angle_gain : float
+        Measured over true.
+    friction_gain : float
+        True over stated friction.
+    angle_lag_s : float, s
+        Total lag of the goniometer behind the joint, without tissue.
+    strap_stiffness : float, N*m/rad
+        Between frame and leg; 0 for a rigid strap.
+    tissue_hz : float, Hz
+        Resonance between joint and goniometer; 0 for none.
+    """
+
+    torque_gain: float
+    angle_gain: float
+    friction_gain: float
+    angle_lag_s: float
+    strap_stiffness: float
+    tissue_hz: float
+
+
+def draw_instruments(person: Person, preset: Preset) -> Instruments:
+    """Draw the errors of a person's instruments.
+
+    Parameters
+    ----------
+    person : Person
+        Who.
+    preset : Preset
+        How large they are.
+    """
+    rng = person.stream("instruments")
+    errors = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
+    shares = rng.random(3).tolist()
+    body = preset.body
+
+    def between(limits: Range, share: float) -> float:
+        return limits[0] + share * (limits[1] - limits[0])
+
+    return Instruments(
+        torque_gain=1.0 + preset.actuator.gain_error_sd * errors[0],
+        angle_gain=1.0 + preset.goniometer.gain_error_sd * errors[1],
+        friction_gain=1.0 + preset.actuator.friction_error_sd * errors[2],
+        angle_lag_s=between(preset.goniometer.lag_range_s, shares[0]),
+        strap_stiffness=between(body.strap_range_nm_rad, shares[1]) if body else 0.0,
+        tissue_hz=between(body.tissue_range_hz, shares[2]) if body else 0.0,
+    )
+
+
+def _within(rng: np.random.Generator, mean: float, sd: float, *, low: float, high: float) -> float:
+    while not low <= (value := float(rng.normal(mean, sd))) <= high:
+        pass
+    return value

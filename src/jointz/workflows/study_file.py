@@ -1,0 +1,142 @@
+"""Write the ``study.toml`` of an experiment that jointz ran."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from jointz.core.protocol import Protocol
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.devices.interface import Wearer
+from jointz.workflows.participant_run import pulses_name, recording_name
+
+_UNITS = {
+    "time": "s",
+    "angle": "rad",
+    "current": "A",
+    "motor_angle": "rad",
+    "motor_velocity": "rad/s",
+    "command": "N*m",
+    "applied_torque": "N*m",
+}
+_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason", "time")
+
+
+def study_toml(
+    protocol: Protocol,
+    people: Sequence[Wearer],
+    calibrations: Mapping[str, CalibrationSpec],
+    torque_model: TorqueModelSpec | None,
+) -> str:
+    """Return the text of ``study.toml``.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        What was run.
+    people : sequence of Wearer
+        Who took part.
+    calibrations : mapping of str to CalibrationSpec
+        Participant -> what is known about the instruments.
+    torque_model : TorqueModelSpec or None
+        The actuator's equation 4.1; torque is computed from the current with it.
+    """
+    lines = [
+        f"# Written by jointz run from the protocol {protocol.name}.",
+        "jointz = 1",
+        f"joint = {_text(protocol.joint)}",
+        f"kind = {_text(protocol.kind)}",
+        f"positive = {_text(protocol.positive)}",
+        'torque_acts_on = "joint"',
+    ]
+    for name, unit in _UNITS.items():
+        lines += ["", f"[channels.{name}]", f'column = "{name}"', f'unit = "{unit}"']
+    lines += ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
+    if torque_model is not None:
+        lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
+    points = _timing_points(protocol)
+    if points:
+        lines += ["", "[perturbations]", f"timing_points = {_inline(points)}"]
+    for person in people:
+        lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
+    for person in people:
+        for condition in protocol.conditions:
+            lines += ["", "[[recordings]]", f"participant = {_text(person.id)}"]
+            lines += [f'condition = "{condition.condition}"']
+            lines += [f"file = {_text(recording_name(person.id, condition.name))}"]
+            if condition.perturbations is not None:
+                table = pulses_name(person.id, condition.name)
+                lines += [f"perturbations = {_text(table)}"]
+    return "\n".join(lines) + "\n"
+
+
+def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
+    """Return the text of ``exclusions.csv``: pulses that were broken off and done again.
+
+    Parameters
+    ----------
+    aborted : sequence of mapping
+        ``participant, recording, onset_s`` of each.
+    time : str
+        When, ISO 8601.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_EXCLUSION_COLUMNS)
+    for row in aborted:
+        writer.writerow(
+            [
+                row["participant"],
+                row["recording"],
+                f"{row['onset_s']:.9g}",
+                "exclude",
+                "broken off during the run and done again",
+                time,
+            ]
+        )
+    return text.getvalue()
+
+
+def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
+    lines = [f"id = {_text(person.id)}"]
+    if person.mass_kg is not None:
+        lines.append(f"mass_kg = {person.mass_kg:.2f}")
+    if person.height_m is not None:
+        lines.append(f"height_m = {person.height_m:.3f}")
+    known = calibration.model_dump(exclude_none=True)
+    if known:
+        lines.append("calibration = " + _inline(known))
+    return lines
+
+
+def _timing_points(protocol: Protocol) -> dict[str, float]:
+    points: dict[str, float] = {}
+    for condition in protocol.conditions:
+        if condition.perturbations is not None:
+            points |= condition.perturbations.timing_points or {}
+    return points
+
+
+def _table(values: Mapping[str, Any]) -> list[str]:
+    return [f"{name} = {_value(value)}" for name, value in values.items()]
+
+
+def _inline(values: Mapping[str, Any]) -> str:
+    return "{ " + ", ".join(f"{_key(name)} = {_value(v)}" for name, v in values.items()) + " }"
+
+
+def _key(name: str) -> str:
+    plain = name.replace("_", "a").replace("-", "a").isalnum() and name.isascii()
+    return name if plain else _text(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return _inline(value)
+    return repr(float(value)) if isinstance(value, int | float) else _text(str(value))
+
+
+def _text(value: str) -> str:
+    """Return a TOML string; JSON's escapes are a part of TOML's."""
+    return json.dumps(value, ensure_ascii=False)

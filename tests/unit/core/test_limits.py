@@ -1,0 +1,108 @@
+"""Limits: a protocol tightens them and never loosens them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from jointz.core.errors import ProtocolError
+from jointz.core.limits import LimitsOverride, SafetyLimits, tightened
+
+OWN = {
+    "torque_nm": 30.0,
+    "torque_rate_nm_s": 4000.0,
+    "current_a": 25.0,
+    "angle_min_rad": -0.2,
+    "angle_max_rad": 1.9,
+    "velocity_rad_s": 12.0,
+    "temperature_c": 80.0,
+    "sensor_age_s": 0.02,
+    "pulse_count": 1000,
+    "pulse_duty": 0.3,
+    "consecutive_overruns": 5,
+    "fade_s": 0.05,
+}
+
+
+@pytest.fixture
+def own():
+    return SafetyLimits(**OWN)
+
+
+def test_an_override_knows_every_limit_of_a_device():
+    assert set(LimitsOverride.model_fields) == set(SafetyLimits.model_fields) == set(OWN)
+
+
+def test_without_an_override_the_device_s_limits_stand(own):
+    assert tightened(own, LimitsOverride()) == own
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_limit_can_be_tightened_and_touches_no_other(own, name):
+    value = OWN[name]
+    tighter = value + 0.1 if name == "angle_min_rad" else value - 1 if value > 1 else value / 2
+    tighter = type(value)(tighter)
+
+    made = tightened(own, LimitsOverride(**{name: tighter}))
+
+    assert made.model_dump() == {**OWN, name: tighter}
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_limit_can_be_stated_as_it_is(own, name):
+    assert tightened(own, LimitsOverride(**{name: OWN[name]})) == own
+
+
+@pytest.mark.parametrize("name", [n for n in OWN if n != "pulse_duty"])
+def test_a_limit_cannot_be_loosened(own, name):
+    looser = OWN[name] - 0.1 if name == "angle_min_rad" else OWN[name] + 1
+
+    with pytest.raises(ProtocolError, match=f"safety.{name}: .* looser than the device's own"):
+        tightened(own, LimitsOverride(**{name: looser}))
+
+
+def test_every_limit_that_would_be_loosened_is_named(own):
+    override = LimitsOverride(torque_nm=31.0, current_a=20.0, pulse_duty=0.5, angle_min_rad=-0.3)
+
+    with pytest.raises(ProtocolError) as caught:
+        tightened(own, override)
+
+    assert [p.split(":")[0] for p in caught.value.problems] == [
+        "safety.torque_nm",
+        "safety.angle_min_rad",
+        "safety.pulse_duty",
+    ]
+
+
+@given(
+    st.fixed_dictionaries(
+        {}, optional={n: st.floats(0.001, 100.0) for n in OWN if isinstance(OWN[n], float)}
+    ).filter(lambda v: v.get("pulse_duty", 0) <= 1)
+)
+def test_whatever_a_protocol_says_no_limit_comes_out_looser(values):
+    try:
+        made = tightened(SafetyLimits(**OWN), LimitsOverride(**values))
+    except (ProtocolError, ValidationError):
+        return
+    for name, value in made.model_dump().items():
+        tighter = value >= OWN[name] if name == "angle_min_rad" else value <= OWN[name]
+        assert tighter
+
+
+def test_an_empty_range_of_angles_is_refused():
+    with pytest.raises(ValidationError, match="angle_min_rad"):
+        SafetyLimits(**{**OWN, "angle_min_rad": 2.0})
+    with pytest.raises(ValidationError, match=r"less than angle_max_rad = 0\.5"):
+        LimitsOverride(angle_min_rad=0.6, angle_max_rad=0.5)
+
+
+def test_a_range_of_angles_outside_the_device_s_is_refused(own):
+    with pytest.raises(ProtocolError, match=r"safety.angle_min_rad: .* -0.2 to 1.9 rad"):
+        tightened(own, LimitsOverride(angle_min_rad=2.0))
+
+
+@pytest.mark.parametrize("name", [n for n in OWN if not n.startswith("angle")])
+@pytest.mark.parametrize("value", [0, -1, float("nan"), float("inf"), "20", True])
+def test_a_limit_is_a_positive_number(name, value):
+    with pytest.raises(ValidationError):
+        LimitsOverride(**{name: value})

@@ -1,0 +1,465 @@
+"""Protocols: the models check themselves and hold every experiment of the dissertation."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from jointz.core.protocol import (
+    ConditionSpec,
+    GaitSpec,
+    PerturbationPlan,
+    Protocol,
+    PulseSpec,
+    RatesSpec,
+)
+
+BENCH = {f.stem: f for f in (Path(__file__).parent / "protocols").glob("*.toml")}
+POINTS = {"LRE": 7.0, "MSW": 81.0}
+
+
+def walking(**changes):
+    """Return a small walking protocol as plain values; None takes a key out."""
+    content = {
+        "jointz_protocol": 1,
+        "name": "small",
+        "title": "Small",
+        "kind": "walking",
+        "joint": "knee",
+        "gait": {"speed_m_s": 1.2},
+        "pulse": {"amplitude_nm": 17.0, "duration_s": 0.25, "hold_s": 0.25},
+        "conditions": [
+            {"name": "un", "condition": "unperturbed", "prompt": "", "strides": 60},
+            {
+                "name": "per",
+                "condition": "perturbed",
+                "prompt": "",
+                "perturbations": {
+                    "timing_points": POINTS,
+                    "count_per_point": 10,
+                    "gap_strides": [3, 7],
+                },
+            },
+        ],
+    }
+    return {k: v for k, v in {**content, **changes}.items() if v is not None}
+
+
+def bench(condition=None, **changes):
+    content = {
+        "jointz_protocol": 1,
+        "name": "small",
+        "title": "Small",
+        "kind": "bench",
+        "joint": "testbench",
+        "conditions": [
+            {
+                "name": "a",
+                "condition": "perturbed",
+                "prompt": "",
+                "duration_s": 10.0,
+                "torque_nm": {"kind": "sine", "amplitude": 5.0, "frequency_hz": 1.4},
+                **(condition or {}),
+            }
+        ],
+    }
+    first = content["conditions"][0]
+    content["conditions"] = [{k: v for k, v in first.items() if v is not None}]
+    return {k: v for k, v in {**content, **changes}.items() if v is not None}
+
+
+def with_plan(**changes):
+    content = walking()
+    plan = {**content["conditions"][1]["perturbations"], **changes}
+    content["conditions"][1]["perturbations"] = {k: v for k, v in plan.items() if v is not None}
+    return content
+
+
+def with_condition(i, **changes):
+    content = walking()
+    condition = {**content["conditions"][i], **changes}
+    content["conditions"][i] = {k: v for k, v in condition.items() if v is not None}
+    return content
+
+
+def problems(content):
+    """Return place -> message of everything that is refused."""
+    try:
+        Protocol.model_validate(content)
+    except ValidationError as exc:
+        return {".".join(map(str, e["loc"])): e["msg"] for e in exc.errors()}
+    return {}
+
+
+def test_small_protocols_have_no_problems():
+    assert problems(walking()) == {}
+    assert problems(bench()) == {}
+
+
+# --- the dissertation's bench experiments ------------------------------------------------------
+
+
+def test_the_bench_protocols_of_the_dissertation_are_all_there():
+    assert set(BENCH) == {
+        "sea-bandwidth",
+        "sea-intrinsic",
+        "sea-mass-spring",
+        "qdd-torque-speed",
+        "qdd-chirp",
+        "qdd-static",
+        "qdd-dither",
+        "qdd-perturbation",
+    }
+
+
+@pytest.mark.parametrize("name", BENCH)
+def test_the_model_holds_every_bench_protocol(name):
+    made = Protocol.model_validate(tomllib.loads(BENCH[name].read_text()))
+
+    assert made.name == name
+    assert made.kind == "bench"
+    assert Protocol.model_validate(made.model_dump(mode="json")) == made
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("sea-intrinsic", 3 * 30),
+        ("sea-mass-spring", 2 * 7 * (4 * 12 + 45)),
+        ("qdd-torque-speed", 7 * 6 * 5),
+        ("qdd-chirp", 40),
+        ("qdd-static", 60),
+        ("qdd-perturbation", 60 + 60),
+    ],
+)
+def test_a_bench_protocol_knows_how_long_it_takes(name, seconds):
+    made = Protocol.model_validate(tomllib.loads(BENCH[name].read_text()))
+
+    assert made.expected_duration_s == pytest.approx(seconds)
+
+
+def test_twenty_pulses_after_rest_fill_sixty_seconds_exactly():
+    content = tomllib.loads(BENCH["qdd-perturbation"].read_text())
+    del content["conditions"][1]["duration_s"]
+    made = Protocol.model_validate(content)
+    content["conditions"][1]["duration_s"] = 59.9
+
+    assert made.expected_duration_s == pytest.approx(120.0)
+    assert "20 pulses take at least 60 s" in problems(content)["conditions.1.duration_s"]
+
+
+# --- duration ----------------------------------------------------------------------------------
+
+
+def test_walking_takes_its_strides_gaps_and_warm_up():
+    made = Protocol.model_validate(with_plan(warm_up_strides=20, sham_share=0.5))
+
+    pulses = 2 * (10 + 10)
+    assert made.expected_duration_s == pytest.approx((60 + 20 + pulses * 5) * 1.1)
+
+
+def test_shams_come_on_top_of_the_counts():
+    plan = PerturbationPlan(
+        timing_points=POINTS, count_per_point=50, gap_strides=(3, 7), sham_share=0.2
+    )
+
+    assert plan.shams(50) == 12  # 12 of 62 is as near to a fifth as whole pulses come
+    assert plan.total == 2 * 62
+
+
+# --- parts -------------------------------------------------------------------------------------
+
+
+def test_the_parts_of_a_pulse_must_add_up():
+    with pytest.raises(ValidationError, match=r"ramp_up_s \+ hold_s \+ ramp_down_s = 0.3 s, got"):
+        PulseSpec(amplitude_nm=7, duration_s=0.25, ramp_up_s=0.075, hold_s=0.15, ramp_down_s=0.075)
+
+
+def test_parts_that_add_up_but_for_rounding_are_accepted():
+    made = PulseSpec(amplitude_nm=7, duration_s=0.3, ramp_up_s=0.1, hold_s=0.1, ramp_down_s=0.1)
+
+    assert made.duration_s == 0.3
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"timing_points": {"A": 100.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
+        ({"timing_points": {"A": -1.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
+        ({"timing_points": {"A": 7.0, "B": 7.0}, "count_per_point": 1}, "7 % is A already"),
+        ({"timing_points": {}, "count_per_point": 1}, "at least 1 item"),
+        ({"timing_points": POINTS}, "timing_points need it"),
+        ({"count_per_point": 3}, "count_per_point needs them"),
+        ({"timing_points": POINTS, "count_per_point": 1, "count": 2}, "Remove one of the two"),
+        ({"gap_strides": (7, 3)}, r"1 <= fewest <= most, got \[7, 3\]"),
+        ({"gap_strides": (0, 3)}, r"1 <= fewest <= most, got \[0, 3\]"),
+        ({"count": 10, "sham_share": 0.01}, "less than one sham"),
+        ({"count": 10, "sham_share": 1.0}, "less than 1"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused(fields, message):
+    with pytest.raises(ValidationError, match=message):
+        PerturbationPlan(**fields)
+
+
+def test_the_ends_of_the_cycle_and_equal_gaps_are_accepted():
+    plan = PerturbationPlan(
+        timing_points={"A": 0.0, "B": 99.9}, count_per_point=1, gap_strides=(1, 1)
+    )
+
+    assert plan.total == 2
+
+
+@pytest.mark.parametrize("band", [(0.0, 1.3), (-1.0, 1.3), (1.1, 1.3), (0.7, 0.9), (1.0, 1.0)])
+def test_the_band_of_accepted_strides_lies_about_one(band):
+    with pytest.raises(ValidationError, match="0 < low < 1 < high"):
+        GaitSpec(speed_m_s=1.2, accepted_band=band)
+
+
+def test_the_refractory_time_is_shorter_than_any_stride():
+    with pytest.raises(ValidationError, match=r"shortest stride accepted \(0.825 s\)"):
+        GaitSpec(speed_m_s=1.2, refractory_s=0.9)
+
+
+@pytest.mark.parametrize(("control_hz", "sample_hz"), [(500, 1000), (900, 300), (1000.0, 1000.0)])
+def test_rates_in_whole_ratios_are_accepted(control_hz, sample_hz):
+    assert RatesSpec(control_hz=control_hz, sample_hz=sample_hz).sample_hz == sample_hz
+
+
+@pytest.mark.parametrize(("control_hz", "sample_hz"), [(500, 900), (1000, 300)])
+def test_other_ratios_of_rates_are_refused(control_hz, sample_hz):
+    with pytest.raises(ValidationError, match="whole multiple of control_hz"):
+        RatesSpec(control_hz=control_hz, sample_hz=sample_hz)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "../up", "a/b", ".hidden", "-x", "é"])
+def test_names_that_are_no_file_names_are_refused(name):
+    with pytest.raises(ValidationError, match=r"names files|at least 1"):
+        ConditionSpec(name=name, condition="unperturbed", prompt="", strides=1)
+
+
+# --- the whole ---------------------------------------------------------------------------------
+
+SINE = {"kind": "sine", "amplitude": 5.0, "frequency_hz": 1.4}
+PLAN_AT_TIMES = {"count": 4, "pause_s": 1.0}
+PULSE = {"amplitude_nm": 7.0, "duration_s": 0.25, "hold_s": 0.25}
+
+WRONG = {
+    "names of conditions": (
+        with_condition(0, name="per"),
+        "conditions",
+        "'per' is given 2 times",
+    ),
+    "no gait": (walking(gait=None), "gait", "missing; walking needs it"),
+    "gait on a bench": (bench(gait={"speed_m_s": 1.0}), "gait", "does not walk"),
+    "loads in walking": (walking(loads=[{"name": "k"}]), "loads", "only a bench has loads"),
+    "loads and participants": (
+        bench(loads=[{"name": "k"}], participants=2),
+        "participants",
+        "loads stand for participants",
+    ),
+    "names of loads": (bench(loads=[{"name": "k"}, {"name": "k"}]), "loads", "'k' is given 2"),
+    "load below zero": (
+        bench(loads=[{"name": "k", "inertia": {"value": -1.0, "sd": 0.0}}]),
+        "loads.0.inertia.value",
+        "at least 0, got -1",
+    ),
+    "no pulse": (walking(pulse=None), "pulse", r"missing; conditions\[2\].perturbations need it"),
+    "pulse for nothing": (bench(pulse=PULSE), "pulse", "no condition has perturbations"),
+    "pulse above the torque limit": (
+        walking(safety={"torque_nm": 16.0}),
+        "pulse.amplitude_nm",
+        "17 N.m is above safety.torque_nm = 16",
+    ),
+    "ramp steeper than the limit": (
+        walking(
+            safety={"torque_rate_nm_s": 100.0},
+            pulse={"amplitude_nm": 17, "duration_s": 0.25, "ramp_up_s": 0.1, "hold_s": 0.15},
+        ),
+        "pulse.ramp_up_s",
+        "at least 0.17 s",
+    ),
+    "ramp shorter than a tick": (
+        walking(
+            pulse={"amplitude_nm": 17, "duration_s": 0.251, "ramp_up_s": 0.001, "hold_s": 0.25}
+        ),
+        "pulse.ramp_up_s",
+        "at least one period",
+    ),
+    "no strides": (with_condition(0, strides=None), "conditions.0.strides", "missing"),
+    "strides beside a plan": (with_condition(1, strides=9), "conditions.1.strides", "Remove it"),
+    "duration in walking": (
+        with_condition(0, duration_s=9.0),
+        "conditions.0.duration_s",
+        "belongs to kind = 'bench'",
+    ),
+    "reference in walking": (
+        with_condition(0, torque_nm=SINE),
+        "conditions.0.torque_nm",
+        "belongs to kind = 'bench'",
+    ),
+    "clock times in walking": (
+        with_plan(pause_s=2.0),
+        "conditions.1.perturbations.pause_s",
+        "belongs to kind = 'bench'",
+    ),
+    "strides on a bench": (bench({"strides": 9}), "conditions.0.strides", "kind = 'walking'"),
+    "gaps on a bench": (
+        bench({"perturbations": {**PLAN_AT_TIMES, "gap_strides": [1, 2]}}, pulse=PULSE),
+        "conditions.0.perturbations.gap_strides",
+        "kind = 'walking'",
+    ),
+    "no duration": (bench({"duration_s": None}), "conditions.0.duration_s", "missing"),
+    "perturbed without pulses": (
+        with_condition(1, perturbations=None, strides=9),
+        "conditions.1.perturbations",
+        "missing; a perturbed condition needs them",
+    ),
+    "perturbed without anything": (
+        bench({"torque_nm": None}),
+        "conditions.0.perturbations",
+        "or a reference",
+    ),
+    "unperturbed with pulses": (
+        with_condition(1, condition="unperturbed"),
+        "conditions.1.perturbations",
+        'condition is "unperturbed"',
+    ),
+    "position and velocity": (
+        bench({"position_rad": SINE, "velocity_rad_s": SINE}),
+        "conditions.0.velocity_rad_s",
+        "one side moves one way",
+    ),
+    "no gaps": (
+        with_plan(gap_strides=None),
+        "conditions.1.perturbations.gap_strides",
+        "missing; on a walking",
+    ),
+    "no timing points": (
+        with_plan(timing_points=None, count_per_point=None),
+        "conditions.1.perturbations.timing_points",
+        "missing; on a walking",
+    ),
+    "count without pause": (
+        bench({"perturbations": {"count": 4}}, pulse=PULSE),
+        "conditions.0.perturbations.pause_s",
+        "missing; on a bench",
+    ),
+    "odd count in two directions": (
+        bench(
+            {"perturbations": {"count": 3, "pause_s": 1.0}}, pulse={**PULSE, "direction": "both"}
+        ),
+        "conditions.0.perturbations.count",
+        "even number",
+    ),
+    "pulses that meet": (
+        with_plan(gap_strides=[1, 3]),
+        "conditions.1.perturbations.gap_strides",
+        "a pulse at MSW may begin 0.215 s before the next at LRE",
+    ),
+    "timing points without a cycle": (
+        bench(
+            {
+                "torque_nm": None,
+                "perturbations": {"timing_points": {"P": 10.0}, "count_per_point": 2},
+            },
+            pulse=PULSE,
+        ),
+        "conditions.0.perturbations.timing_points",
+        "got none",
+    ),
+    "timing points of two cycles": (
+        bench(
+            {
+                "position_rad": SINE,
+                "perturbations": {"timing_points": {"P": 10.0}, "count_per_point": 2},
+            },
+            pulse=PULSE,
+        ),
+        "conditions.0.perturbations.timing_points",
+        "got torque_nm and position_rad",
+    ),
+    "pulses that do not fit": (
+        bench({"perturbations": {"count": 9, "pause_s": 1.0}}, pulse=PULSE),
+        "conditions.0.duration_s",
+        "9 pulses take at least 11.25 s, got 10 s",
+    ),
+    "more pulses than the limit": (
+        {**with_plan(count_per_point=20), "safety": {"pulse_count": 39}},
+        "conditions.1.perturbations",
+        "40 pulses are more than safety.pulse_count = 39",
+    ),
+    "rate below the reference": (
+        bench({"torque_nm": {"kind": "noise", "sd": 9.0, "cutoff_hz": 60.0, "order": 3}}),
+        "conditions.0.torque_nm",
+        "at least 600 Hz",
+    ),
+    "reference above the torque limit": (
+        bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"torque_nm": 11.9}),
+        "conditions.0.torque_nm",
+        "reaches 12 N.m with the pulse",
+    ),
+    "reference beyond the range of angles": (
+        bench({"position_rad": SINE}, safety={"angle_max_rad": 1.0}),
+        "conditions.0.position_rad",
+        "from -5 to 5 rad, beyond safety.angle_max_rad = 1 rad",
+    ),
+}
+
+
+@pytest.mark.parametrize(("content", "place", "message"), WRONG.values(), ids=WRONG)
+def test_what_does_not_go_together_is_a_problem_at_its_key(content, place, message):
+    found = problems(content)
+
+    assert place in found
+    assert re.search(message, found[place])
+
+
+def test_pulses_that_just_do_not_meet_are_accepted():
+    # 7 % after 81 % of the stride before is 0.26 of a stride of at least 0.825 s.
+    short = {"amplitude_nm": 17.0, "duration_s": 0.2145, "hold_s": 0.2145}
+
+    assert problems({**with_plan(gap_strides=[1, 3]), "pulse": short}) == {}
+
+
+def test_all_problems_between_the_parts_come_at_once():
+    content = with_plan(pause_s=2.0, gap_strides=[1, 2])
+    content.update(safety={"torque_nm": 5.0}, loads=[{"name": "k"}])
+
+    assert set(problems(content)) == {
+        "loads",
+        "pulse.amplitude_nm",
+        "conditions.1.perturbations.pause_s",
+        "conditions.1.perturbations.gap_strides",
+    }
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("jointz_protocol", 2),
+        ("jointz_protocol", True),
+        ("name", ""),
+        ("title", ""),
+        ("participants", 0),
+        ("participants", 2.5),
+        ("seed", -1),
+        ("kind", "running"),
+        ("positive", "up"),
+        ("conditions", []),
+        ("rates", {"control_hz": 0.0}),
+        ("rates", {"control_hz": 1e9, "sample_hz": 1e9}),
+        ("unknown", 1),
+    ],
+)
+def test_values_out_of_range_are_refused(key, value):
+    assert any(place.startswith(key) for place in problems(walking(**{key: value})))
+
+
+def test_a_protocol_cannot_be_changed():
+    made = Protocol.model_validate(walking())
+
+    with pytest.raises(ValidationError, match="frozen"):
+        made.seed = 2

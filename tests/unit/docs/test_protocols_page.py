@@ -1,0 +1,102 @@
+"""The page of the protocol file: every key, every default, examples that hold."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from pydantic import BaseModel
+
+from jointz.core.protocol import Protocol
+from jointz.core.study import Calibrated
+from jointz.io.protocols import builtin_protocols
+
+PAGE = (Path(__file__).parents[3] / "docs" / "protocols.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"^```toml protocol\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+#: Model -> heading of its section; terms and sweeps stand in the rows of their references.
+SECTIONS = {
+    "Protocol": "Top level",
+    "RatesSpec": "rates",
+    "GaitSpec": "gait",
+    "PulseSpec": "pulse",
+    "LimitsOverride": "safety",
+    "LoadSpec": "loads",
+    "ConditionSpec": "conditions",
+    "PerturbationPlan": "perturbations",
+}
+
+
+def models(annotation: object) -> set[type[BaseModel]]:
+    inside = {m for part in get_args(annotation) for m in models(part)}
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        fields = annotation.model_fields.values()
+        return {annotation, *(m for f in fields for m in models(f.annotation))}
+    return inside
+
+
+MODELS = {model.__name__: model for model in models(Protocol)}
+TABLES = {name: model for name, model in MODELS.items() if name in SECTIONS}
+REFERENCES = {
+    get_args(m.model_fields["kind"].annotation)[0]: m
+    for m in MODELS.values()
+    if "kind" in m.model_fields and m is not Protocol
+}
+
+
+def rows(heading: str) -> dict[str, str]:
+    """Return key -> its row, of the section under a heading."""
+    section = PAGE.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+    found = {}
+    for line in section.splitlines():
+        cells = line.split("|")
+        if line.startswith("| `"):
+            found |= dict.fromkeys(re.findall(r"`(\w+)`", cells[1]), line)
+    return found
+
+
+def test_the_walk_finds_every_model():
+    assert set(TABLES) == set(SECTIONS)
+    assert set(MODELS) - set(SECTIONS) == {
+        *(m.__name__ for m in REFERENCES.values()),
+        "SineTerm",
+        "Sweep",
+        Calibrated.__name__,
+    }
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_every_key_of_a_table_has_a_row_in_its_section_and_no_row_is_left_over(name):
+    assert set(rows(SECTIONS[name])) == set(TABLES[name].model_fields)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_defaults_are_the_ones_described(name):
+    for key, field in TABLES[name].model_fields.items():
+        default, row = field.default, rows(SECTIONS[name])[key].split("|")[2]
+        if field.is_required():
+            assert "required" in row
+        elif isinstance(default, str) and default:
+            assert f'`"{default}"`' in row
+        elif isinstance(default, float | int) and not isinstance(default, bool):
+            assert f"`{default:g}`" in row or f"`{default}`" in row
+
+
+def test_every_reference_has_a_row_with_its_keys():
+    described = rows("References")
+
+    assert set(described) - {"kind"} == set(REFERENCES)
+    for kind, model in REFERENCES.items():
+        keys = {m.__name__: m.model_fields for m in models(model)}
+        for key in {key for fields in keys.values() for key in fields} - {"kind"}:
+            assert f"`{key}`" in described[kind]
+
+
+def test_the_examples_are_protocols_without_problems():
+    made = [Protocol.model_validate(tomllib.loads(text)) for text in EXAMPLES]
+
+    assert [m.kind for m in made] == ["walking", "bench"]
+
+
+def test_every_built_in_protocol_is_described():
+    assert [name for name in builtin_protocols() if f"\n| `{name}` |" not in PAGE] == []

@@ -1,0 +1,158 @@
+"""Protocols that come with jointz, and the user's own."""
+
+import contextlib
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jointz.core.errors import DataError, ProtocolError
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.io.protocols import builtin_protocols, load_protocol, protocol_text
+
+
+@pytest.fixture
+def own(tmp_path):
+    """Write the text of ``walking``, changed, to a file."""
+
+    def write(*changes):
+        text = protocol_text("walking")
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        file = tmp_path / "own.toml"
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize("name", builtin_protocols())
+def test_a_built_in_protocol_bears_its_name_and_states_section_and_notes(name):
+    made = load_protocol(name)
+
+    assert made.name == name
+    assert made.title == builtin_protocols()[name]
+    assert made.section
+    assert made.notes
+
+
+def test_walking_is_the_experiment_of_chapter_four():
+    made = load_protocol("walking")
+    plan = made.conditions[2].perturbations
+
+    assert (made.section, made.participants, made.gait.speed_m_s) == ("4.2", 10, 1.2)
+    assert [(c.condition, c.strides) for c in made.conditions] == [
+        ("no_device", 60),
+        ("unperturbed", 60),
+        ("perturbed", None),
+    ]
+    assert plan.timing_points == dict(TIMING_POINTS)
+    assert (plan.count_per_point, plan.gap_strides, plan.total) == (50, (3, 7), 300)
+    assert made.pulse.model_dump() == {
+        "amplitude_nm": 17.0,
+        "duration_s": 0.25,
+        "ramp_up_s": 0.0,
+        "hold_s": 0.25,
+        "ramp_down_s": 0.0,
+        "direction": "positive",
+    }
+    assert made.positive == "flexion"
+    assert made.rates.control_hz == made.rates.sample_hz == 500.0
+
+
+def test_the_pilot_has_two_people_and_no_walk_without_the_device():
+    pilot, whole = load_protocol("walking-pilot"), load_protocol("walking")
+
+    assert (pilot.section, pilot.participants) == ("3.2.4", 2)
+    assert [c.condition for c in pilot.conditions] == ["unperturbed", "perturbed"]
+    assert (pilot.pulse, pilot.gait) == (whole.pulse, whole.gait)
+    assert pilot.conditions[1].perturbations == whole.conditions[2].perturbations
+
+
+def test_three_hundred_pulses_take_twenty_seven_and_a_half_minutes():
+    made = load_protocol("walking")
+
+    without_pulses_s = (60 + 60 + 10) * 1.1
+    assert made.expected_duration_s - without_pulses_s == pytest.approx(27.5 * 60)
+
+
+def test_a_file_is_read_like_a_built_in_protocol(own):
+    file = own()
+
+    assert load_protocol(file) == load_protocol(str(file)) == load_protocol("walking")
+    assert protocol_text(file) == protocol_text("walking")
+
+
+def test_every_problem_of_a_file_comes_in_one_error(own):
+    file = own(
+        ("gap_strides = [3, 7]", "gap_strides = [7, 3]"),
+        ("MSW = 81.0", "MSW = 181.0"),
+        ("hold_s = 0.25", "hold_s = 0.2\nholds_s = 0.2"),
+        ('name = "perturbed"', 'name = "unperturbed"'),
+        ("speed_m_s = 1.2", 'speed_m_s = "fast"'),
+        ("control_hz = 500.0", "control_hz = 300.0"),
+    )
+
+    with pytest.raises(ProtocolError) as caught:
+        load_protocol(file)
+
+    assert caught.value.path == str(file)
+    assert sorted(told.split(": ")[0] for told in caught.value.problems) == [
+        "conditions",
+        "conditions[3].perturbations.gap_strides",
+        "conditions[3].perturbations.timing_points.MSW",
+        "gait.speed_m_s",
+        "pulse.duration_s",
+        "pulse.holds_s",
+        "rates.sample_hz",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("wallking", "Did you mean 'walking'"),
+        ("nothing-like-it", r"neither a protocol of jointz \(walking, walking-pilot\) nor a file"),
+        ("", "nor a file"),
+        ("no\0name", "nor a file"),
+        (os.curdir, "nor a file"),
+    ],
+)
+def test_a_protocol_that_is_not_there_is_told_with_those_that_are(name, told):
+    for read in (load_protocol, protocol_text):
+        with pytest.raises(DataError, match=told):
+            read(name)
+
+
+def test_a_file_that_may_not_be_read_is_told(own, monkeypatch):
+    file = own()
+
+    def refuse(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(DataError, match=r"own\.toml: cannot be read \(Permission denied\)"):
+        load_protocol(file)
+
+
+LINES = protocol_text("walking").splitlines()
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    st.integers(0, len(LINES) - 1),
+    st.sampled_from(["", "x = 1", "pulse = 1", "[[conditions]]", "[safety]", "name = [1, {}]"]),
+    st.sampled_from(["3", '"x"', "-1", "[]", "{}", "nan", "true", "[[1], 2]"]),
+)
+def test_a_spoilt_file_is_read_or_refused_with_its_problems(tmp_path, k, line, value):
+    spoilt = LINES[k].split("=")[0] + "= " + value if "=" in LINES[k] and not line else line
+    file = tmp_path / "spoilt.toml"
+    file.write_text("\n".join([*LINES[:k], spoilt, *LINES[k + 1 :]]))
+
+    with contextlib.suppress(ProtocolError):
+        assert load_protocol(file).kind == "walking"

@@ -1,0 +1,164 @@
+"""Sentences about TOML files: full paths, suggestions, everything at once."""
+
+import pytest
+from pydantic import ValidationError
+
+from jointz.core.errors import ProtocolError, StudyError
+from jointz.core.protocol import Protocol
+from jointz.io.toml_problems import all_problems, parse_toml, shape_problems
+
+CONDITION = {"name": "a", "condition": "perturbed", "prompt": "", "duration_s": 5.0}
+BENCH = {
+    "jointz_protocol": 1,
+    "name": "b",
+    "title": "B",
+    "kind": "bench",
+    "joint": "j",
+    "conditions": [CONDITION],
+}
+
+
+def found(raw, judge=all_problems):
+    with pytest.raises(ValidationError) as caught:
+        Protocol.model_validate(raw)
+    return judge(caught.value, Protocol, raw)
+
+
+def with_reference(**reference):
+    return {**BENCH, "conditions": [{**CONDITION, "torque_nm": reference}]}
+
+
+@pytest.mark.parametrize(
+    ("raw", "sentence"),
+    [
+        (
+            with_reference(kind="sine", amplitude="5", frequency_hz=1.0),
+            "conditions[1].torque_nm.amplitude: expected a number; got '5'.",
+        ),
+        (
+            with_reference(kind="sine", amplitude=5.0, frequency_h=1.0),
+            "conditions[1].torque_nm.frequency_h: unknown key. Did you mean 'frequency_hz'?",
+        ),
+        (
+            with_reference(kind="sine", amplitude=5.0, frequency_h=1.0),
+            "conditions[1].torque_nm.frequency_hz: missing; it is required.",
+        ),
+        (
+            with_reference(kind="sines", amplitude=5.0),
+            "conditions[1].torque_nm.kind: expected one of sine, sum_of_sines, chirps, noise, "
+            "steps, trajectory; got 'sines'. Did you mean 'sine'?",
+        ),
+        (
+            with_reference(amplitude=5.0),
+            "conditions[1].torque_nm.kind: missing; expected one of sine, sum_of_sines, chirps, "
+            "noise, steps, trajectory.",
+        ),
+        (
+            {**BENCH, "conditions": [{**CONDITION, "torque_nm": 5}]},
+            "conditions[1].torque_nm: expected a table; got 5.",
+        ),
+        (
+            with_reference(kind="sum_of_sines", terms=[{"amplitude": 1.0, "frequency": 1.0}]),
+            "conditions[1].torque_nm.terms[1].frequency: unknown key. Did you mean 'frequency_hz'?",
+        ),
+        (
+            with_reference(kind="steps", levels=[1.0, "x"], hold_s=1.0),
+            "conditions[1].torque_nm.levels[2]: expected a number; got 'x'.",
+        ),
+        (
+            {**BENCH, "zzz": 1},
+            "zzz: unknown key. Known keys: conditions, gait, joint, jointz_protocol, kind, loads, "
+            "name, notes, participants, positive, pulse, rates, safety, section, seed, title.",
+        ),
+        ({**BENCH, "safety": {"torque": 3.0}}, "safety.torque: unknown key. Did you mean 'tor"),
+        ({**BENCH, "jointz_protocol": 2}, "jointz_protocol: schema version 2 is not one this"),
+        ({**BENCH, "title": ""}, "title: expected text that is not empty; got ''."),
+        ({**BENCH, "conditions": []}, "conditions: expected at least 1 of them; got []."),
+        ({**BENCH, "pulse": []}, "pulse: expected a table; got []."),
+        (
+            {**BENCH, "loads": [{"name": "k", "stiffness": {"value": 1.0}}]},
+            "loads[1].stiffness.sd: missing; it is required.",
+        ),
+    ],
+)
+def test_a_sentence_begins_with_the_key_s_full_path(raw, sentence):
+    assert any(told.startswith(sentence) for told in found(raw))
+
+
+def test_shape_alone_leaves_out_what_does_not_go_together():
+    raw = {**BENCH, "conditions": [CONDITION, CONDITION], "seed": "one"}
+
+    assert found(raw, shape_problems) == ["seed: expected a whole number; got 'one'."]
+
+
+def test_inconsistencies_are_told_beside_what_cannot_be_read():
+    plan = {"count": 3, "pause_s": "1", "gap_strides": [3, 1], "orders": "x", "sham_share": 0.001}
+    raw = {
+        **BENCH,
+        "pulse": {"amplitude_nm": 7.0, "duration_s": 0.2, "hold_s": 0.1, "direction": "both"},
+        "safety": {"torque_nm": 6.0, "angle_min_rad": 1.0, "angle_max_rad": 0.0, "more": 1},
+        "conditions": [{**CONDITION, "perturbations": plan}, {**CONDITION, "strides": 2}],
+    }
+
+    assert {told.split(": ")[0] for told in found(raw)} == {
+        "safety.more",
+        "safety.angle_min_rad",
+        "pulse.duration_s",
+        "pulse.amplitude_nm",
+        "conditions",
+        "conditions[1].perturbations.pause_s",
+        "conditions[1].perturbations.orders",
+        "conditions[1].perturbations.gap_strides",
+        "conditions[1].perturbations.sham_share",
+        "conditions[1].perturbations.count",
+        "conditions[2].strides",
+        "conditions[2].perturbations",
+    }
+
+
+def test_each_problem_is_told_once():
+    raw = {**BENCH, "conditions": [CONDITION, {**CONDITION, "strides": 2}]}
+
+    told = found(raw)
+
+    assert len(told) == len(set(told))
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"pulse": 3},
+        {"pulse": {"amplitude_nm": "x"}},
+        {"conditions": 3},
+        {"conditions": [3]},
+        {"conditions": [3, 4]},
+        {"conditions": {"a": 1}},
+        {"rates": {"control_hz": "x"}},
+        {"kind": 3},
+        {"loads": [[]]},
+        {"safety": []},
+    ],
+)
+def test_what_cannot_be_read_makes_no_other_problem(broken):
+    key = next(iter(broken))
+    whole = {
+        **BENCH,
+        "pulse": {"amplitude_nm": 7.0, "duration_s": 0.2, "hold_s": 0.2},
+        "conditions": [{**CONDITION, "perturbations": {"count": 2, "pause_s": 1.0}}],
+        **broken,
+    }
+
+    assert [told for told in found(whole) if not told.startswith(key)] == []
+
+
+@pytest.mark.parametrize("error", [StudyError, ProtocolError])
+@pytest.mark.parametrize(
+    "text", [b"a = ", b"\xff\xfe", b"a = 99999999999999999999", b"a = [" * 5000]
+)
+def test_what_is_no_toml_is_said_to_be_none(text, error):
+    with pytest.raises(error, match=r"f\.toml: 1 problem\n  - not valid TOML"):
+        parse_toml("f.toml", text, error=error)
+
+
+def test_a_mark_at_the_start_of_the_file_is_no_trouble():
+    assert parse_toml("f.toml", b"\xef\xbb\xbfa = 1", error=StudyError) == {"a": 1}
