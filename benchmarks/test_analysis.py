@@ -12,12 +12,12 @@ same noise of the machine and the peak memory is that of the job alone. With
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
 import pytest
 
-from jointz.workflows.demo import write_study
 
 #: How long the analysis may take, in times of reading the same files with pandas.
 MOST_READS = 3.0
@@ -65,19 +65,19 @@ def run(code: str, *arguments: object) -> tuple[float, float]:
 
 
 @pytest.fixture(scope="module")
-def studies(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+def studies(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    csv_study: Callable[..., None],
+) -> Path:
     """A study of ten participants and one of the first of them."""
     quick = request.config.getoption("benchmark_disable")
     root = tmp_path_factory.mktemp("benchmark")
-    n_people, n_pulses = (2, 3) if quick else (10, 50)
-    for name, people in (("many", n_people), ("one", 1)):
-        write_study(
-            root / name / "study",
-            n_participants=people,
-            n_pulses_per_point=n_pulses,
-            seed=1,
-            suffix=".csv",
-        )
+    people, pulses, rate_hz = (2, 3, 500.0) if quick else (10, 50, 1000.0)
+    for name, count in (("many", people), ("one", 1)):
+        folder = root / name / "study"
+        folder.parent.mkdir()
+        csv_study(folder, people=count, strides=60, pulses=pulses, seed=1, rate_hz=rate_hz)
     return root
 
 

@@ -12,8 +12,6 @@ import pandas as pd
 import pytest
 
 from jointz.cli.main import run
-from jointz.sim.walker import WalkerSettings
-from jointz.workflows.demo import write_study
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -28,17 +26,11 @@ def real_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def small_study_source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small_study_source(
+    tmp_path_factory: pytest.TempPathFactory, csv_study: Callable[..., None]
+) -> Path:
     folder = tmp_path_factory.mktemp("source") / "study"
-    write_study(
-        folder,
-        n_participants=2,
-        n_pulses_per_point=4,
-        n_unperturbed_strides=20,
-        seed=7,
-        settings=WalkerSettings(rate_hz=500.0),
-        suffix=".csv",
-    )
+    csv_study(folder, people=2, strides=20, pulses=4, seed=7)
     return folder
 
 

@@ -12,7 +12,6 @@ from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
 from jointz.identify.sources import ParticipantSettings, RecordingInput
-from jointz.sim.walker import WalkerSettings, draw_participants, simulate_recording
 
 METHODS = ("dissertation", "pre_pulse", "matched_strides")
 FEW = settings(
@@ -22,8 +21,8 @@ FEW = settings(
 
 def recording_of(simulated, condition, *, order=("angle", "torque", "command", "contact")):
     return build_recording(
-        simulated.time,
-        {name: getattr(simulated, name) for name in order},
+        simulated["time"].to_numpy(),
+        {name: simulated[name].to_numpy() for name in order},
         condition=condition,
         file=f"{condition}.csv",
         contact_kind="contact",
@@ -31,19 +30,10 @@ def recording_of(simulated, condition, *, order=("angle", "torque", "command", "
 
 
 @pytest.fixture(scope="module")
-def simulated():
-    (person,) = draw_participants(1, np.random.default_rng(5))
-    rig = WalkerSettings(rate_hz=400.0)
+def simulated(small_study_source):
     return {
-        condition: simulate_recording(
-            person,
-            condition=condition,
-            rng=np.random.default_rng([5, k]),
-            settings=rig,
-            n_strides=16,
-            n_pulses_per_point=3,
-        )
-        for k, condition in enumerate(("unperturbed", "perturbed"))
+        condition: pd.read_csv(small_study_source / f"S01_{condition}.csv")
+        for condition in ("unperturbed", "perturbed")
     }
 
 

@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jointz.core.errors import OutputError
@@ -111,9 +112,25 @@ def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
         yield update
 
 
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """Callbacks of progress bars, None where nothing is shown.
+
+    Parameters
+    ----------
+    experiment : callable or None
+        Called with participant, condition, strides, pulses done, pulses planned.
+    analysis : callable or None
+        Called with (done, of how many, what comes next).
+    """
+
+    experiment: "RunProgress | None" = None
+    analysis: "Progress | None" = None
+
+
 @contextmanager
-def experiment_progress(*, shown: bool) -> Iterator["RunProgress | None"]:
-    """Give a progress callback that draws a bar a participant on a terminal's stderr.
+def experiment_bars(*, shown: bool) -> Iterator[Bars]:
+    """Give callbacks that draw a bar a participant, and one of the analysis, on stderr.
 
     Parameters
     ----------
@@ -122,11 +139,11 @@ def experiment_progress(*, shown: bool) -> Iterator["RunProgress | None"]:
 
     Yields
     ------
-    callable or None
-        Called with participant, condition, strides, pulses done, pulses planned.
+    Bars
+        The callbacks.
     """
     if not shown or not sys.stderr.isatty():
-        yield None
+        yield Bars()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -134,22 +151,28 @@ def experiment_progress(*, shown: bool) -> Iterator["RunProgress | None"]:
     columns = (
         TextColumn("{task.description:<20}"),
         BarColumn(),
-        TextColumn("{task.fields[told]:<34}"),
+        TextColumn("{task.fields[told]:<28}"),
         TimeElapsedColumn(),
     )
-    bars: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    tasks: dict[str, TaskID] = {}
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
 
-        def update(who: str, condition: str, strides: int, done: int, planned: int) -> None:
-            if who not in bars:
-                bars[who] = bar.add_task(who, total=None, told="")
+        def task(name: str) -> TaskID:
+            if name not in tasks:
+                tasks[name] = bars.add_task(name, total=None, told="")
+            return tasks[name]
+
+        def experiment(who: str, condition: str, strides: int, done: int, planned: int) -> None:
             pulses = f", {done}/{planned} pulses" if planned else ""
-            bar.update(
-                bars[who],
+            bars.update(
+                task(who),
                 description=f"{who} {condition}",
                 total=planned or None,
                 completed=done,
                 told=f"{strides} strides{pulses}",
             )
 
-        yield update
+        def analysis(done: int, total: int, what: str) -> None:
+            bars.update(task("analysis"), total=total, completed=done, told=what)
+
+        yield Bars(experiment, analysis)

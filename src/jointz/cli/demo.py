@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.cli.console import emit, emit_json, emit_table, progress_bar
+from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
 from jointz.cli.options import Debug, Json, Quiet
 
 
@@ -19,7 +19,7 @@ def demo(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Simulate a walking study, analyse it, and set the estimates beside the truth.
+    """Run the walking experiment on simulated people, analyse it, show the truth beside it.
 
     Replaces only its own folder.
 
@@ -28,8 +28,11 @@ def demo(
     del debug
     from jointz.workflows.demo import run_demo
 
-    with progress_bar(shown=not (quiet or as_json)) as progress:
-        made = run_demo(out, quick=quick, seed=seed, progress=progress)
+    shown = not (quiet or as_json)
+    with experiment_bars(shown=shown) as bars:
+        made = run_demo(
+            out, quick=quick, seed=seed, run_progress=bars.experiment, progress=bars.analysis
+        )
     accuracy = made.accuracy()
     if as_json:
         emit_json(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from jointz.cli.console import emit, emit_json, emit_table, experiment_progress
+from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
 from jointz.cli.options import Debug, Json, Quiet
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def run(
     from jointz.workflows.run import run as run_study
 
     real = clock is ClockName.real
-    with experiment_progress(shown=not (quiet or as_json)) as progress:
+    with experiment_bars(shown=not (quiet or as_json)) as bars:
         made = run_study(
             protocol,
             device=device.value,
@@ -93,7 +93,7 @@ def run(
             workers=workers or (1 if real else os.cpu_count() or 1),
             resume=resume,
             operator=NoOperator() if device is Device.sim and not real else _Prompting(),
-            progress=progress,
+            progress=bars.experiment,
         )
     if as_json:
         emit_json({"status": "ok", "study": str(made.study), **_numbers(made)})

@@ -28,7 +28,7 @@ _MEANING = {
     Trip.REQUEST_NOT_FINITE: "the controller asked for a torque that is no number",
     Trip.SENSOR_NOT_FINITE: "a sensor gave samples that are no numbers",
     Trip.SENSOR_STALE: "a sensor gave no new sample for too long",
-    Trip.SENSOR_FROZEN: "a sensor repeats one value while its device should move",
+    Trip.SENSOR_FROZEN: "a sensor repeats one value while the joint moves, or its clock stops",
     Trip.POSTURE: "the joint left the range of angles it may have",
     Trip.VELOCITY: "the joint moved faster than it may",
     Trip.TEMPERATURE: "the motor is too hot",

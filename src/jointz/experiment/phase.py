@@ -190,10 +190,10 @@ class KneePhase:
         return (_PEAK_PCT + 100.0 * (time_ns - self._last_ns) / self._mean_ns) % 100.0
 
     def _end_stride(self) -> None:
-        duration = self._peak_ns - self._last_ns
+        duration = self._peak_ns - self._last_ns if self._last_ns else 0
         if _SHORTEST_S * 1e9 <= duration <= _LONGEST_S * 1e9:
             self._durations.append(duration)
             self._mean_ns = sum(self._durations) / len(self._durations)
-        elif duration < _SHORTEST_S * 1e9:
+        elif 0 < duration < _SHORTEST_S * 1e9:
             return
         self._last_ns = self._peak_ns

@@ -1,12 +1,17 @@
 """The safety gate: the last stage between a request and the device.
 
-A request that is too large or changes too fast is clamped. What is measured out
-of bounds trips the gate: the torque of that very tick is zero, and of every tick
-after it. A pulse is faded out, not cut, where gait becomes unsteady: the wearer is
-well, and a step would disturb more than a ramp.
+Three reactions, from mild to hard:
+
+- a request that is too large or changes too fast is **clamped**;
+- a pulse that must not go on (gait unsteady, a stop ordered, too much of the time
+  under pulses) is **faded** to zero and stays there until it is over and gait is
+  steady again: the wearer is well, a step would disturb more than a ramp;
+- anything measured out of bounds, and any request that is no number, **trips**: the
+  torque of that very tick is zero, and of every tick after it. All codes of
+  :class:`jointz.core.trips.Trip` do the same, so nothing has to be decided in a trip.
 """
 
-from math import isfinite, nan
+from math import inf, isfinite, nan
 
 from jointz.core.limits import SafetyLimits
 from jointz.core.session_log import Flag
@@ -16,6 +21,8 @@ from jointz.devices.interface import ActuatorSample
 _CLAMPED, _FADING, _TRIPPED = int(Flag.CLAMPED), int(Flag.FADING), int(Flag.TRIPPED)
 #: Pulses may fill their share of the last so many seconds.
 _DUTY_WINDOW_S = 10.0
+#: Every sensor must have given a sample so long after the first tick; torque is zero until then.
+_START_S = 1.0
 #: A goniometer that repeats a value while the actuator turns faster than this is frozen,
 _MOVING_RAD_S = 0.5
 #: and so is an encoder that does while the goniometer moves by more than this.
@@ -41,30 +48,35 @@ class SafetyGate:
     detail : str
         Limit and value of the trip.
     fading : bool
-        Whether a pulse is being faded out.
+        Whether a pulse is being faded out; lasts until it is over and gait is steady.
     flags : int
         Bits of :class:`jointz.core.session_log.Flag` for this tick.
     """
 
     __slots__ = (
-        "_duty_left",
-        "_duty_most",
         "_encoder",
-        "_encoder_angle",
+        "_encoder_from",
         "_fade_step",
-        "_frozen_ticks",
+        "_goniometer",
         "_largest",
-        "_last_angle",
         "_last_time_ns",
         "_limits",
         "_most_frozen",
+        "_most_pulse_ticks",
+        "_most_waited",
+        "_moving",
         "_overran",
         "_overruns",
+        "_place",
+        "_pulse_ticks",
         "_pulses",
+        "_repeated_ticks",
         "_sent",
-        "_stale_ticks",
         "_step",
+        "_stopped_ticks",
+        "_waited",
         "_was_pulse",
+        "_window",
         "detail",
         "fading",
         "flags",
@@ -79,13 +91,16 @@ class SafetyGate:
         self._step = limits.torque_rate_nm_s * control_period_s
         self._fade_step = self._largest * control_period_s / limits.fade_s
         self._most_frozen = limits.sensor_age_s / control_period_s
-        self._duty_most = limits.pulse_duty * _DUTY_WINDOW_S / control_period_s
-        self._duty_left = self._duty_most
-        self._frozen_ticks = self._stale_ticks = self._overruns = self._pulses = 0
+        self._most_waited = _START_S / control_period_s
+        # One byte a tick of the last ten seconds: 1 where a pulse was on.
+        self._window = bytearray(max(1, round(_DUTY_WINDOW_S / control_period_s)))
+        self._most_pulse_ticks = limits.pulse_duty * len(self._window)
+        self._place = self._pulse_ticks = self._pulses = self._waited = 0
+        self._repeated_ticks = self._stopped_ticks = self._overruns = 0
         self._last_time_ns = -1
-        self._last_angle = self._encoder = self._encoder_angle = nan
+        self._goniometer = self._encoder = self._encoder_from = nan
         self._sent = 0.0
-        self._was_pulse = self._overran = False
+        self._was_pulse = self._overran = self._moving = False
         self.tripped: Trip | None = None
         self.detail = ""
         self.fading = False
@@ -139,89 +154,112 @@ class SafetyGate:
         angle : float, rad
             The goniometer's newest.
         age_s : float, s
-            Of the stalest of the sensors; infinite before the first sample.
+            Of the stalest of the sensors; infinite until each has given a sample.
         steady : bool
             Whether a pulse may go on.
         pulse_active : bool
             Whether a pulse is asked for.
         """
-        if not self._overran:
-            self._overruns = 0
-        self._overran = False
-        self._check_measured(sample, angle, age_s)
-        if not isfinite(requested_nm):
-            self.trip(Trip.REQUEST_NOT_FINITE, f"{requested_nm} N*m")
-        self._check_pulse(pulse_active=pulse_active, steady=steady)
+        if self.tripped is None:
+            if self._overran:
+                self._overran = False
+            else:
+                self._overruns = 0
+            if sample is not None:
+                self._check_sample(sample)
+            if age_s == inf:
+                return self._held()
+            self._check_sensors(sample, angle, age_s)
+            if not isfinite(requested_nm):
+                self.trip(Trip.REQUEST_NOT_FINITE, f"{requested_nm} N*m")
+            self._check_pulse(pulse_active=pulse_active, steady=steady)
         if self.tripped is not None:
-            self.flags = _TRIPPED
-            self.fading = False
-            self._sent = 0.0
-            return 0.0
+            return self._off()
         self._sent = self._faded() if self.fading else self._clamped(requested_nm)
         return self._sent
 
-    def _check_measured(self, sample: ActuatorSample | None, angle: float, age_s: float) -> None:
-        limits = self._limits
-        if sample is None or sample.device_time_ns <= self._last_time_ns:
-            self._stale_ticks += 1
-        else:
-            self._stale_ticks = 0
-            self._last_time_ns = sample.device_time_ns
-            self._check_sample(sample, angle)
-        if not limits.angle_min_rad <= angle <= limits.angle_max_rad:
-            # The first ticks may come before the goniometer's first sample.
-            if angle == angle:
-                self.trip(Trip.POSTURE, self._range_text("goniometer", angle))
-            elif self._last_angle == self._last_angle or age_s == 0.0:
-                self.trip(Trip.SENSOR_NOT_FINITE, "goniometer")
-        self._last_angle = angle
-        if age_s > limits.sensor_age_s or self._stale_ticks > self._most_frozen:
-            self.trip(Trip.SENSOR_STALE, f"limit {limits.sensor_age_s:g} s")
-
-    def _check_sample(self, sample: ActuatorSample, angle: float) -> None:
+    def _check_sample(self, sample: ActuatorSample) -> None:
+        """Check what the actuator says by itself."""
         limits = self._limits
         if sample.faults:
             self.trip(Trip.DEVICE_FAULT, f"bits {sample.faults:#x}")
         if not isfinite(sample.angle + sample.velocity + sample.current + sample.temperature_c):
             self.trip(Trip.SENSOR_NOT_FINITE, "actuator")
-            return
         if not limits.angle_min_rad <= sample.angle <= limits.angle_max_rad:
             self.trip(Trip.POSTURE, self._range_text("encoder", sample.angle))
-        if abs(sample.velocity) > limits.velocity_rad_s:
-            told = f"{sample.velocity:.1f} rad/s, limit {limits.velocity_rad_s:g} rad/s"
-            self.trip(Trip.VELOCITY, told)
+        speed = abs(sample.velocity)
+        if speed > limits.velocity_rad_s:
+            self.trip(Trip.VELOCITY, f"{speed:.1f} rad/s, limit {limits.velocity_rad_s:g} rad/s")
         if sample.temperature_c > limits.temperature_c:
             told = f"{sample.temperature_c:.0f} degC, limit {limits.temperature_c:g} degC"
             self.trip(Trip.TEMPERATURE, told)
-        self._check_frozen(sample, angle)
+        self._moving = speed > _MOVING_RAD_S
 
-    def _check_frozen(self, sample: ActuatorSample, angle: float) -> None:
-        if angle != self._last_angle:
-            self._frozen_ticks = 0
-        elif abs(sample.velocity) > _MOVING_RAD_S:
-            self._frozen_ticks += 1
-            if self._frozen_ticks > self._most_frozen:
+    def _held(self) -> float:
+        """Send nothing before every sensor has given a sample."""
+        self._waited += 1
+        if self._waited > self._most_waited:
+            self.trip(Trip.SENSOR_STALE, f"a sensor gave no sample in the first {_START_S:g} s")
+        if self.tripped is not None:
+            return self._off()
+        self.flags = _CLAMPED
+        return 0.0
+
+    def _check_sensors(self, sample: ActuatorSample | None, angle: float, age_s: float) -> None:
+        """Check the goniometer, the age of everything, and one sensor against the other."""
+        limits = self._limits
+        if not limits.angle_min_rad <= angle <= limits.angle_max_rad:
+            if isfinite(angle):
+                self.trip(Trip.POSTURE, self._range_text("goniometer", angle))
+            else:
+                self.trip(Trip.SENSOR_NOT_FINITE, "goniometer")
+        if age_s > limits.sensor_age_s:
+            told = f"the stalest is {age_s:.3f} s old, limit {limits.sensor_age_s:g} s"
+            self.trip(Trip.SENSOR_STALE, told)
+        if angle != self._goniometer:
+            self._goniometer, self._repeated_ticks = angle, 0
+        elif self._moving:
+            self._repeated_ticks += 1
+            if self._repeated_ticks > self._most_frozen:
                 self.trip(Trip.SENSOR_FROZEN, f"goniometer at {angle:.3f} rad")
+        if sample is not None:
+            self._check_encoder(sample, angle)
+
+    def _check_encoder(self, sample: ActuatorSample, angle: float) -> None:
+        if sample.device_time_ns > self._last_time_ns:
+            self._last_time_ns, self._stopped_ticks = sample.device_time_ns, 0
+        else:
+            self._stopped_ticks += 1
+            if self._stopped_ticks > self._most_frozen:
+                self.trip(Trip.SENSOR_FROZEN, "the actuator's clock stands still")
         if sample.angle != self._encoder:
-            self._encoder, self._encoder_angle = sample.angle, angle
-        elif abs(angle - self._encoder_angle) > _MOVED_RAD:
+            self._encoder, self._encoder_from = sample.angle, angle
+        elif abs(angle - self._encoder_from) > _MOVED_RAD:
             self.trip(Trip.SENSOR_FROZEN, f"encoder at {sample.angle:.3f} rad")
 
     def _check_pulse(self, *, pulse_active: bool, steady: bool) -> None:
         """Count pulses and their duty, and fade the one that must not go on."""
-        self._duty_left = min(self._duty_left + self._limits.pulse_duty, self._duty_most)
+        window, place = self._window, self._place
+        self._pulse_ticks += pulse_active - window[place]
+        window[place] = pulse_active
+        self._place = place + 1 if place + 1 < len(window) else 0
         if not pulse_active:
-            # The request between pulses is small: what is left of a fade ends with the pulse.
-            self._was_pulse = self.fading = False
+            self._was_pulse = False
+            self.fading = self.fading and not steady
             return
         if not self._was_pulse:
             self._was_pulse = True
             self._pulses += 1
             if self._pulses > self._limits.pulse_count:
                 self.trip(Trip.PULSE_COUNT, f"limit {self._limits.pulse_count}")
-        self._duty_left -= 1.0
-        if not steady or self._duty_left < 0.0:
+        if not steady or self._pulse_ticks > self._most_pulse_ticks:
             self.fading = True
+
+    def _off(self) -> float:
+        self.flags = _TRIPPED
+        self.fading = False
+        self._sent = 0.0
+        return 0.0
 
     def _faded(self) -> float:
         self.flags = _FADING

@@ -56,7 +56,7 @@ class Motor:
         The last stage before the device.
     """
 
-    __slots__ = ("applied", "command_torque", "gate", "zero_torque")
+    __slots__ = ("applied", "command_torque", "gate", "stop", "zero_torque")
 
     def __init__(self, devices: Devices, gate: SafetyGate) -> None:
         if devices.actuator is None:
@@ -64,6 +64,7 @@ class Motor:
         described = devices.actuator.describe()
         self.gate = gate
         self.command_torque = devices.actuator.command_torque
+        self.stop = devices.actuator.stop
         self.applied = AppliedTorque(
             described.torque_model, sample_period_s=1.0 / described.sample_rate_hz
         )
@@ -152,6 +153,7 @@ class Trial:
         """
         if self._first_slot < 0:
             self._first_slot = slot
+        slot -= self._first_slot
         slot_ns = slot * self._period_ns
         age_s = self._streams.read(slot_ns)
         watch = self._watch
@@ -172,7 +174,7 @@ class Trial:
         pulses, gate = self._pulses, motor.gate
         wanted = 0.0
         if pulses is not None:
-            wanted = pulses.torque(slot - self._first_slot, slot_ns, self._watch)
+            wanted = pulses.torque(slot, slot_ns, self._watch)
             if pulses.active is not None and pulses.active.sham:
                 self._flags |= _SHAM
         newest = self._streams.newest_actuator
@@ -187,13 +189,18 @@ class Trial:
             steady=self._watch.steady and not self._stopping,
             pulse_active=wanted != 0.0,
         )
-        motor.command_torque(sent)
+        fading = pulses is not None and pulses.active is not None and sent != 0.0
+        over = gate.tripped is not None or (self._stopping and not fading)
+        if over:
+            sent = 0.0
+            motor.stop()  # a device in fault takes no more commands
+        else:
+            motor.command_torque(sent)
         self._command, self._requested, self._sent = wanted, requested, sent
         self._flags |= gate.flags
         if pulses is not None and gate.fading:
             pulses.abort("stopped" if self._stopping else "gait not steady")
-        fading = pulses is not None and pulses.active is not None
-        return gate.tripped is None and (fading or not self._stopping)
+        return not over
 
     def _after_stride(self) -> bool:
         """Take note of an accepted stride; False when it was the last that is needed."""
@@ -235,7 +242,7 @@ class Trial:
             c.device_time_ns,
             a.angle,
             g.value,
-            slot - self._first_slot,
+            slot,
             self._busy_us,
             a.velocity,
             a.current,

@@ -107,12 +107,12 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
             _numbers(path, table, name, required=False) if name in table.columns else np.nan
         )
     named = "timing_point" in table.columns
-    pulses["timing_point"] = table["timing_point"].str.strip().to_numpy() if named else ""
+    pulses["timing_point"] = table["timing_point"].to_numpy() if named else ""
     return pulses
 
 
 def _text_table(path: Path) -> pd.DataFrame:
-    """Read a table of text; the index is the row of the file, counted from 1."""
+    """Read the lines that hold something; the index is the row of the file, from 1."""
     try:
         table = pd.read_csv(
             path,
@@ -135,12 +135,12 @@ def _text_table(path: Path) -> pd.DataFrame:
             row=2,
         )
     table.index += 2
-    table = table.fillna("")
-    return table[(table != "").any(axis=1)]
+    cells = pd.DataFrame({name: table[name].fillna("").str.strip() for name in table.columns})
+    return cells[(cells != "").any(axis=1)]
 
 
 def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> np.ndarray:
-    text = table[name].str.strip()
+    text = table[name]
     values = pd.to_numeric(text.where(text != "", "nan"), errors="coerce").to_numpy(dtype=float)
     bad = ~np.isfinite(values) & (required | (text != "").to_numpy())
     if bad.any():

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.run_report import RunReport
 from jointz.report.impedance_figures import timing_points
 from jointz.report.prose import (
     CAVEATS,
@@ -21,6 +22,7 @@ from jointz.report.prose import (
     pulse_counts,
     summary_paragraph,
 )
+from jointz.report.run_section import run_section
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -61,6 +63,7 @@ def render_report(
     *,
     title: str,
     truth: pd.DataFrame | None = None,
+    run: RunReport | None = None,
 ) -> str:
     """Write the report as one HTML page with its figures and styles inside.
 
@@ -77,6 +80,8 @@ def render_report(
     truth : pandas.DataFrame, optional
         Columns ``participant, timing_point, parameter, truth, estimate,
         ci_low, ci_high, error_pct, covered``: for simulated studies.
+    run : RunReport, optional
+        How the experiment went, where jointz ran it.
 
     Returns
     -------
@@ -121,6 +126,7 @@ def render_report(
         inputs=_inputs(analysis.provenance),
         study_hash=str(analysis.provenance.get("study_sha256", ""))[:_HASH_DIGITS],
         truth=None if truth is None else _truth(truth),
+        run=None if run is None else run_section(run),
         dash=DASH,
     )
 

@@ -12,7 +12,7 @@ from math import exp, pi, sqrt
 
 import numpy as np
 
-from jointz.sim.joint import KNEE_COSINES, KNEE_SINES
+from jointz.sim.joint import knee_angle
 from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
 from jointz.sim.presets import GaitSettings
 
@@ -20,7 +20,7 @@ _LARGEST_DEVIATION = 3.0  # sd; of what changes from stride to stride
 _SHAPE_HARMONICS = 3
 #: The first stride has gone so far when a recording begins: in swing, before a heel strike.
 _BEGUN_CYCLES = 0.75
-_MEAN_CURVE = np.radians(np.array([KNEE_COSINES, KNEE_SINES]))
+_SAMPLES = 16  # of a cycle: enough for its Fourier series
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +122,7 @@ class GaitMotion:
         self._shift = shift
         self._rng = rng
         self._stumbles = stumbles if stumbles is not None else {}
+        self._mean = _advanced(_mean_curve(), shift.phase_cycles)
         self._number = 0
         self._slow = rng.standard_normal(2)
         self._quick = rng.standard_normal(2)
@@ -137,7 +138,7 @@ class GaitMotion:
         duration = self._duration_s
         first = 0.5 * (duration / self._previous_s + 1.0)
         last = 0.5 * (duration / self._following_s + 1.0)
-        row[Gait.START_S], row[Gait.DURATION_S] = self._start_s, duration
+        row[Gait.START_S], row[Gait.RATE_HZ] = self._start_s, 1.0 / duration
         row[Gait.LINEAR] = first
         row[Gait.CUBIC] = 10.0 - 6.0 * first - 4.0 * last
         row[Gait.QUARTIC] = -15.0 + 8.0 * first + 7.0 * last
@@ -171,12 +172,19 @@ class GaitMotion:
         self._quick = keep * self._quick + sqrt(1.0 - keep**2) * self._rng.standard_normal(2)
         drift = settings.offset_drift_sd_rad * float(self._slow[1])
         size = 1.0 + shift.amplitude + settings.amplitude_sd * float(self._quick[0])
-        curve = size * _advanced(_MEAN_CURVE, shift.phase_cycles)
+        curve = size * self._mean
         curve[0, 0] += shift.offset_rad + settings.offset_sd_rad * float(self._quick[1]) + drift
         # 3 cosines and 3 sines of the same sd s have RMS s sqrt(3).
         changes = self._rng.standard_normal((2, _SHAPE_HARMONICS))
         curve[:, 1 : 1 + _SHAPE_HARMONICS] += settings.shape_sd_rad / sqrt(3.0) * changes
         return curve
+
+
+def _mean_curve() -> np.ndarray:
+    """Return the Fourier coefficients of the mean knee, (2, HARMONICS), rad."""
+    series = np.fft.rfft(knee_angle(np.arange(_SAMPLES) / _SAMPLES))[:HARMONICS] * 2.0 / _SAMPLES
+    series[0] /= 2.0
+    return np.array([series.real, -series.imag])
 
 
 def _advanced(curve: np.ndarray, cycles: float) -> np.ndarray:

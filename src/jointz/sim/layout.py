@@ -27,7 +27,7 @@ class Param(IntEnum):
     CURRENT_KEEP_HALF = 7  # the same for half a step
     COULOMB_FRICTION = 8  # true
     GEAR_FRICTION = 9  # true, per A
-    SIGN_VELOCITY = 10  # of the smooth sign of friction
+    SIGN_RATE = 10  # 1 / velocity of the smooth sign of friction
     EXO_INERTIA = 11  # rotor, and frame where the strap gives
     EXO_GRAVITY = 12  # mass * g * distance
     STRAP_STIFFNESS = 13  # 0: rigid
@@ -62,6 +62,7 @@ class Param(IntEnum):
     HEATING_C_A2 = 42
     THERMAL_KEEP = 43  # per sample
     TEMPERATURE_MAX_C = 44
+    SAMPLE_RATE_HZ = 45
 
 
 class State(IntEnum):
@@ -93,13 +94,13 @@ class State(IntEnum):
 
 
 class Gait(IntEnum):
-    """One stride: phase = u (LINEAR + u^2 (CUBIC + u (QUARTIC + u QUINTIC))), u = time / duration.
+    """One stride: phase = u (LINEAR + u^2 (CUBIC + u (QUARTIC + u QUINTIC))), u = time * RATE_HZ.
 
     The angle is the Fourier series plus the smoothstep of phase times the series of changes.
     """
 
     START_S = 0
-    DURATION_S = 1
+    RATE_HZ = 1  # 1 / duration
     LINEAR = 2
     CUBIC = 3
     QUARTIC = 4

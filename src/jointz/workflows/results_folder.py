@@ -11,6 +11,7 @@ import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError
+from jointz.core.run_report import RunReport
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
@@ -26,6 +27,7 @@ def write_results(
     *,
     overwrite: bool = False,
     truth: pd.DataFrame | None = None,
+    run: RunReport | None = None,
 ) -> Path:
     """Write estimates, exclusions, figures and report of an analysis.
 
@@ -39,6 +41,8 @@ def write_results(
         Replace a results folder that exists.
     truth : pandas.DataFrame, optional
         Truth against estimate of a simulated study, for the report.
+    run : RunReport, optional
+        How the experiment went, for the report.
 
     Returns
     -------
@@ -61,7 +65,7 @@ def write_results(
         for name, svg in figures.items():
             (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
         title = f"Impedance of the {analysis.settings.get('joint', 'joint')}"
-        page = render_report(analysis, figures, title=title, truth=truth)
+        page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
         settings = {"settings": dict(analysis.settings)}
         write_marker(folder, MARKER, {**analysis.provenance, **settings})

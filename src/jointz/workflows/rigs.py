@@ -21,11 +21,14 @@ class RigSettings:
         Of the simulation: ``clean``, ``nominal``, ``hard`` or ``anthropometric``.
     seed : int
         Of the simulation.
+    sample_rate_hz : float, Hz
+        Of all simulated devices.
     """
 
     device: str = "sim"
     preset: str = "nominal"
     seed: int = 1
+    sample_rate_hz: float = 500.0
 
     def __post_init__(self) -> None:
         if self.device not in DEVICES:
@@ -46,4 +49,9 @@ def open_rig(settings: RigSettings, number: int) -> Rig:
     """
     from jointz.sim.rig import simulated_rig
 
-    return simulated_rig(number, preset=settings.preset, seed=settings.seed)
+    return simulated_rig(
+        number,
+        preset=settings.preset,
+        seed=settings.seed,
+        sample_rate_hz=settings.sample_rate_hz,
+    )

@@ -112,7 +112,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         When a device failed or the safety gate tripped.
     """
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
-    rig = RigSettings(device, preset, spec.seed if seed is None else seed)
+    chosen = spec.seed if seed is None else seed
+    rig = RigSettings(device, preset, chosen, spec.rates.sample_hz)
     count = spec.participants if participants is None else participants
     if count < 1 or workers < 1:
         raise DataError(f"expected at least one participant and worker, got {count}, {workers}.")

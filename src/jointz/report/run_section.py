@@ -1,0 +1,63 @@
+"""The part of the report that says how the experiment went."""
+
+from typing import Any
+
+import numpy as np
+
+from jointz.core.run_report import RunReport
+from jointz.report.wording import format_integer
+
+
+def run_section(run: RunReport) -> dict[str, Any]:
+    """Return what the page shows of a run: pulses, onsets and time keeping.
+
+    Parameters
+    ----------
+    run : RunReport
+        The run.
+
+    Returns
+    -------
+    dict
+        ``rows`` (one a timing point, over all participants), ``gaps`` and ``timing``
+        (sentences).
+    """
+    table = run.to_frame()
+    rows = []
+    for name, of_point in table.groupby("timing_point", sort=False):
+        sd = of_point["error_sd_pct"].to_numpy(dtype=float)
+        theory = of_point["theory_sd_pct"].to_numpy(dtype=float)
+        rows.append(
+            {
+                "name": name,
+                "planned_pct": float(of_point["planned_pct"].iloc[0]),
+                "completed": int(of_point["completed"].sum()),
+                "planned": int(of_point["planned"].sum()),
+                "missed": int(of_point["missed"].sum()),
+                "aborted": int(of_point["aborted"].sum()),
+                "error_pct": float(np.nanmean(of_point["error_mean_pct"].to_numpy(dtype=float))),
+                "sd_pct": float(np.sqrt(np.nanmean(sd**2))),
+                "theory_pct": float(np.sqrt(np.nanmean(theory**2))),
+            }
+        )
+    return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
+
+
+def _gaps(run: RunReport) -> str:
+    if not run.gaps:
+        return ""
+    fewest, most = min(g["fewest"] for g in run.gaps), max(g["most"] for g in run.gaps)
+    longer = sum(g["longer_than_planned"] for g in run.gaps)
+    told = f"Pulses were {fewest} to {most} strides apart"
+    if not longer:
+        return f"{told}, as planned."
+    return f"{told}; {longer} waited longer than planned, because a pulse before them was missed."
+
+
+def _timing(run: RunReport) -> str:
+    ticks = sum(t["ticks"] for t in run.timing)
+    missed = sum(t["missed_slots"] for t in run.timing)
+    return (
+        f"The control loop ran {format_integer(ticks)} ticks and missed {format_integer(missed)} "
+        "slots."
+    )

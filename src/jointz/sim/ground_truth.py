@@ -1,0 +1,203 @@
+"""The truth about a simulated condition, written beside a study and never read by an analysis."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.sim.curves import impedance_over_cycle, leg_of
+from jointz.sim.gait_motion import GaitMotion, Stride
+from jointz.sim.joint import respond
+from jointz.sim.layout import Param, describe
+from jointz.sim.plant_build import PlantBuild
+
+_RATE_HZ = 2000.0  # of the model response that weighs K, B and J
+_CURVE_POINTS = 101
+_BEYOND_S = 2.0  # strides are laid out so far past the last pulse where the length is unknown
+_PARAMETERS = ("stiffness", "damping", "inertia")
+
+
+def condition_truth(
+    build: PlantBuild,
+    *,
+    motions: Sequence[GaitMotion],
+    offsets_s: Sequence[float],
+    lengths_s: Sequence[float | None],
+    pulses: pd.DataFrame,
+    window_s: float,
+) -> dict[str, Any]:
+    """Return heel strikes, the truth of every pulse, curves and instruments.
+
+    Parameters
+    ----------
+    build : PlantBuild
+        Of the condition.
+    motions : sequence of GaitMotion
+        Of each stretch, at its beginning.
+    offsets_s, lengths_s : sequence of float, s
+        What was added to the devices' time of each stretch; how long it was, None where
+        another process ran it.
+    pulses : pandas.DataFrame
+        Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point``.
+    window_s : float, s
+        From the onset.
+    """
+    strikes: list[float] = []
+    rows: list[dict[str, Any]] = []
+    borders = [*offsets_s[1:], np.inf]
+    for motion, offset, border, length in zip(motions, offsets_s, borders, lengths_s, strict=True):
+        here = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] < border)]
+        end_s = _end_s(here, offset=offset, border=border, length_s=length)
+        strides = _strides(motion, end_s)
+        begun = [s.start_s + offset for s in strides if 0.0 <= s.start_s < end_s]
+        strikes += begun
+        rows += [
+            _pulse_truth(build, strides, pulse, offset_s=offset, window_s=window_s)
+            for pulse in here.to_dict("records")
+        ]
+    return {
+        "heel_strike_s": strikes,
+        "window_s": window_s,
+        "pulses": rows,
+        "timing_points": _by_point(rows),
+        "curves": _curves(build),
+        "person": asdict(build.person),
+        "instruments": _instruments(build),
+        "settings": asdict(build.preset),
+        "plant": describe(build.params),
+    }
+
+
+def _end_s(
+    pulses: pd.DataFrame, *, offset: float, border: float, length_s: float | None
+) -> float:
+    """Return how long a stretch was, on the devices' clock, or at least needs to be."""
+    if length_s is not None:
+        return length_s
+    if np.isfinite(border):
+        return border - offset
+    last = float(pulses["onset_s"].max()) - offset if len(pulses) else 0.0
+    return last + _BEYOND_S
+
+
+def _strides(motion: GaitMotion, end_s: float) -> list[Stride]:
+    strides = [motion.next()]
+    while strides[-1].end_s <= end_s + _BEYOND_S:
+        strides.append(motion.next())
+    return strides
+
+
+def _phase(strides: list[Stride], time_s: np.ndarray) -> np.ndarray:
+    """Return phase in cycles, 0 to 1."""
+    starts = np.array([s.start_s for s in strides])
+    which = np.searchsorted(starts, time_s, side="right") - 1
+    phase = np.empty(time_s.size)
+    for i in np.unique(which):
+        phase[which == i] = strides[i].cycles(time_s[which == i])
+    return np.mod(phase, 1.0)
+
+
+def _pulse_truth(
+    build: PlantBuild,
+    strides: list[Stride],
+    pulse: dict[Any, Any],
+    *,
+    offset_s: float,
+    window_s: float,
+) -> dict[str, Any]:
+    r"""Average K, B and J over the window with the information that each sample holds.
+
+    The weights are :math:`x^2`, :math:`\dot x^2` and :math:`\ddot x^2` of the response of the
+    true joint to the torque of the pulse without errors.
+    """
+    onset_s = float(pulse["onset_s"]) - offset_s
+    since = np.arange(round(window_s * _RATE_HZ) + 1) / _RATE_HZ
+    phase = _phase(strides, onset_s + since)
+    K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
+    torque = _torque(build, since, pulse)
+    moved = J + build.params[Param.EXO_INERTIA]
+    x, v = respond(torque, K, B, moved, rate_hz=_RATE_HZ)
+    softening = build.params[Param.SOFTENING]
+    if softening > 0.0:
+        K = K / (1.0 + softening * x**2)
+        x, v = respond(torque, K, B, moved, rate_hz=_RATE_HZ)
+    a = (torque - B * v - K * x) / moved
+    gravity = _gravity_stiffness(build, phase)
+    return {
+        "pulse": int(pulse["pulse"]),
+        "onset_s": float(pulse["onset_s"]),
+        "timing_point": str(pulse["timing_point"]),
+        "onset_gait_pct": 100.0 * float(phase[0]),
+        "stiffness": _weighted(K, x),
+        "damping": _weighted(B, v),
+        "inertia": _weighted(J, a),
+        "gravity_stiffness": _weighted(gravity, x),
+        "displacement_rad": float(x[-1]),
+    }
+
+
+def _weighted(values: np.ndarray, signal: np.ndarray) -> float:
+    weights = signal**2
+    return float((weights * values).sum() / weights.sum())
+
+
+def _torque(build: PlantBuild, since: np.ndarray, pulse: dict[Any, Any]) -> np.ndarray:
+    """Return the torque of a rectangular pulse behind delay and current loop, N*m."""
+    settings = build.preset.actuator
+    late = since - settings.delay_s
+
+    def risen(time: np.ndarray) -> np.ndarray:
+        return np.asarray(-np.expm1(-np.maximum(time, 0.0) / settings.time_constant_s))
+
+    shape = risen(late) - risen(late - float(pulse["duration_s"]))
+    return np.asarray(float(pulse["amplitude_nm"]) * shape)
+
+
+def _gravity_stiffness(build: PlantBuild, phase: np.ndarray) -> np.ndarray:
+    """Return what gravity of the limb adds to the apparent stiffness for small motion, N*m/rad."""
+    if build.preset.body is None:
+        return np.zeros(phase.size)
+    from jointz.sim.joint import knee_angle
+
+    thigh = impedance_over_cycle(build.person, build.preset, phase)[3]
+    gravity = build.params[Param.LIMB_GRAVITY] + build.params[Param.EXO_GRAVITY]
+    return np.asarray(gravity * np.cos(knee_angle(phase) - thigh))
+
+
+def _by_point(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    points = sorted({row["timing_point"] for row in rows})
+    return {
+        point: {
+            name: float(np.mean([row[name] for row in rows if row["timing_point"] == point]))
+            for name in (*_PARAMETERS, "onset_gait_pct")
+        }
+        for point in points
+    }
+
+
+def _curves(build: PlantBuild) -> dict[str, Any]:
+    cycles = np.linspace(0.0, 1.0, _CURVE_POINTS)
+    K, B, J, _ = impedance_over_cycle(build.person, build.preset, np.mod(cycles, 1.0))
+    return {
+        "gait_pct": (100.0 * cycles).tolist(),
+        "stiffness": K.tolist(),
+        "damping": B.tolist(),
+        "inertia": J.tolist(),
+        "gravity_stiffness": _gravity_stiffness(build, np.mod(cycles, 1.0)).tolist(),
+        "timing_points": dict(TIMING_POINTS),
+    }
+
+
+def _instruments(build: PlantBuild) -> dict[str, Any]:
+    settings, leg = build.preset.actuator, leg_of(build.person)
+    return {
+        **asdict(build.instruments),
+        "angle_delay_s": build.preset.goniometer.delay_s,
+        "actuator_delay_s": settings.delay_s,
+        "actuator_time_constant_s": settings.time_constant_s,
+        "rotor_inertia": settings.rotor_inertia,
+        "leg_inertia": leg.inertia if build.preset.body else None,
+    }

@@ -1,0 +1,100 @@
+"""Misbehaviour on order: what the devices of a simulated rig are to do wrong, and when."""
+
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import Literal, get_args
+
+DeviceName = Literal["actuator", "angle", "contact"]
+Kind = Literal["freeze", "silence", "nan", "disconnect", "fault", "heat", "double"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Misbehaviour:
+    """One thing that goes wrong.
+
+    Parameters
+    ----------
+    device : {"actuator", "angle", "contact"}
+        Which device.
+    kind : str
+        ``freeze``: samples come, their values stand still. ``silence``: no samples come.
+        ``nan``: angles or values are NaN. ``disconnect``: every call but stop and close
+        raises. ``fault``: fault bits of ``value``, and the actuator goes into fault.
+        ``heat``: ``value`` degrees are added to the temperature. ``double``: the contact
+        opens in mid-stance, between 25 and 35 % of the stride.
+    from_s, until_s : float, s
+        When, on the device's clock.
+    value : float
+        Of what needs one.
+    """
+
+    device: DeviceName
+    kind: Kind
+    from_s: float = 0.0
+    until_s: float = inf
+    value: float = 0.0
+
+
+@dataclass(slots=True)
+class Injection:
+    """What is ordered from a rig; orders may be given at any time.
+
+    Attributes
+    ----------
+    orders : list of Misbehaviour
+        Everything ordered.
+    stumbles : dict of int to float
+        Number of a stride -> factor of its duration; ordered before the devices are opened.
+
+    Examples
+    --------
+    >>> inject = Injection()
+    >>> inject.order("angle", "freeze", from_s=30.0)
+    >>> inject.found("angle", 29_000_000_000), len(inject.found("angle", 31_000_000_000))
+    ([], 1)
+    """
+
+    orders: list[Misbehaviour] = field(default_factory=list)
+    stumbles: dict[int, float] = field(default_factory=dict)
+
+    def order(
+        self,
+        device: DeviceName,
+        kind: Kind,
+        *,
+        from_s: float = 0.0,
+        until_s: float = inf,
+        value: float = 0.0,
+    ) -> None:
+        """Order a misbehaviour.
+
+        Parameters
+        ----------
+        device, kind, from_s, until_s, value
+            As :class:`Misbehaviour` has them.
+        """
+        if device not in get_args(DeviceName) or kind not in KINDS:
+            raise ValueError(
+                f"expected a device of {get_args(DeviceName)} and a kind of {KINDS}; "
+                f"got {device!r}, {kind!r}."
+            )
+        self.orders.append(Misbehaviour(device, kind, from_s, until_s, value))
+
+    def found(self, device: DeviceName, device_time_ns: int) -> list[Misbehaviour]:
+        """Return what goes wrong with a device at a time.
+
+        Parameters
+        ----------
+        device : str
+            Which.
+        device_time_ns : int, ns
+            Time of a sample.
+        """
+        return [
+            order
+            for order in self.orders
+            if order.device == device
+            and order.from_s * 1e9 <= device_time_ns
+            and (not isfinite(order.until_s) or device_time_ns < order.until_s * 1e9)
+        ]

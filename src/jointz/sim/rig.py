@@ -1,0 +1,181 @@
+"""A simulated person in a simulated exoskeleton, as an experiment is handed it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import pandas as pd
+
+from jointz.core.channels import CONDITIONS
+from jointz.core.clock import Clock
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.devices.interface import Devices, Wearer
+from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedGoniometer, Wiring
+from jointz.sim.footswitch import ContactMaker
+from jointz.sim.gait_motion import GaitMotion, draw_shift
+from jointz.sim.ground_truth import condition_truth
+from jointz.sim.injection import Injection
+from jointz.sim.people import Person, draw_person
+from jointz.sim.plant_build import Grid, PlantBuild, build_plant
+from jointz.sim.presets import Preset
+from jointz.sim.presets import preset as preset_named
+from jointz.sim.running_plant import RunningPlant
+
+
+class SimulatedRig:
+    """A rig whose truth is known.
+
+    All randomness comes from the person's seed and number, the name of the
+    condition and the number of the stretch: nothing else changes a sample.
+
+    Parameters
+    ----------
+    person : Person
+        Who walks.
+    preset : Preset
+        How well person and instruments behave.
+    grid : Grid, optional
+        Sample rate of all devices, steps of the physics; 500 Hz by default.
+
+    Attributes
+    ----------
+    inject : Injection
+        What is to go wrong; nothing at first.
+    """
+
+    def __init__(self, person: Person, preset: Preset, *, grid: Grid | None = None) -> None:
+        self.person = person
+        self.preset = preset
+        self.grid = grid or Grid()
+        self.inject = Injection()
+        self._opened: dict[tuple[str, int], RunningPlant] = {}
+
+    @property
+    def wearer(self) -> Wearer:
+        """Who wears it."""
+        return Wearer(self.person.id, self.person.mass_kg, self.person.height_m)
+
+    @property
+    def calibration(self) -> CalibrationSpec:
+        """What a lab knows: gains with their sd; no lag, which nobody has measured."""
+        known = {
+            "torque_gain": self.preset.actuator.gain_error_sd,
+            "angle_gain": self.preset.goniometer.gain_error_sd,
+        }
+        return CalibrationSpec(
+            **{name: Calibrated(value=1.0, sd=sd) for name, sd in known.items() if sd > 0.0}
+        )
+
+    def open(self, condition: str, *, segment: int, clock: Clock) -> Devices:
+        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
+
+        Parameters
+        ----------
+        condition : str
+            Name of the protocol's condition; without the exoskeleton in ``no_device`` (``NWC``).
+        segment : int
+            Number of the stretch.
+        clock : Clock
+            The host's.
+        """
+        build = self._build(condition)
+        running = RunningPlant(
+            build,
+            motion=self._motion(condition, segment),
+            contacts=ContactMaker(
+                self.preset.footswitch,
+                contact_share=self.preset.gait.contact_share,
+                rng=self.person.stream(f"contact {condition}", segment),
+            ),
+            noise=self.person.stream(f"noise {condition}", segment),
+        )
+        self._opened[condition, segment] = running
+        wiring = Wiring(build, running, clock, self.inject)
+        return Devices(
+            angle=SimulatedGoniometer(wiring),
+            contact=SimulatedFootswitch(wiring),
+            actuator=SimulatedActuator(wiring) if build.worn else None,
+        )
+
+    def notes(self) -> Mapping[str, Any]:
+        """Return preset and grid: that it is a simulation is no secret, its truth is."""
+        return {
+            "simulated": True,
+            "preset": self.preset.name,
+            "seed": self.person.seed,
+            "grid": asdict(self.grid),
+        }
+
+    def truth(
+        self,
+        condition: str,
+        *,
+        offsets_s: tuple[float, ...],
+        pulses: pd.DataFrame,
+        window_s: float = 0.1,
+    ) -> dict[str, Any]:
+        """Return the truth about a condition, ready for JSON.
+
+        Parameters
+        ----------
+        condition : str
+            Name of the protocol's condition.
+        offsets_s : tuple of float, s
+            What was added to the devices' time, stretch by stretch.
+        pulses : pandas.DataFrame
+            Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point``; times with
+            the offset added.
+        window_s : float, s
+            From the onset: over which stiffness, damping and inertia are averaged.
+        """
+        lengths = [
+            plant.samples * self.grid.period_s if plant is not None else None
+            for plant in (self._opened.get((condition, i)) for i in range(len(offsets_s)))
+        ]
+        return condition_truth(
+            self._build(condition),
+            motions=[self._motion(condition, segment) for segment in range(len(offsets_s))],
+            offsets_s=offsets_s,
+            lengths_s=lengths,
+            pulses=pulses,
+            window_s=window_s,
+        )
+
+    def _build(self, condition: str) -> PlantBuild:
+        worn = CONDITIONS.get(condition.lower()) != "no_device"
+        return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
+
+    def _motion(self, condition: str, segment: int) -> GaitMotion:
+        return GaitMotion(
+            self.preset.gait,
+            stride_time_s=self.person.stride_time_s,
+            shift=draw_shift(self.preset.gait, self.person.stream(f"shift {condition}")),
+            rng=self.person.stream(f"gait {condition}", segment),
+            stumbles=self.inject.stumbles,
+        )
+
+
+def simulated_rig(
+    number: int, *, preset: str = "nominal", seed: int = 1, sample_rate_hz: float = 500.0
+) -> SimulatedRig:
+    """Return the rig of one participant of the seeded population.
+
+    Parameters
+    ----------
+    number : int
+        Of the participant, from 0.
+    preset : str
+        ``clean``, ``nominal``, ``hard`` or ``anthropometric``.
+    seed : int
+        Of the population.
+    sample_rate_hz : float, Hz
+        Of all devices.
+
+    Examples
+    --------
+    >>> simulated_rig(0, preset="hard").wearer.id
+    'S01'
+    """
+    return SimulatedRig(
+        draw_person(number, seed=seed), preset_named(preset), grid=Grid(sample_rate_hz)
+    )

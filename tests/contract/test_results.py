@@ -1,0 +1,284 @@
+"""What every result promises: a table, a text, a figure, and a way through JSON and back.
+
+A new result class in ``jointz.core`` fails here until it has an example below.
+"""
+
+import copy
+import dataclasses
+import importlib
+import json
+import pkgutil
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+
+import jointz.core
+from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.joint_fit import FitSeries, JointFit
+from jointz.core.run_report import RunReport
+
+# --- examples ------------------------------------------------------------------------------------
+
+
+def cell(person: str, point: str, onset: float | None, status: str = "ok") -> CellEstimate:
+    failed = status not in ("ok", "at_bound")
+    value = None if failed else 50.0
+    stiffness = ParameterEstimate("stiffness", value, value, value, status, ci_method="bootstrap")
+    inertia = ParameterEstimate("inertia", None, None, None, "undecided", unbounded=-0.01)
+    return CellEstimate(
+        participant=person,
+        timing_point=point,
+        onset_gait_pct=onset,
+        parameters=(stiffness, inertia),
+        vaf_pct=None if failed else 97.5,
+        n_used=0 if failed else 3,
+        n_excluded=1,
+        method="dissertation",
+        baseline="pre_pulse",
+        condition_number=None if failed else 12.0,
+        displacement_rad=None if failed else 0.1,
+        response=None if failed else Response(*np.arange(12.0).reshape(4, 3)),
+    )
+
+
+def walking_analysis() -> StudyAnalysis:
+    return StudyAnalysis(
+        cells=(
+            cell("S01", "LRE", 7.1),
+            cell("S01", "MST", 21.4, "at_bound"),
+            cell("S02", "LRE", 6.9),
+            cell("S02", "MST", None, "failed:no_pulses"),
+        ),
+        comparison=(cell("S01", "LRE", 7.1),),
+        population=(
+            PopulationEstimate(
+                "LRE", 7.0, "stiffness", 50.0, "N*m/rad", 1.0, 48.0, 52.0, 2, "m", "ok"
+            ),
+            PopulationEstimate(
+                "MST", None, "stiffness", None, "N*m/rad", None, None, None, 1, "m", "undecided"
+            ),
+        ),
+        pulses=(
+            PulseRecord("S01", "a.csv", 1.25, 0.25, -7.0, "LRE", 7.0, 7.1),
+            PulseRecord("S01", "a.csv", 9.5, None, None, "MST", code="gap", detail="0.2 s"),
+        ),
+        strides=(
+            StrideRecord("S01", "a.csv", "perturbed", 0.5, 1.1),
+            StrideRecord("S01", "a.csv", "perturbed", 1.6, 2.2, "missing_strike"),
+        ),
+        gaps=(GapRecord("S01", "a.csv", 9.4, 0.2),),
+        statistics={"vaf": {"mean_pct": 97.5, "n": 3}, "points": ["LRE", "MST"]},
+        settings={"method": "dissertation", "seed": 0, "window_s": 0.1},
+        provenance={"inputs": {"a.csv": {"sha256": "00"}}, "time": None},
+    )
+
+
+def bench_analysis() -> StudyAnalysis:
+    return StudyAnalysis(cells=(cell("spring", "case 1", None), cell("spring", "case 2", None)))
+
+
+def joint_fit() -> JointFit:
+    return JointFit(
+        model="kbj",
+        estimator="output_error",
+        input="torque",
+        parameters=(
+            ParameterEstimate("stiffness", 50.0, 48.0, 52.0, "ok", ci_method="sandwich"),
+            ParameterEstimate("damping", 1e-9, 0.0, 0.5, "at_bound", share_at_bound=0.7),
+            ParameterEstimate("inertia", None, None, None, "undecided"),
+        ),
+        vaf_pct=98.0,
+        vaf_of="angle",
+        status="undecided",
+        n_samples=1000,
+        rate_hz=500.0,
+        cutoff_hz=30.0,
+        condition_number=4.0,
+        covariance=((1.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 1e-6)),
+        residual_correlation_time_s=0.05,
+        ci_method="sandwich",
+        settings={"ci_level": 0.95, "cutoff_hz": 30.0},
+        warnings=("the record is short",),
+        series=FitSeries((0.0, 0.002), (0.1, 0.2), (0.11, 0.19)),
+    )
+
+
+def fit_without_intervals() -> JointFit:
+    return dataclasses.replace(joint_fit(), covariance=(), warnings=(), series=FitSeries())
+
+
+def run_report() -> RunReport:
+    row: dict[str, Any] = dict.fromkeys(("planned", "completed", "n"), 50)
+    row |= {"participant": "S01", "condition": "perturbed", "timing_point": "LRE"}
+    row |= {"planned_pct": 7.0, "missed": 2, "aborted": 0}
+    row |= {"error_mean_pct": 0.1, "error_sd_pct": 1.5, "theory_sd_pct": 1.4}
+    gaps = {"participant": "S01", "condition": "perturbed", "fewest": 3, "most": 7}
+    return RunReport("walking", 0, (row,), (gaps,), ({"participant": "S01", "overruns": 0},))
+
+
+EXAMPLES: dict[str, Callable[[], Any]] = {
+    "walking": walking_analysis,
+    "bench": bench_analysis,
+    "empty": lambda: StudyAnalysis(cells=()),
+    "fit": joint_fit,
+    "fit without intervals": fit_without_intervals,
+    "run": run_report,
+}
+
+
+@pytest.fixture(params=EXAMPLES)
+def result(request: pytest.FixtureRequest) -> Any:
+    return EXAMPLES[request.param]()
+
+
+@pytest.fixture(autouse=True)
+def _no_window():
+    import matplotlib.pyplot as plt
+
+    backend = mpl.get_backend()
+    mpl.use("Agg")
+    yield
+    plt.close("all")
+    mpl.use(backend)
+
+
+def through_json(result: Any) -> Any:
+    text = json.dumps(result.to_dict(), allow_nan=False)
+    return type(result).from_dict(json.loads(text))
+
+
+# --- the promises --------------------------------------------------------------------------------
+
+
+def test_every_result_class_has_an_example():
+    modules = [
+        importlib.import_module(f"jointz.core.{m.name}")
+        for m in pkgutil.iter_modules(jointz.core.__path__)
+    ]
+    results = {
+        value
+        for module in modules
+        for value in vars(module).values()
+        if dataclasses.is_dataclass(value) and hasattr(value, "to_frame")
+    }
+
+    assert results == {type(make()) for make in EXAMPLES.values()}
+
+
+def test_a_result_gives_a_table(result):
+    table = result.to_frame()
+
+    assert isinstance(table, pd.DataFrame)
+    assert table.index.equals(pd.RangeIndex(len(table)))
+    assert table.columns.is_unique
+
+
+def test_a_result_gives_a_short_text(result):
+    text = result.summary()
+
+    assert text == text.strip() != ""
+    assert "nan" not in text.lower()
+    assert "None" not in text
+
+
+def test_a_result_draws_where_it_is_told(result):
+    import matplotlib.pyplot as plt
+
+    ax = plt.figure().add_subplot()
+
+    assert result.plot(ax) is ax
+    assert result.plot(ax=ax) is ax
+    assert plt.get_fignums() == [ax.figure.number]
+    ax.figure.canvas.draw()
+
+
+def test_a_result_draws_on_its_own(result):
+    ax = result.plot()
+
+    assert isinstance(ax, Axes)
+    assert ax.get_ylabel()
+    ax.figure.canvas.draw()
+
+
+def test_a_result_comes_back_from_json_as_it_was(result):
+    back = through_json(result)
+
+    assert type(back) is type(result)
+    assert back == result
+    assert back.to_dict() == result.to_dict()
+    pd.testing.assert_frame_equal(back.to_frame(), result.to_frame())
+    assert back.summary() == result.summary()
+
+
+def test_plain_values_are_what_json_has(result):
+    plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+
+    again = type(result).from_dict(plain).to_dict()
+
+    assert json.loads(json.dumps(again)) == plain
+
+
+def test_reading_leaves_what_is_read_as_it_was(result):
+    plain = result.to_dict()
+    before = copy.deepcopy(plain)
+
+    type(result).from_dict(plain)
+
+    assert plain == before
+
+
+def test_two_results_that_differ_are_not_equal():
+    distinct = [make() for make in EXAMPLES.values()]
+
+    for i, a in enumerate(distinct):
+        for j, b in enumerate(distinct):
+            assert (a == b) is (i == j)
+
+
+def test_a_result_cannot_be_changed(result):
+    for field in dataclasses.fields(result):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(result, field.name, None)
+    assert not hasattr(result, "__dict__")
+
+
+@pytest.mark.parametrize("schema", ["jointz.StudyAnalysis/99", 99, "", None])
+def test_another_schema_is_refused_by_name(result, schema):
+    plain = result.to_dict()
+
+    with pytest.raises(ValueError, match="expected schema") as caught:
+        type(result).from_dict(plain | {"schema": schema})
+
+    assert repr(schema) in str(caught.value)
+    assert str(plain["schema"]) in str(caught.value)
+
+
+def test_no_schema_is_refused(result):
+    with pytest.raises(ValueError, match="expected schema"):
+        type(result).from_dict({k: v for k, v in result.to_dict().items() if k != "schema"})
+
+
+def test_a_schema_belongs_to_one_class():
+    for make in EXAMPLES.values():
+        for other in EXAMPLES.values():
+            if type(make()) is not type(other()):
+                with pytest.raises(ValueError, match="expected schema"):
+                    type(make()).from_dict(other().to_dict())
+
+
+def test_results_load_no_matplotlib_until_they_draw():
+    code = (
+        "import sys, jointz.core.analysis, jointz.core.joint_fit, jointz.core.run_report;"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

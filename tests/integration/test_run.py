@@ -1,0 +1,161 @@
+"""``jointz run``: determinism, both clocks, the plan, the study, the commands."""
+
+import hashlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.run_report import RunReport
+from jointz.core.session_log import FIELDS
+from jointz.io.netcdf import read_recording
+from jointz.io.protocols import load_protocol, protocol_text
+from jointz.io.session_log import read_log
+
+HOST_FIELDS = {"host_time_ns", "busy_us", "crc"}
+
+
+def shortened(*, strides, pulses, conditions=("no_device", "unperturbed", "perturbed")):
+    """The walking protocol with fewer strides and pulses."""
+    whole = load_protocol("walking")
+    changed = []
+    for condition in whole.conditions:
+        if condition.name not in conditions:
+            continue
+        if condition.perturbations is None:
+            changed.append(condition.model_copy(update={"strides": strides}))
+        else:
+            few = condition.perturbations.model_copy(update={"count_per_point": pulses})
+            changed.append(condition.model_copy(update={"perturbations": few}))
+    return whole.model_copy(update={"conditions": tuple(changed), "participants": 2})
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    return shortened(strides=12, pulses=4)
+
+
+@pytest.fixture(scope="module")
+def made(protocol, tmp_path_factory):
+    return jointz.run(protocol, out=tmp_path_factory.mktemp("run") / "study", seed=3)
+
+
+def hashes(study):
+    """Logs, journals and recordings' numbers by their place in the study."""
+    found = {
+        str(path.relative_to(study)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for pattern in ("*.jzlog", "journal.jsonl", "plan.json", "*_pulses.csv", "study.toml")
+        for path in study.rglob(pattern)
+    }
+    truth = json.loads((study / "ground_truth.json").read_text())
+    return {**found, "truth": truth}
+
+
+def test_the_same_seed_gives_the_same_bytes(protocol, made, tmp_path):
+    again = jointz.run(protocol, out=tmp_path / "study", seed=3)
+    assert hashes(again.study) == hashes(made.study)
+    assert len(hashes(made.study)) >= 2 * (3 + 2 + 1) + 2
+
+
+def test_the_number_of_workers_changes_nothing(protocol, made, tmp_path):
+    parallel = jointz.run(protocol, out=tmp_path / "study", seed=3, workers=2)
+    assert hashes(parallel.study) == hashes(made.study)
+
+
+def test_another_seed_gives_another_plan_and_other_people(protocol, made, tmp_path):
+    other = jointz.run(protocol, out=tmp_path / "study", seed=4)
+    mine, theirs = hashes(made.study), hashes(other.study)
+    for name in ("sessions/S01/plan.json", "sessions/S01/logs/unperturbed-0.jzlog", "study.toml"):
+        assert mine[name] != theirs[name]
+
+
+def test_both_clocks_write_the_same_log_but_for_host_time(tmp_path):
+    brief = shortened(strides=3, pulses=1, conditions=("unperturbed",))
+    fast = jointz.run(brief, out=tmp_path / "fast", participants=1, seed=3)
+    log = "sessions/S01/logs/unperturbed-0.jzlog"
+    virtual = read_log(fast.study / log)
+    for attempt in range(10):  # a busy machine may skip a slot, and then the logs differ rightly
+        real = jointz.run(
+            brief, out=tmp_path / f"real{attempt}", participants=1, seed=3, clock="real"
+        )
+        found = read_log(real.study / log)
+        if np.array_equal(found.records["slot"], np.arange(found.records.size)):
+            break
+    else:
+        pytest.skip("the machine was too busy: slots were missed in every attempt")
+    assert found.header == virtual.header
+    assert (found.records["host_time_ns"] != virtual.records["host_time_ns"]).any()
+    for name in {field.name for field in FIELDS} - HOST_FIELDS:
+        np.testing.assert_array_equal(
+            found.records[name], virtual.records[name], err_msg=f"field {name}"
+        )
+
+
+def test_the_plan_is_kept(made):
+    table = made.report.to_frame()
+    assert set(table["completed"]) == set(table["planned"]) == {4}
+    for row in made.report.gaps:
+        assert row["fewest"] >= 3
+        assert row["most"] <= 7 or row["longer_than_planned"] > 0
+
+
+def test_the_study_is_analysed_with_nothing_special(made):
+    analysis = jointz.analyze(made.study, resamples=50)
+    assert analysis.n_standing > 30
+    assert {p.timing_point for p in analysis.pulses} == {"LRE", "MST", "TST", "PSW", "ISW", "MSW"}
+    assert all(abs(p.onset_s) < 1e4 for p in analysis.pulses)
+
+
+def test_recordings_hold_what_was_worn(made):
+    with_device = read_recording(made.study / "S01_unperturbed.nc")
+    assert {"angle", "contact", "current", "motor_angle", "command"} <= set(with_device)
+    assert not with_device["command"].any()
+    assert set(read_recording(made.study / "S01_no_device.nc")) == {"angle", "contact"}
+
+
+def test_the_pulse_table_and_the_command_agree(made):
+    recording = read_recording(made.study / "S01_perturbed.nc")
+    table = pd.read_csv(made.study / "S01_perturbed_pulses.csv")
+    time, command = recording["time"].to_numpy(), recording["command"].to_numpy()
+    starts = time[np.flatnonzero(np.diff((command != 0).astype(int), prepend=0) == 1)]
+    np.testing.assert_allclose(table["onset_s"], starts, atol=1e-6)
+    np.testing.assert_allclose(table["duration_s"], 0.25, atol=1e-6)
+
+
+def test_the_truth_lies_beside_the_study_and_no_analysis_reads_it(made):
+    before = jointz.analyze(made.study, resamples=20).to_frame()
+    truth = made.study / "ground_truth.json"
+    kept = truth.read_text()
+    truth.unlink()
+    try:
+        pd.testing.assert_frame_equal(jointz.analyze(made.study, resamples=20).to_frame(), before)
+    finally:
+        truth.write_text(kept)
+
+
+def test_the_report_survives_json_and_draws(made):
+    again = RunReport.from_dict(json.loads(json.dumps(made.report.to_dict(), allow_nan=False)))
+    assert again.to_dict() == made.report.to_dict()
+    assert "48 of 48 pulses" in made.report.summary()
+    assert made.report.plot().get_xlabel().startswith("Planned onset")
+
+
+def test_the_command_runs_a_protocol_of_ones_own_and_prints_json(jointz, tmp_path):
+    text = protocol_text("walking-pilot").replace("count_per_point = 50", "count_per_point = 2")
+    (tmp_path / "mine.toml").write_text(text.replace("strides = 60", "strides = 8"))
+    options = ("--participants", "1", "--workers", "1", "--json")
+    outcome = jointz("run", tmp_path / "mine.toml", "--out", tmp_path / "s", *options)
+    assert outcome.code == 0
+    assert outcome.json["pulses_completed"] == outcome.json["pulses_planned"] == 12
+    assert (tmp_path / "s" / "study.toml").is_file()
+
+
+def test_an_unknown_protocol_and_a_used_folder_are_bad_input(jointz, tmp_path):
+    outcome = jointz("run", "wlaking", "--out", tmp_path / "s")
+    assert outcome.code == 2
+    assert "Did you mean 'walking'" in outcome.err
+    assert not (tmp_path / "s").exists()
+    (tmp_path / "thesis.doc").write_text("x")
+    assert jointz("run", "walking", "--out", tmp_path).code == 2

@@ -1,0 +1,166 @@
+"""Nothing recorded is lost: kill, full disk, resume; every planned pulse counts once."""
+
+import json
+import os
+import resource
+import signal
+from collections import Counter
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.errors import DataError, OutputError
+from jointz.experiment.journal import read_journal
+from jointz.experiment.recorder import Recorder
+from jointz.io.protocols import load_protocol
+from jointz.io.session_log import read_log
+from jointz.sim.devices import SimulatedActuator
+
+KILLS = 20
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    """The walking protocol with a few strides and 3 pulses a point."""
+    whole = load_protocol("walking")
+    conditions = []
+    for condition in whole.conditions:
+        if condition.perturbations is None:
+            conditions.append(condition.model_copy(update={"strides": 6}))
+        else:
+            few = condition.perturbations.model_copy(update={"count_per_point": 3})
+            conditions.append(condition.model_copy(update={"perturbations": few}))
+    return whole.model_copy(update={"conditions": tuple(conditions), "participants": 1})
+
+
+def run(protocol, out, **options):
+    return jointz.run(protocol, out=out, seed=5, **options)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled(protocol, tmp_path_factory):
+    """Compile the physics once, before children are forked."""
+    return run(protocol, tmp_path_factory.mktemp("warm") / "study")
+
+
+def in_child(work):
+    """Do the work in a forked process and return its exit status."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            work()
+            status = 0
+        finally:
+            os._exit(status)
+    return os.waitpid(child, 0)[1]
+
+
+def killed_at(protocol, out, tick, monkeypatch):
+    """Run until the log has taken so many ticks, then be killed; False where it ended before."""
+    write = Recorder.write
+    left = [tick]
+
+    def counted(self, *records):
+        write(self, *records)
+        left[0] -= 1
+        if left[0] == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr(Recorder, "write", counted)
+    status = in_child(lambda: run(protocol, out, resume=True))
+    monkeypatch.setattr(Recorder, "write", write)
+    return os.WIFSIGNALED(status)
+
+
+def ticks_on_disk(out):
+    logs = (out / "sessions" / "S01" / "logs").glob("*.jzlog")
+    return sum(int((read_log(log).records["part"] == 0).sum()) for log in logs)
+
+
+def completed(out):
+    events = read_journal(out / "sessions" / "S01" / "journal.jsonl")
+    return [e["pulse"] for e in events if e["event"] == "pulse_completed"]
+
+
+def test_twenty_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path, monkeypatch):
+    out, rng = tmp_path / "study", np.random.default_rng(11)
+    before, kills = 0, 0
+    while kills < KILLS:
+        tick = int(rng.integers(1, 8000))
+        if not killed_at(protocol, out, tick, monkeypatch):
+            pytest.fail(f"the run ended after {kills} kills: make it longer")
+        kills += 1
+        found = ticks_on_disk(out)
+        assert found == before + tick
+        before = found
+        assert not (out / "study.toml").exists()
+        numbers = completed(out)
+        assert len(numbers) == len(set(numbers))
+    made = run(protocol, out, resume=True)
+
+    assert sorted(completed(out)) == list(range(1, 19))
+    assert set(made.report.to_frame()["completed"]) == {3}
+    table = pd.read_csv(out / "S01_perturbed_pulses.csv")
+    left_out = out / "exclusions.csv"
+    n_left_out = len(pd.read_csv(left_out)) if left_out.exists() else 0
+    assert len(table) - n_left_out == 18
+    analysis = jointz.analyze(out, resamples=20)
+    assert Counter(
+        p.timing_point for p in analysis.pulses if not p.code == "user"
+    ) == dict.fromkeys(("LRE", "MST", "TST", "PSW", "ISW", "MSW"), 3)
+
+
+def test_a_finished_run_is_left_as_it_is(protocol, compiled):
+    before = {p: p.stat().st_mtime_ns for p in compiled.study.rglob("*.jzlog")}
+    again = run(protocol, compiled.study, resume=True)
+    assert again.report.to_dict() == compiled.report.to_dict()
+    assert {p: p.stat().st_mtime_ns for p in compiled.study.rglob("*.jzlog")} == before
+
+
+def test_resume_refuses_another_seed_or_plan(protocol, compiled):
+    with pytest.raises(DataError, match=r"another run: seed 5, now 6"):
+        jointz.run(protocol, out=compiled.study, seed=6, resume=True)
+    other = protocol.model_copy(update={"name": "mine"})
+    with pytest.raises(DataError, match=r"another run: protocol 'walking', now 'mine'"):
+        run(other, compiled.study, resume=True)
+
+
+def test_a_folder_that_exists_is_kept(protocol, compiled, tmp_path):
+    with pytest.raises(OutputError, match="exists and is kept.*--resume"):
+        run(protocol, compiled.study)
+    (tmp_path / "thesis.doc").write_text("years")
+    with pytest.raises(OutputError, match=r"holds no run\.json"):
+        run(protocol, tmp_path, resume=True)
+
+
+def test_a_full_disk_stops_the_run_safely_and_resume_completes_it(protocol, tmp_path):
+    out = tmp_path / "study"
+    told = tmp_path / "told.json"
+
+    def work():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        size = 1_000_000  # bytes that a file may take: enough for all but the pulses
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        commands = []
+        stop = SimulatedActuator.stop
+
+        def stopped(self):
+            commands.append("stop")
+            stop(self)
+
+        SimulatedActuator.stop = stopped
+        try:
+            run(protocol, out)
+        except OutputError as exc:
+            told.write_text(json.dumps({"message": str(exc), "commands": commands}))
+
+    assert in_child(work) == 0
+    said = json.loads(told.read_text())
+    assert "could not be written" in said["message"]
+    assert "--resume" in said["message"]
+    assert "stop" in said["commands"]
+    made = run(protocol, out, resume=True)
+    assert set(made.report.to_frame()["completed"]) == {3}

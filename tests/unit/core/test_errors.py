@@ -1,0 +1,103 @@
+"""The tree of errors: what is caught by what, and what an error knows."""
+
+import inspect
+import re
+
+import pytest
+
+from jointz.core import errors
+from jointz.core.errors import (
+    DataError,
+    EstimationError,
+    JointzError,
+    OutputError,
+    StudyError,
+    UnitError,
+)
+
+CLASSES = {
+    name: cls
+    for name, cls in inspect.getmembers(errors, inspect.isclass)
+    if cls.__module__ == errors.__name__ and not name.startswith("_")
+}
+
+
+def test_every_error_is_a_jointz_error():
+    assert all(issubclass(cls, JointzError) for cls in CLASSES.values())
+
+
+def test_the_tree_of_the_documentation_is_the_tree_of_the_classes():
+    """Depth in the drawing is the number of public ancestors below JointzError."""
+    drawn = re.findall(r"^    ([│ ├└─]*)([A-Z]\w+)", errors.__doc__, flags=re.MULTILINE)
+
+    def ancestors(cls):
+        public = [c for c in cls.__mro__[1:] if c in CLASSES.values()]
+        return [c.__name__ for c in public][::-1]
+
+    path: list[str] = []
+    for branch, name in drawn:
+        path = path[: len(branch) // 4]
+        assert ancestors(CLASSES[name]) == path, name
+        path.append(name)
+    assert {name for _, name in drawn} == set(CLASSES)
+
+
+@pytest.mark.parametrize("cls", [DataError, StudyError, UnitError, errors.ProtocolError])
+def test_bad_input_can_be_caught_as_a_value_error(cls):
+    assert issubclass(cls, DataError)
+    assert issubclass(cls, ValueError)
+
+
+@pytest.mark.parametrize("cls", [EstimationError, OutputError, errors.DeviceError])
+def test_what_is_no_bad_input_is_no_value_error(cls):
+    assert not issubclass(cls, ValueError)
+
+
+def test_a_data_error_knows_where():
+    error = DataError("a.csv, row 3: no number.", path="a.csv", channel="angle", row=3)
+
+    assert str(error) == "a.csv, row 3: no number."
+    assert (error.path, error.channel, error.row) == ("a.csv", "angle", 3)
+
+
+def test_a_data_error_need_not_know_where():
+    error = UnitError("no unit")
+
+    assert (error.path, error.channel, error.row) == (None, None, None)
+
+
+@pytest.mark.parametrize("cls", [StudyError, errors.ProtocolError])
+@pytest.mark.parametrize(
+    ("problems", "text"),
+    [
+        (["one"], "study.toml: 1 problem\n  - one"),
+        (["one", "two"], "study.toml: 2 problems\n  - one\n  - two"),
+    ],
+)
+def test_all_problems_stand_in_one_message(cls, problems, text):
+    error = cls("study.toml", problems)
+
+    assert str(error) == text
+    assert error.problems == tuple(problems)
+    assert error.path == "study.toml"
+
+
+def test_an_estimation_error_has_a_stable_code():
+    error = EstimationError("ill_conditioned", "Give more pulses.")
+
+    assert (error.code, str(error)) == ("ill_conditioned", "Give more pulses.")
+
+
+def test_a_device_error_names_the_device():
+    error = errors.NotConnectedError("goniometer", "no answer in 1 s. Plug it in.")
+
+    assert str(error) == "goniometer: no answer in 1 s. Plug it in."
+    assert error.device == "goniometer"
+    assert isinstance(error, errors.DeviceError)
+
+
+def test_a_safety_stop_has_a_stable_code():
+    error = errors.SafetyStop("posture", "angle 2.1 rad, limit 1.9 rad.")
+
+    assert str(error) == "safety: posture: angle 2.1 rad, limit 1.9 rad."
+    assert (error.device, error.code) == ("safety", "posture")

@@ -1,0 +1,105 @@
+"""The fit of one time series: its parts, its words and its figure."""
+
+import dataclasses
+
+import matplotlib as mpl
+import pytest
+
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.joint_fit import FitSeries, JointFit
+
+FIT = JointFit(
+    model="kbj",
+    estimator="output_error",
+    input="torque",
+    parameters=(
+        ParameterEstimate("stiffness", 50.0, 48.0, 52.0, "ok"),
+        ParameterEstimate("damping", 0.0, 0.0, 0.5, "at_bound"),
+        ParameterEstimate("inertia", None, None, None, "undecided"),
+    ),
+    vaf_pct=98.04,
+    vaf_of="angle",
+    status="undecided",
+    n_samples=1250,
+    rate_hz=500.0,
+    cutoff_hz=30.0,
+    condition_number=4.0,
+    covariance=(),
+    residual_correlation_time_s=0.05,
+    ci_method="sandwich",
+    warnings=("the record is short",),
+    series=FitSeries((0.0, 0.1), (1.0, 2.0), (1.1, 1.9)),
+)
+
+
+def test_a_parameter_is_found_by_name():
+    assert FIT.parameter("damping") is FIT.parameters[1]
+
+
+def test_a_parameter_it_has_not_is_refused_with_those_it_has():
+    with pytest.raises(KeyError) as caught:
+        FIT.parameter("mass")
+
+    assert caught.value.args == (
+        "no parameter 'mass' in this fit; it has stiffness, damping, inertia",
+    )
+
+
+def test_the_table_has_one_row_a_parameter():
+    table = FIT.to_frame()
+
+    assert table["parameter"].tolist() == ["stiffness", "damping", "inertia"]
+    assert table["unit"].tolist() == ["N*m/rad", "N*m*s/rad", "kg*m^2"]
+    assert table["status"].tolist() == ["ok", "at_bound", "undecided"]
+    assert set(table["vaf_pct"]) == {98.04}
+
+
+def test_the_summary_gives_intervals_quality_and_warnings():
+    assert FIT.summary().splitlines() == [
+        "Joint impedance, estimator output_error, torque perturbed: undecided",
+        "  2.5 s at 500 Hz, low-pass 30 Hz",
+        "  stiffness  50 N*m/rad (95% interval 48 to 52; ok)",
+        "  damping    0 N*m*s/rad (95% interval 0 to 0.5; at_bound)",
+        "  inertia    undecided",
+        "  VAF of the angle 98.0 %; intervals: sandwich",
+        "  Note: the record is short",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("signal", "label"), [("angle", "angle (rad)"), ("torque", "torque (N*m)")]
+)
+def test_the_figure_shows_measurement_and_model(signal, label):
+    import matplotlib.pyplot as plt
+
+    backend = mpl.get_backend()
+    mpl.use("Agg")
+    ax = dataclasses.replace(FIT, vaf_of=signal).plot()
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+    labels, title = (ax.get_xlabel(), ax.get_ylabel()), ax.get_title()
+    plt.close("all")
+    mpl.use(backend)
+
+    assert drawn == {"measured": [[0.0, 1.0], [0.1, 2.0]], "model": [[0.0, 1.1], [0.1, 1.9]]}
+    assert labels == ("time (s)", label)
+    assert title == (
+        "K = 50 N*m/rad, B = 0 N*m*s/rad, J undecided\n" + f"VAF of the {signal} 98.0 %"
+    )
+
+
+def test_plain_values_have_the_shape_of_the_command_line():
+    plain = FIT.to_dict()
+
+    assert plain["schema"] == "jointz.JointFit/1"
+    assert list(plain["parameters"]) == ["stiffness", "damping", "inertia"]
+    assert plain["parameters"]["stiffness"]["value"] == 50.0
+    assert plain["parameters"]["stiffness"]["unit"] == "N*m/rad"
+    assert plain["parameters"]["stiffness"]["ci"] == [48.0, 52.0]
+    assert plain["parameters"]["inertia"]["value"] is None
+    assert (plain["vaf_pct"], plain["status"]) == (98.04, "undecided")
+
+
+def test_a_fit_comes_back_from_plain_values():
+    whole = dataclasses.replace(FIT, covariance=((1.0, 0.5), (0.5, 2.0)))
+
+    assert JointFit.from_dict(whole.to_dict()) == whole

@@ -1,0 +1,43 @@
+"""Where a result came from."""
+
+import json
+import platform
+from datetime import UTC, datetime, timedelta
+from importlib.metadata import PackageNotFoundError, version
+
+from jointz.core import provenance
+
+
+def test_software_names_the_versions_a_number_depends_on():
+    told = provenance.software()
+
+    assert told["jointz"] == version("jointz")
+    assert told["python"] == platform.python_version()
+    assert told["packages"]["numpy"] == version("numpy")
+    assert {"numpy", "scipy", "pandas", "xarray", "numba"} <= set(told["packages"])
+    assert json.loads(json.dumps(told)) == told
+
+
+def test_a_package_that_is_absent_is_said_to_be(monkeypatch):
+    def absent(package: str) -> str:
+        if package == "numba":
+            raise PackageNotFoundError(package)
+        return "1.0"
+
+    monkeypatch.setattr(provenance, "version", absent)
+
+    packages = provenance.software()["packages"]
+
+    assert packages["numba"] == "not installed"
+    assert packages["numpy"] == "1.0"
+
+
+def test_now_is_the_time_in_utc_to_the_second():
+    before = datetime.now(UTC)
+
+    told = provenance.now()
+
+    assert told.endswith("+00:00")
+    moment = datetime.fromisoformat(told)
+    assert moment.microsecond == 0
+    assert before - timedelta(seconds=1) < moment <= datetime.now(UTC)

@@ -1,0 +1,226 @@
+"""The schema of a recording: what is refused, where, and all of it at once."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.errors import DataError
+from jointz.core.recording import (
+    build_recording,
+    history_of,
+    validate_recording,
+    with_history,
+)
+
+TIME = np.arange(5) / 100.0
+
+
+def problem(time, first_row: int = 1, **channels) -> str:
+    with pytest.raises(DataError) as caught:
+        build_recording(time, channels, first_row=first_row, file="a.csv")
+    assert str(caught.value).startswith("a.csv: ")
+    return str(caught.value).removeprefix("a.csv: ")
+
+
+def spoiled(change) -> str:
+    """Change a good recording and return what is said about it."""
+    with pytest.raises(DataError) as caught:
+        validate_recording(change(build_recording(TIME, {"angle": TIME})))
+    return str(caught.value)
+
+
+# --- building ------------------------------------------------------------------------------------
+
+
+def test_channels_get_the_units_of_their_names():
+    recording = build_recording(TIME, dict.fromkeys([*CHANNEL_UNITS, "mine"][1:], TIME))
+
+    for name, units in list(CHANNEL_UNITS.items())[1:]:
+        assert recording[name].attrs["units"] == units[0]
+        assert recording[name].dtype == np.float64
+    assert recording["mine"].attrs["units"] == "1"
+    assert recording["time"].attrs["units"] == "s"
+
+
+def test_a_reference_may_be_a_torque_and_a_channel_of_ones_own_anything():
+    recording = build_recording(
+        TIME, {"reference": TIME, "mine": TIME}, units={"reference": "N*m", "mine": "V"}
+    )
+
+    assert recording["reference"].attrs["units"] == "N*m"
+    assert recording["mine"].attrs["units"] == "V"
+
+
+def test_attributes_are_there_whether_given_or_not():
+    recording = build_recording(TIME, {}, first_row=7, participant="S01", side="left")
+
+    texts = {k: v for k, v in recording.attrs.items() if isinstance(v, str) and v}
+    assert texts == {"participant": "S01", "side": "left", "history": "[]"}
+    assert recording.attrs["first_row"] == 7
+    assert recording.attrs["sha256"] == recording.attrs["trial"] == ""
+
+
+def test_whole_numbers_become_floats_and_missing_samples_stay():
+    recording = build_recording([0, 1, 2], {"angle": [1, 2, 3], "torque": [0.0, np.nan, 1.0]})
+
+    assert recording["angle"].dtype == recording["time"].dtype == np.float64
+    assert np.isnan(recording["torque"][1])
+
+
+def test_channels_of_another_length_are_refused_with_their_shapes():
+    told = problem(TIME, angle=TIME[:3], torque=np.zeros((5, 2)))
+
+    assert told == (
+        "expected one sample of every channel per time stamp, got the shapes {'time': (5,), "
+        "'angle': (3,), 'torque': (5, 2)}. Give every channel as long as time."
+    )
+
+
+# --- time ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_two_samples_are_needed(n):
+    assert problem(TIME[:n]) == f"it has {n} sample(s); at least two are needed."
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_time_stamp_that_is_no_number_is_named_by_its_row(bad):
+    time = TIME.copy()
+    time[[2, 4]] = bad
+
+    told = problem(time, first_row=2)
+
+    assert told == "row 4: the time stamp is not a number. Repair or remove the row."
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "told"),
+    [
+        (3, 0.02, "row 5: time repeats (0.02 s after 0.02 s; 1 such row(s))."),
+        (3, 0.01, "row 5: time goes back (0.01 s after 0.02 s; 1 such row(s))."),
+        (0, 9.0, "row 3: time goes back (0.01 s after 9 s; 1 such row(s))."),
+    ],
+)
+def test_time_must_increase(at, value, told):
+    time = TIME.copy()
+    time[at] = value
+
+    assert problem(time, first_row=2) == (
+        f"{told} Time must increase; sort the file, or separate trials with [channels.trial]."
+    )
+
+
+def test_rows_where_time_does_not_increase_are_counted():
+    assert "row 2: time goes back (0.03 s after 0.04 s; 4 such row(s))" in problem(TIME[::-1])
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20, unique=True),
+    st.integers(min_value=1, max_value=100),
+)
+def test_time_in_order_is_accepted_and_any_other_order_names_the_first_row(stamps, first_row):
+    in_order = np.array(sorted(stamps))
+    assert build_recording(in_order, {}).sizes["time"] == len(stamps)
+    given_rows = [k for k in range(1, len(stamps)) if stamps[k] <= stamps[k - 1]]
+    if given_rows:
+        told = problem(np.array(stamps), first_row=first_row)
+        assert told.startswith(f"row {first_row + given_rows[0]}: ")
+
+
+# --- validating a dataset of another origin ------------------------------------------------------
+
+
+def test_a_good_recording_comes_back_itself():
+    recording = build_recording(TIME, {"angle": TIME})
+
+    assert validate_recording(recording) is recording
+
+
+def test_a_dataset_without_time_is_refused():
+    assert spoiled(lambda r: r.drop_vars("time")) == "recording: it has no coordinate 'time'."
+
+
+@pytest.mark.parametrize(
+    ("stamps", "found"),
+    [
+        (np.arange(5).astype("datetime64[ns]"), "datetime64[ns]"),
+        (np.arange(5), "int64"),
+        (np.array(list("abcde")), "<U1"),
+    ],
+)
+def test_time_must_be_seconds_as_floats(stamps, found):
+    told = spoiled(lambda r: r.assign_coords(time=stamps))
+
+    assert told == (
+        f"recording: its coordinate 'time' holds {found} over ('time',), expected float64 "
+        "seconds over ('time',)."
+    )
+
+
+def test_time_must_be_a_coordinate_of_its_own_dimension():
+    flat = xr.Dataset({"angle": ("row", TIME)}, coords={"time": ("row", TIME)})
+
+    told = spoiled(lambda _: flat)
+
+    assert "'time' holds float64 over ('row',), expected float64 seconds over ('time',)." in told
+    assert "channel 'angle' has dimensions ('row',), expected ('time',)." in told
+
+
+def test_all_problems_stand_in_one_message():
+    def spoil(recording):
+        recording = recording.assign_coords(time=TIME[::-1]).assign_attrs(file="b.nc", first_row=3)
+        recording["angle"].attrs["units"] = "deg"
+        recording["torque"] = ("time", np.arange(5))
+        recording["reference"] = ("time", TIME, {"units": "s"})
+        recording["mine"] = (("time", "axis"), np.zeros((5, 3)))
+        return recording
+
+    assert spoiled(spoil) == (
+        "b.nc: row 4: time goes back (0.03 s after 0.04 s; 4 such row(s)). Time must increase; "
+        "sort the file, or separate trials with [channels.trial]. "
+        "channel 'angle' must be in rad, got 'deg'. "
+        "channel 'torque' holds int64, expected float64. "
+        "channel 'torque' must be in N*m, got None. "
+        "channel 'reference' must be in rad or N*m, got 's'. "
+        "channel 'mine' has dimensions ('time', 'axis'), expected ('time',)."
+    )
+
+
+def test_the_error_carries_the_file():
+    with pytest.raises(DataError) as caught:
+        build_recording(TIME[:1], {}, file="a.csv")
+
+    assert caught.value.path == "a.csv"
+
+
+# --- history -------------------------------------------------------------------------------------
+
+
+def test_history_is_kept_as_it_was_given():
+    steps = ({"step": "read", "file": "a.csv"}, {"step": "filter", "cutoff_hz": 20.0})
+
+    assert history_of(build_recording(TIME, {}, history=steps)) == list(steps)
+
+
+def test_a_dataset_without_history_has_an_empty_one():
+    assert history_of(xr.Dataset()) == []
+
+
+def test_a_step_is_added_and_the_recording_left_alone():
+    recording = build_recording(TIME, {"angle": TIME}, history=({"step": "read"},))
+
+    changed = with_history(recording, "filter", cutoff_hz=20.0, order=4)
+
+    assert history_of(recording) == [{"step": "read"}]
+    assert history_of(changed) == [
+        {"step": "read"},
+        {"step": "filter", "cutoff_hz": 20.0, "order": 4},
+    ]
+    assert isinstance(json.loads(changed.attrs["history"]), list)
+    xr.testing.assert_equal(changed, recording)

@@ -1,0 +1,360 @@
+"""The models behind study.toml: what they take, what they refuse, and what stands over what."""
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+from jointz.core.study import (
+    Calibrated,
+    CalibrationSpec,
+    ChannelSpec,
+    FilesSpec,
+    GroupSpec,
+    ParticipantSpec,
+    PerturbationsSpec,
+    RecordingSpec,
+    Study,
+    StudySpec,
+    TorqueModelSpec,
+    UserExclusion,
+)
+
+MINIMAL = {
+    "jointz": 1,
+    "joint": "knee",
+    "kind": "walking",
+    "channels": {"angle": {"column": "a"}},
+    "participants": [{"id": "S01"}],
+    "recordings": [{"participant": "S01", "file": "a.csv"}],
+}
+
+
+def refused(model, **values) -> str:
+    """Give values to a model, expect one problem, and return key and message."""
+    with pytest.raises(ValidationError) as caught:
+        model.model_validate(values)
+    (error,) = caught.value.errors()
+    return f"{'.'.join(map(str, error['loc']))}: {error['msg']}"
+
+
+# --- the whole -----------------------------------------------------------------------------------
+
+
+def test_a_minimal_study_has_the_defaults_of_the_format():
+    spec = StudySpec.model_validate(MINIMAL)
+
+    assert (spec.positive, spec.torque_acts_on, spec.sample_rate_hz) == ("flexion", "joint", None)
+    assert spec.perturbations.window_s == 0.1
+    assert spec.perturbations.cutoff_hz == 20.0
+    assert (spec.perturbations.source, spec.perturbations.baseline) == (None, None)
+    assert spec.files.model_dump() == {
+        "delimiter": None,
+        "decimal": ".",
+        "skip_rows": 0,
+        "header": True,
+    }
+    assert spec.calibration == CalibrationSpec()
+    assert spec.torque_model is None
+
+
+@pytest.mark.parametrize("key", MINIMAL)
+def test_every_key_of_a_minimal_study_is_required(key):
+    without = {k: v for k, v in MINIMAL.items() if k != key}
+
+    assert refused(StudySpec, **without) == f"{key}: Field required"
+
+
+@pytest.mark.parametrize("key", ["participants", "recordings"])
+def test_a_study_has_somebody_and_something(key):
+    assert refused(StudySpec, **(MINIMAL | {key: []})).startswith(f"{key}: Tuple should have at")
+
+
+@pytest.mark.parametrize("version", [2, 0, True, 1.0, "1"])
+def test_another_schema_version_is_refused(version):
+    assert refused(StudySpec, **(MINIMAL | {"jointz": version})).startswith("jointz: ")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("joint", ""),
+        ("joint", 3),
+        ("kind", "running"),
+        ("torque_acts_on", "Joint"),
+        ("sample_rate_hz", 0),
+        ("sample_rate_hz", "1000"),
+        ("sample_rate_hz", math.inf),
+        ("sample_rate_hz", True),
+    ],
+)
+def test_a_wrong_value_is_refused_at_its_key(key, value):
+    assert refused(StudySpec, **(MINIMAL | {key: value})).startswith(f"{key}: ")
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        StudySpec,
+        ChannelSpec,
+        Calibrated,
+        CalibrationSpec,
+        TorqueModelSpec,
+        ParticipantSpec,
+        RecordingSpec,
+        GroupSpec,
+        PerturbationsSpec,
+        FilesSpec,
+    ],
+)
+def test_unknown_keys_are_refused_at_every_level(model):
+    with pytest.raises(ValidationError) as caught:
+        model.model_validate({"colour": "red"})
+
+    assert ("colour",) in [
+        e["loc"] for e in caught.value.errors() if e["type"] == "extra_forbidden"
+    ]
+
+
+def test_a_study_cannot_be_changed():
+    spec = StudySpec.model_validate(MINIMAL)
+
+    with pytest.raises(ValidationError, match="frozen"):
+        spec.joint = "ankle"
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [
+        ("unperturbed", "unperturbed"),
+        ("perturbed", "perturbed"),
+        ("no_device", "no_device"),
+        ("NPC", "unperturbed"),
+        ("E-NPC", "unperturbed"),
+        ("ENP", "unperturbed"),
+        ("APC", "perturbed"),
+        ("E-APC", "perturbed"),
+        ("EWP", "perturbed"),
+        ("NWC", "no_device"),
+    ],
+)
+def test_conditions_have_the_names_of_the_dissertation_in_any_case(name, condition):
+    for written in (name, name.lower(), name.upper(), name.title(), f"  {name}\t"):
+        entry = RecordingSpec(participant="S01", file="a.csv", condition=written)
+        assert entry.condition == condition
+
+
+def test_every_name_of_a_condition_is_lower_case_and_stands_for_one_of_three():
+    assert all(name == name.lower() for name in CONDITIONS)
+    assert set(CONDITIONS.values()) == {"unperturbed", "perturbed", "no_device"}
+
+
+@pytest.mark.parametrize("value", ["EPN", "", 1, True, ["perturbed"]])
+def test_an_unknown_condition_is_refused(value):
+    told = refused(RecordingSpec, participant="S01", file="a.csv", condition=value)
+
+    assert told == "condition: Input should be 'unperturbed', 'perturbed' or 'no_device'"
+
+
+@pytest.mark.parametrize("direction", sorted(OPPOSITE_DIRECTION))
+def test_every_direction_has_an_opposite_and_is_taken(direction):
+    assert OPPOSITE_DIRECTION[OPPOSITE_DIRECTION[direction]] == direction
+    assert OPPOSITE_DIRECTION[direction] != direction
+    assert ChannelSpec(column="a", positive=direction).positive == direction
+
+
+def test_an_unknown_direction_is_refused_with_those_known():
+    told = refused(StudySpec, **(MINIMAL | {"positive": "Flexion"}))
+
+    assert told == (
+        "positive: Value error, expected one of abduction, adduction, dorsiflexion, eversion, "
+        "extension, external_rotation, flexion, internal_rotation, inversion, plantarflexion, "
+        "pronation, radial_deviation, supination, ulnar_deviation; got 'Flexion'"
+    )
+
+
+def test_a_direction_is_text():
+    assert refused(ChannelSpec, column="a", positive=1).startswith("positive: Input should be a")
+
+
+@pytest.mark.parametrize(("value", "name"), [(7, "7"), ("S01", "S01")])
+def test_a_whole_number_is_a_name(value, name):
+    assert ParticipantSpec(id=value).id == name
+    assert RecordingSpec(participant=value, file="a", session=value).session == name
+
+
+@pytest.mark.parametrize("value", ["", True, 1.5, None, ["S01"]])
+def test_other_things_are_no_name(value):
+    assert refused(ParticipantSpec, id=value).startswith("id: ")
+
+
+@pytest.mark.parametrize("value", [True, 1.0, None, ["a"]])
+def test_a_column_is_a_name_or_a_number(value):
+    told = refused(ChannelSpec, column=value)
+
+    assert told == "column: Value error, expected the name or the number of a column"
+
+
+@pytest.mark.parametrize("column", ["a", 0, 3, ""])
+def test_a_column_by_name_or_number_is_kept(column):
+    assert ChannelSpec(column=column).column == column
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("mass_kg", 0), ("mass_kg", "72"), ("mass_kg", math.nan), ("height_m", -1.0), ("group", "")],
+)
+def test_a_person_has_a_mass_and_height_above_zero(key, value):
+    assert refused(ParticipantSpec, id="S01", **{key: value}).startswith(f"{key}: ")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("delimiter", ""), ("decimal", ";"), ("skip_rows", -1), ("skip_rows", 1.0), ("header", 0)],
+)
+def test_a_layout_of_files_that_cannot_be_is_refused(key, value):
+    assert refused(FilesSpec, **{key: value}).startswith(f"{key}: ")
+
+
+# --- perturbations -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pct", [0, 0.0, 7, 99.9])
+def test_timing_points_lie_in_the_cycle(pct):
+    assert PerturbationsSpec(timing_points={"LRE": pct}).timing_points == {"LRE": pct}
+
+
+@pytest.mark.parametrize("pct", [-0.1, 100, 140.0])
+def test_a_timing_point_outside_the_cycle_is_refused(pct):
+    assert refused(PerturbationsSpec, timing_points={"LRE": 7.0, "MST": pct}).endswith(
+        f"timing_points.MST: expected 0 <= % of cycle < 100, got {float(pct)}"
+    )
+
+
+def test_a_timing_point_is_a_number():
+    assert refused(PerturbationsSpec, timing_points={"LRE": math.nan}).startswith("timing_points.")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("window_s", 0.0009),
+        ("window_s", 10.1),
+        ("cutoff_hz", 0),
+        ("source", "pulses"),
+        ("baseline", "mean"),
+    ],
+)
+def test_a_setting_of_perturbations_out_of_bounds_is_refused(key, value):
+    assert refused(PerturbationsSpec, **{key: value}).startswith(f"{key}: ")
+
+
+@pytest.mark.parametrize("edges", [(0.0, 0.0), (1.0, 0.0), (0.0, 2.0, 1.0)])
+def test_edges_of_groups_increase(edges):
+    assert refused(GroupSpec, channel="x", edges=list(edges)) == (
+        f": Value error, edges must increase, got {list(edges)}"
+    )
+
+
+@pytest.mark.parametrize("edges", [[1.0], [], 1.0, ["0", "1"], [0.0, math.inf]])
+def test_edges_of_groups_are_two_numbers_or_more(edges):
+    with pytest.raises(ValidationError) as caught:
+        GroupSpec.model_validate({"channel": "x", "edges": edges})
+
+    assert {error["loc"][0] for error in caught.value.errors()} == {"edges"}
+
+
+# --- calibration ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["torque_gain", "angle_gain"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_a_gain_must_be_positive(name, value):
+    told = refused(CalibrationSpec, **{name: {"value": value, "sd": 0.0}})
+
+    assert told == f": Value error, {name}: measured over true must be positive, got {value}"
+
+
+def test_a_lag_may_be_negative_and_its_sd_may_not():
+    entry = CalibrationSpec(angle_lag_s={"value": -0.01, "sd": 0.0}).angle_lag_s
+
+    assert (entry.value, entry.sd) == (-0.01, 0.0)
+    assert refused(Calibrated, value=1.0, sd=-0.1).startswith("sd: ")
+    assert refused(Calibrated, value=1.0) == "sd: Field required"
+
+
+def calibration(**values: float) -> CalibrationSpec:
+    return CalibrationSpec.model_validate({k: {"value": v, "sd": 0.1} for k, v in values.items()})
+
+
+def test_a_calibration_is_overridden_entry_by_entry():
+    own = calibration(torque_gain=1.1, angle_lag_s=0.01)
+
+    over = own.overridden_by(calibration(angle_lag_s=0.02, intrinsic_damping=0.3))
+
+    assert over == calibration(torque_gain=1.1, angle_lag_s=0.02, intrinsic_damping=0.3)
+    assert own == calibration(torque_gain=1.1, angle_lag_s=0.01)
+
+
+def test_nothing_overrides_nothing():
+    own = calibration(torque_gain=1.1)
+
+    assert own.overridden_by(None) is own
+    assert own.overridden_by(CalibrationSpec()) == own
+
+
+@pytest.mark.parametrize(("person", "recording"), list(itertools.product([True, False], repeat=2)))
+def test_the_recording_stands_over_the_person_and_the_person_over_the_study(person, recording):
+    def table(value: float) -> dict:
+        return {"calibration": {"torque_gain": {"value": value, "sd": 0.0}}}
+
+    spec = StudySpec.model_validate(
+        MINIMAL
+        | table(1.0)
+        | {"participants": [{"id": "S01"} | (table(2.0) if person else {}), {"id": "S02"}]}
+        | {"recordings": [MINIMAL["recordings"][0] | (table(3.0) if recording else {})]}
+    )
+
+    expected = 3.0 if recording else 2.0 if person else 1.0
+    assert spec.calibration_of(spec.recordings[0]).torque_gain.value == expected
+
+
+def test_a_participant_is_found_by_id():
+    spec = StudySpec.model_validate(MINIMAL | {"participants": [{"id": "a"}, {"id": 2}]})
+
+    assert spec.participant("2") is spec.participants[1]
+
+
+@pytest.mark.parametrize("ratio", [0, -3.0])
+def test_a_gear_ratio_is_positive(ratio):
+    told = refused(TorqueModelSpec, gear_ratio=ratio, torque_constant=0.1)
+
+    assert told == "gear_ratio: Input should be greater than 0"
+
+
+def test_a_torque_model_needs_gear_and_constant_and_has_no_friction_by_default():
+    model = TorqueModelSpec(gear_ratio=6, torque_constant=0.1)
+
+    rest = model.model_dump(exclude={"gear_ratio", "torque_constant"})
+    assert set(rest.values()) == {0.0}
+    assert refused(TorqueModelSpec, gear_ratio=6.0) == "torque_constant: Field required"
+
+
+# --- an opened study -----------------------------------------------------------------------------
+
+
+def test_an_opened_study_cannot_be_changed():
+    exclusion = UserExclusion("S01", "a.csv", 1.0, "exclude", "stumbled")
+    study = Study(Path(), StudySpec.model_validate(MINIMAL), "", {}, user_exclusions=(exclusion,))
+
+    assert (study.group_edges, study.user_exclusions) == ((), (exclusion,))
+    with pytest.raises(AttributeError):
+        study.sha256 = "x"
+    with pytest.raises(AttributeError):
+        exclusion.reason = "none"
