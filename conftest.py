@@ -65,8 +65,9 @@ def write_csv_study(
     for entry in spec.recordings:
         recording = read_recording(made.study / entry.file)
         torque = torque_from_current(recording, spec.torque_model, cutoff_hz=20.0)
-        columns = {name: recording[name].to_numpy() for name in ("angle", "command", "contact")}
-        table = pd.DataFrame({"time": recording["time"].to_numpy(), "torque": torque, **columns})
+        recording = recording.assign(torque=("time", torque))
+        names = ("time", "angle", "torque", "command", "contact")
+        table = pd.DataFrame({name: recording[name].to_numpy() for name in names})
         file = entry.file.replace(".nc", ".csv")
         table.dropna().round(6).to_csv(folder / file, index=False)
         lines += ["[[recordings]]", f'participant = "{entry.participant}"']

@@ -28,12 +28,15 @@ def test_the_demo_writes_study_results_truth_and_report(jointz, folder):
     truth = pd.read_csv(folder / "demo" / "truth.csv")
     assert len(truth) == 2 * 6 * 3
     assert {row["parameter"] for row in found["accuracy"]} == {"stiffness", "damping", "inertia"}
-    people = json.loads((folder / "demo" / "ground_truth.json").read_text())
-    assert all(0.004 <= p["angle_lag_s"] <= 0.012 for p in people)
-    k, n = truth.query("parameter == 'stiffness'"), people[0]
-    expected = n["stiffness_per_mass"]["LRE"] * n["mass_kg"]
-    mine = k.query("participant == @n['id'] and timing_point == 'LRE'")["truth"].item()
-    assert mine == pytest.approx(expected)
+    written = json.loads((folder / "demo" / "study" / "ground_truth.json").read_text())
+    people = {name: c["perturbed"] for name, c in written["participants"].items()}
+    assert all(0.004 <= p["instruments"]["angle_lag_s"] <= 0.012 for p in people.values())
+    person = people["S01"]["person"]
+    expected = person["stiffness_per_mass"]["LRE"] * person["mass_kg"]
+    rows = truth.query("participant == 'S01' and timing_point == 'LRE'").set_index("parameter")
+    assert rows.loc["stiffness", "truth"] == pytest.approx(expected, rel=0.01)
+    assert rows.loc["inertia", "truth"] == pytest.approx(person["inertia"], rel=1e-6)
+    assert "The experiment" in page
 
 
 def test_the_demo_replaces_its_own_folder(jointz, folder):

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jointz.core.errors import DataError
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = 1
+SCHEMA = "jointz.RunReport/1"
 _COLUMNS = (
     "participant",
     "condition",
@@ -120,11 +118,11 @@ class RunReport:
 
         Raises
         ------
-        DataError
+        ValueError
             When it is of another schema.
         """
         if values.get("schema") != SCHEMA:
-            raise DataError(
+            raise ValueError(
                 f"run report: expected schema {SCHEMA}, got {values.get('schema')!r}. "
                 "Read it with the jointz that wrote it."
             )

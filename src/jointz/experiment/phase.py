@@ -10,11 +10,13 @@ from collections import deque
 from jointz.core.protocol import GaitSpec
 
 _SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride, while nothing is known yet
-#: Strides in a row outside the accepted band after which the cadence is learnt anew.
+#: Strikes outside the accepted band, with no clean stride between them, after which the cadence
+#: is learnt anew.
 _STRANGERS = 3
 
 _PEAK_PCT = 72.2  # of the cycle, where a knee is most flexed
 _FLEXED_RAD = 0.6  # swing flexes a knee by more than this, stance by less
+_EXTENDED_RAD = 0.5  # swing flexion is over; the distance keeps noise from ending it early
 
 
 class StridePhase:
@@ -23,7 +25,9 @@ class StridePhase:
     A stride is accepted when its duration lies in a band around that mean. A
     strike that comes too early is spurious: the phase is unknown until the next
     one that comes in time. A stride that is too long has lost a strike: the phase
-    is unknown until gait is steady again.
+    is unknown until gait is steady again. Where stride after stride holds a spurious
+    strike, it is the mean that is wrong (a strike was missed while it was learnt, and
+    two strides pass for one): it is learnt anew.
 
     Parameters
     ----------
@@ -129,7 +133,8 @@ class StridePhase:
         self.mean_ns = sum(self._durations) / len(self._durations)
         self._last_ns = time_ns
         self._steady_run += 1
-        self._strangers = 0
+        if not self._doubt:
+            self._strangers = 0
         self._doubt = False
         self.strides += 1
 
@@ -173,7 +178,7 @@ class KneePhase:
         if angle > _FLEXED_RAD:
             if angle > self._peak:
                 self._peak, self._peak_ns = angle, time_ns
-        elif self._peak:
+        elif self._peak and angle < _EXTENDED_RAD:
             self._peak = 0.0
             self._end_stride()
 

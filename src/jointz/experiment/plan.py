@@ -63,9 +63,12 @@ def make_plan(
 ) -> tuple[PlannedPulse, ...]:
     """Lay out the pulses of a walking condition.
 
-    ``balanced`` shuffles rounds in which every timing point (and direction) occurs
-    once, so that the plan is balanced wherever it is broken off; ``random``
-    shuffles all pulses; ``sequential`` takes one timing point after the other.
+    ``balanced`` shuffles rounds in which every timing point occurs once, so that the
+    plan is balanced wherever it is broken off; ``random`` shuffles all pulses;
+    ``sequential`` takes one timing point after the other. Where pulses go both ways,
+    every other round turns the directions of the one before, which are drawn for each
+    timing point: nobody can tell them in advance. A round of shams is one of all
+    timing points, too.
 
     Parameters
     ----------
@@ -94,11 +97,9 @@ def make_plan(
     """
     points = perturbations.timing_points or {}
     count = perturbations.count_per_point or 0
-    signs = {"positive": (1.0,), "negative": (-1.0,), "both": (1.0, -1.0)}[pulse.direction]
-    amplitudes = [pulse.amplitude_nm * signs[i % len(signs)] for i in range(count)]
-    shams = round(perturbations.sham_share / (1.0 - perturbations.sham_share) * count)
-    amplitudes = _spread_shams(amplitudes, shams, rng)
-    rounds = [[(point, amplitude) for point in points] for amplitude in amplitudes]
+    amplitudes = _amplitudes(pulse, count, len(points), rng)
+    amplitudes = _spread_shams(amplitudes, perturbations.shams(count), rng)
+    rounds = [list(zip(points, row, strict=True)) for row in amplitudes]
     if perturbations.order == "sequential":
         order = [entry for column in zip(*rounds, strict=True) for entry in column]
     elif perturbations.order == "random":
@@ -114,10 +115,26 @@ def make_plan(
     )
 
 
-def _spread_shams(amplitudes: list[float], shams: int, rng: np.random.Generator) -> list[float]:
+def _amplitudes(
+    pulse: PulseSpec, rounds: int, points: int, rng: np.random.Generator
+) -> list[list[float]]:
+    """Return the signed amplitudes of every round, a number a timing point."""
+    if pulse.direction != "both":
+        sign = 1.0 if pulse.direction == "positive" else -1.0
+        return [[sign * pulse.amplitude_nm] * points for _ in range(rounds)]
+    rows = []
+    for _ in range(0, rounds, 2):
+        row = pulse.amplitude_nm * rng.choice((1.0, -1.0), size=points)
+        rows += [row.tolist(), (-row).tolist()]
+    return rows[:rounds]
+
+
+def _spread_shams(
+    amplitudes: list[list[float]], shams: int, rng: np.random.Generator
+) -> list[list[float]]:
     """Put as many rounds of shams at random places."""
     if not shams:
         return amplitudes
     places = rng.permutation(len(amplitudes) + shams) < shams
     rest = iter(amplitudes)
-    return [0.0 if sham else next(rest) for sham in places]
+    return [[0.0] * len(amplitudes[0]) if sham else next(rest) for sham in places]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from errno import EEXIST
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,7 +11,7 @@ from jointz.core.session_log import encode_header, pack
 
 
 class Recorder:
-    """The log of one segment.
+    """The log of one segment; it appears under its name with its whole header.
 
     Parameters
     ----------
@@ -18,12 +19,28 @@ class Recorder:
         A file that does not exist yet.
     header : mapping
         What the log is of.
+
+    Raises
+    ------
+    OSError
+        When the file exists, or the disk does not take the header.
     """
 
     def __init__(self, path: Path, header: Mapping[str, Any]) -> None:
         self._path = path
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
-        self._write_all(encode_header(header))
+        if path.exists():
+            raise FileExistsError(EEXIST, "a log is never written over", str(path))
+        # A name of its own at first: a log without its header, left by a crash or a full disk,
+        # would keep the whole session from being read.
+        partial = path.with_name(f"{path.name}.partial")
+        self._fd = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
+        try:
+            self._write_all(encode_header(header))
+            os.rename(partial, path)
+        except OSError:
+            os.close(self._fd)
+            partial.unlink()
+            raise
 
     def __enter__(self) -> "Recorder":
         return self

@@ -203,6 +203,7 @@ class SafetyGate:
         if self.tripped is not None:
             return self._off()
         self.flags = _CLAMPED
+        self._sent = 0.0
         return 0.0
 
     def _check_sensors(self, sample: ActuatorSample | None, angle: float, age_s: float) -> None:

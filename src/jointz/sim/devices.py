@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
@@ -20,6 +21,7 @@ from jointz.sim.plant_build import PlantBuild
 from jointz.sim.running_plant import RunningPlant, Sample
 
 _NAN = float("nan")
+_new = tuple.__new__  # of named tuples: half the time of their constructors
 _DOUBLE_CYCLES = (0.25, 0.35)
 
 #: What the simulated actuator may be asked for and must not reach.
@@ -29,7 +31,7 @@ SIMULATED_LIMITS = SafetyLimits(
     current_a=30.0,
     angle_min_rad=-0.6,
     angle_max_rad=2.4,
-    velocity_rad_s=30.0,
+    velocity_rad_s=25.0,
     temperature_c=90.0,
     sensor_age_s=0.02,
     pulse_count=2000,
@@ -69,7 +71,7 @@ class _SimulatedDevice:
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
         self._now_ns: Callable[[], int] = wiring.clock.now_ns
-        self._look = wiring.plant.look
+        self._plant = wiring.plant
         self._orders = wiring.inject.orders
         self._state = Lifecycle.UNCONFIGURED
         self._queue: list[Sample] = []
@@ -90,12 +92,12 @@ class _SimulatedDevice:
         """Begin to sample; afterwards ``ACTIVE``."""
         self._require(Lifecycle.INACTIVE, "activated")
         self._check_connected()
-        self._queue = self._wiring.plant.queue()
+        self._queue = self._plant.queue()
         self._state = Lifecycle.ACTIVE
 
     def stop(self) -> None:
         """Stop sampling and go to ``INACTIVE``; never raises."""
-        self._wiring.plant.forget(self._queue)
+        self._plant.forget(self._queue)
         self._queue = []
         if self._state is Lifecycle.ACTIVE:
             self._state = Lifecycle.INACTIVE
@@ -118,7 +120,7 @@ class _SimulatedDevice:
 
     def _found(self, kind: str) -> list[Misbehaviour]:
         """Return what goes wrong at the newest sample."""
-        newest_ns = self._queue[-1].time_ns if self._queue else self._last_ns
+        newest_ns = self._queue[-1][0] if self._queue else self._last_ns
         found = self._wiring.inject.found(self._device, newest_ns)
         return [order for order in found if order.kind == kind]
 
@@ -172,17 +174,22 @@ class SimulatedActuator(_SimulatedDevice):
         if self._state is not Lifecycle.ACTIVE and self._state is not Lifecycle.FAULT:
             self._require(Lifecycle.ACTIVE, "read")
         now = self._now_ns()
-        self._look(now)
+        if now >= self._plant.due_ns:
+            self._plant.look(now)
         queue = self._queue
         if not queue:
             return []
         if self._orders:
             return self._misread(now)
-        self._last_ns = queue[-1].time_ns
-        samples = [ActuatorSample(time_ns, now, *taken[:6]) for time_ns, taken, _ in queue]
-        queue.clear()
-        if samples[-1].faults:
+        if len(queue) == 1:  # the common case, without a comprehension
+            time_ns, motor, _, _ = queue.pop()
+            samples = [_new(ActuatorSample, (time_ns, now, *motor))]
+        else:
+            samples = [ActuatorSample(time_ns, now, *motor) for time_ns, motor, _, _ in queue]
+            queue.clear()
+        if samples[-1][7]:
             self._state = Lifecycle.FAULT
+        self._last_ns = samples[-1][0]
         return samples
 
     def command_torque(self, torque_nm: float) -> None:
@@ -206,25 +213,25 @@ class SimulatedActuator(_SimulatedDevice):
             self._check_connected()
         if not -1e9 < torque_nm < 1e9:
             raise DeviceError(self._device, f"expected a finite torque, got {torque_nm}.")
-        self._wiring.plant.command(torque_nm, self._now_ns())
+        self._plant.command(torque_nm, self._now_ns())
 
     def stop(self) -> None:
         """Go to zero torque and ``INACTIVE``; never raises."""
         if self._state is Lifecycle.ACTIVE:
-            self._wiring.plant.command(0.0, self._now_ns())
+            self._plant.command(0.0, self._now_ns())
         super().stop()
 
     def _misread(self, now: int) -> list[ActuatorSample]:
         """Read with what was ordered to go wrong."""
         self._check_connected()
         samples = []
-        for time_ns, taken, _ in self._queue:
-            sample = ActuatorSample(time_ns, now, *taken[:6])
+        for time_ns, motor, _, _ in self._queue:
+            sample = ActuatorSample(time_ns, now, *motor)
             wrong = self._wiring.inject.found(self._device, time_ns)
             spoilt = self._spoilt(sample, wrong)
             if spoilt is not None:
                 samples.append(spoilt)
-        self._last_ns = self._queue[-1].time_ns
+        self._last_ns = self._queue[-1][0]
         self._queue.clear()
         if samples and samples[-1].faults:
             self._state = Lifecycle.FAULT
@@ -244,7 +251,7 @@ class SimulatedActuator(_SimulatedDevice):
         if "heat" in kinds:
             sample = sample._replace(temperature_c=sample.temperature_c + kinds["heat"])
         if "fault" in kinds:
-            self._wiring.plant.fail(int(kinds["fault"]))
+            self._plant.fail(int(kinds["fault"]))
             sample = sample._replace(faults=sample.faults | int(kinds["fault"]))
         self._frozen = sample
         return sample
@@ -252,6 +259,8 @@ class SimulatedActuator(_SimulatedDevice):
 
 class _SimulatedSensor(_SimulatedDevice):
     """A device that only measures."""
+
+    _place: Literal[2, 3]  # of its value in a sample of the plant
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
@@ -270,29 +279,32 @@ class _SimulatedSensor(_SimulatedDevice):
         if self._state is not Lifecycle.ACTIVE:
             self._require(Lifecycle.ACTIVE, "read")
         now = self._now_ns()
-        self._look(now)
+        if now >= self._plant.due_ns:
+            self._plant.look(now)
         queue = self._queue
         if not queue:
             return []
         if self._orders:
             return self._misread(now)
-        self._last_ns = queue[-1].time_ns
-        samples = [SensorSample(sample[0], now, self._value(sample)) for sample in queue]
-        queue.clear()
+        place = self._place
+        if len(queue) == 1:  # the common case, without a comprehension
+            sample = queue.pop()
+            samples = [_new(SensorSample, (sample[0], now, sample[place]))]
+        else:
+            samples = [SensorSample(sample[0], now, sample[place]) for sample in queue]
+            queue.clear()
+        self._last_ns = samples[-1][0]
         return samples
-
-    def _value(self, sample: Sample) -> float:
-        raise NotImplementedError
 
     def _misread(self, now: int) -> list[SensorSample]:
         """Read with what was ordered to go wrong."""
         self._check_connected()
         samples = []
         for sample in self._queue:
-            kinds = {o.kind for o in self._wiring.inject.found(self._device, sample.time_ns)}
+            kinds = {o.kind for o in self._wiring.inject.found(self._device, sample[0])}
             if "silence" in kinds:
                 continue
-            value = self._value(sample)
+            value = sample[self._place]
             if "freeze" in kinds and self._frozen is not None:
                 value = self._frozen
             if "nan" in kinds:
@@ -300,14 +312,14 @@ class _SimulatedSensor(_SimulatedDevice):
             if "double" in kinds and self._mid_stance(sample):
                 value = 0.0
             self._frozen = value
-            samples.append(SensorSample(sample.time_ns, now, value))
-        self._last_ns = self._queue[-1].time_ns
+            samples.append(SensorSample(sample[0], now, value))
+        self._last_ns = self._queue[-1][0]
         self._queue.clear()
         return samples
 
     def _mid_stance(self, sample: Sample) -> bool:
-        stride = self._wiring.plant.stride
-        share = (sample.time_ns * 1e-9 - stride.start_s) / stride.duration_s
+        stride = self._plant.stride
+        share = (sample[0] * 1e-9 - stride.start_s) / stride.duration_s
         low, high = _DOUBLE_CYCLES
         return low <= share < high
 
@@ -322,6 +334,7 @@ class SimulatedGoniometer(_SimulatedSensor):
     """
 
     _device: DeviceName = "angle"
+    _place = 2
 
     def describe(self) -> SensorDescription:
         """Return what the goniometer says about itself."""
@@ -334,9 +347,6 @@ class SimulatedGoniometer(_SimulatedSensor):
             sample_rate_hz=self._wiring.build.grid.sample_rate_hz,
         )
 
-    def _value(self, sample: Sample) -> float:
-        return sample[1][6]
-
 
 class SimulatedFootswitch(_SimulatedSensor):
     """The switch under the heel.
@@ -348,6 +358,7 @@ class SimulatedFootswitch(_SimulatedSensor):
     """
 
     _device: DeviceName = "contact"
+    _place = 3
 
     def describe(self) -> SensorDescription:
         """Return what the footswitch says about itself."""
@@ -360,6 +371,3 @@ class SimulatedFootswitch(_SimulatedSensor):
             sample_rate_hz=self._wiring.build.grid.sample_rate_hz,
             kind="contact",
         )
-
-    def _value(self, sample: Sample) -> float:
-        return sample[2]

@@ -44,10 +44,9 @@ class ContactMaker:
             An even number of times.
         """
         settings = self._settings
-        normal, missed, false, place, *chatter = [
-            self._rng.standard_normal(),
-            *self._rng.random(3 + 2 * _BOUNCES).tolist(),
-        ]
+        normal = self._rng.standard_normal()
+        missed, false, place = self._rng.random(3).tolist()
+        chatter = self._rng.random(2 * _BOUNCES).tolist()
         times: list[float] = []
         if missed >= settings.missed:
             late = settings.jitter_sd_s * min(max(normal, -_LARGEST_JITTER), _LARGEST_JITTER)

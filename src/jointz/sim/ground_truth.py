@@ -10,7 +10,7 @@ import pandas as pd
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim.curves import impedance_over_cycle, leg_of
 from jointz.sim.gait_motion import GaitMotion, Stride
-from jointz.sim.joint import respond
+from jointz.sim.joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
 from jointz.sim.plant_build import PlantBuild
 
@@ -71,9 +71,7 @@ def condition_truth(
     }
 
 
-def _end_s(
-    pulses: pd.DataFrame, *, offset: float, border: float, length_s: float | None
-) -> float:
+def _end_s(pulses: pd.DataFrame, *, offset: float, border: float, length_s: float | None) -> float:
     """Return how long a stretch was, on the devices' clock, or at least needs to be."""
     if length_s is not None:
         return length_s
@@ -160,8 +158,6 @@ def _gravity_stiffness(build: PlantBuild, phase: np.ndarray) -> np.ndarray:
     """Return what gravity of the limb adds to the apparent stiffness for small motion, N*m/rad."""
     if build.preset.body is None:
         return np.zeros(phase.size)
-    from jointz.sim.joint import knee_angle
-
     thigh = impedance_over_cycle(build.person, build.preset, phase)[3]
     gravity = build.params[Param.LIMB_GRAVITY] + build.params[Param.EXO_GRAVITY]
     return np.asarray(gravity * np.cos(knee_angle(phase) - thigh))

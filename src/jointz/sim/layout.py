@@ -63,10 +63,12 @@ class Param(IntEnum):
     THERMAL_KEEP = 43  # per sample
     TEMPERATURE_MAX_C = 44
     SAMPLE_RATE_HZ = 45
+    SUBSTEPS = 46  # in a sample period
+    ACTIVE = 47  # states that are integrated, from the first on
 
 
 class State(IntEnum):
-    """What changes; the first ten are integrated by Runge and Kutta's method."""
+    """What changes; up to nine of the first are integrated by Runge and Kutta's method."""
 
     ANGLE = 0  # deviation from the unperturbed path
     VELOCITY = 1
@@ -91,6 +93,7 @@ class State(IntEnum):
     SUBSTEPS = 20  # done so far
     FAULT = 21  # bits; any of them sets the current to zero
     COMMAND = 22  # ring of commands begins here
+    WORK = 22 + COMMANDS  # and here the room that a step works in
 
 
 class Gait(IntEnum):
@@ -129,7 +132,7 @@ class Fault(IntEnum):
 
 
 INTEGRATED = 9
-STATE_SIZE = int(State.COMMAND) + COMMANDS
+STATE_SIZE = int(State.WORK) + 5 * INTEGRATED + CURVES + 10
 GAIT_SIZE = 6 + 4 * HARMONICS
 
 

@@ -28,7 +28,6 @@ from jointz.sim.layout import (
     COMMANDS,
     CURVE_PIECES,
     CURVES,
-    HARMONICS,
     HISTORY,
     INTEGRATED,
     Fault,
@@ -37,103 +36,52 @@ from jointz.sim.layout import (
     Param,
     State,
 )
+from jointz.sim.path import path
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
-_TURN = 2.0 * math.pi
 #: Columns of the history: deviation, velocity, acceleration, angle at the goniometer.
 HISTORY_COLUMNS = 4
-# Room to work in, one flat array (views cost more than the arithmetic): four slopes, a trial
-# state, then K B J and thigh, then the path, then the coefficients of the path.
-_TRIAL = 4 * INTEGRATED
+# Room to work in, at the end of the state (views of arrays cost more than the arithmetic): four
+# slopes, a trial state, then K B J and thigh, then the path, 1 / inertia that moves with the
+# joint, and the coefficients of the path.
+_SLOPES = int(State.WORK)
+_TRIAL = _SLOPES + 4 * INTEGRATED
 _K, _B, _J, _THIGH = range(_TRIAL + INTEGRATED, _TRIAL + INTEGRATED + CURVES)
 _THETA, _THETA_RATE, _THETA_BEND = range(_THIGH + 1, _THIGH + 4)
-_MOBILITY = _THETA_BEND + 1  # 1 / inertia that moves with the joint
+_MOBILITY = _THETA_BEND + 1
 _QUINTIC = _MOBILITY + 1
-SCRATCH_SIZE = _QUINTIC + 6
 
-#: Angle, velocity, current, voltage, temperature, fault bits, angle of the goniometer.
-Measured = tuple[float, float, float, float, float, int, float]
-
-
-@_compiled
-def _phase(gait: np.ndarray, time_s: float) -> tuple[float, float, float]:
-    """Return phase (cycles since the heel strike) and its two derivatives."""
-    per_s = gait[Gait.RATE_HZ]
-    u = (time_s - gait[Gait.START_S]) * per_s
-    c1, c3 = gait[Gait.LINEAR], gait[Gait.CUBIC]
-    c4, c5 = gait[Gait.QUARTIC], gait[Gait.QUINTIC]
-    phase = u * (c1 + u * u * (c3 + u * (c4 + u * c5)))
-    rate = c1 + u * u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5))
-    bend = u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
-    return phase, rate * per_s, bend * per_s * per_s
+#: Angle, velocity, current, voltage, temperature, fault bits.
+MotorMeasured = tuple[float, float, float, float, float, int]
 
 
 @_compiled
-def path(gait: np.ndarray, time_s: float) -> tuple[float, float, float]:
-    """Return the unperturbed angle (rad), its rate and its acceleration.
-
-    Parameters
-    ----------
-    gait : (GAIT_SIZE,) float
-        The stride.
-    time_s : float, s
-        Within the stride, or a sample after it.
-    """
-    phase, rate, bend = _phase(gait, time_s)
-    cosine_1, sine_1 = math.cos(_TURN * phase), math.sin(_TURN * phase)
-    cosine, sine = 1.0, 0.0
-    a0, a1, a2 = 0.0, 0.0, 0.0
-    d0, d1, d2 = 0.0, 0.0, 0.0
-    for h in range(HARMONICS):
-        turn = _TURN * h
-        p, q = gait[Gait.COSINES + h], gait[Gait.SINES + h]
-        value = p * cosine + q * sine
-        a0 += value
-        a1 += turn * (q * cosine - p * sine)
-        a2 -= turn * turn * value
-        p, q = gait[Gait.COSINE_CHANGES + h], gait[Gait.SINE_CHANGES + h]
-        value = p * cosine + q * sine
-        d0 += value
-        d1 += turn * (q * cosine - p * sine)
-        d2 -= turn * turn * value
-        cosine, sine = cosine * cosine_1 - sine * sine_1, sine * cosine_1 + cosine * sine_1
-    w0 = phase * phase * phase * (10.0 + phase * (6.0 * phase - 15.0))
-    w1 = 30.0 * phase * phase * (1.0 - phase) * (1.0 - phase)
-    w2 = 60.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase)
-    slope = a1 + w1 * d0 + w0 * d1
-    curvature = a2 + w2 * d0 + 2.0 * w1 * d1 + w0 * d2
-    return a0 + w0 * d0, slope * rate, curvature * rate * rate + slope * bend
-
-
-@_compiled
-def _quintic(
-    state: np.ndarray, end: tuple[float, float, float], T: float, scratch: np.ndarray
-) -> None:
+def _quintic(state: np.ndarray, end: tuple[float, float, float], T: float) -> None:
     """Fill the coefficients of the path over a sample period, in share of the period."""
     p0, v0 = state[State.PATH], state[State.PATH_RATE] * T
     a0 = 0.5 * state[State.PATH_ACCELERATION] * T * T
     rise = end[0] - p0 - v0 - a0
     speed = end[1] * T - v0 - 2.0 * a0
     bend = end[2] * T * T - 2.0 * a0
-    scratch[_QUINTIC], scratch[_QUINTIC + 1], scratch[_QUINTIC + 2] = p0, v0, a0
-    scratch[_QUINTIC + 3] = 10.0 * rise - 4.0 * speed + 0.5 * bend
-    scratch[_QUINTIC + 4] = -15.0 * rise + 7.0 * speed - bend
-    scratch[_QUINTIC + 5] = 6.0 * rise - 3.0 * speed + 0.5 * bend
+    state[_QUINTIC], state[_QUINTIC + 1], state[_QUINTIC + 2] = p0, v0, a0
+    state[_QUINTIC + 3] = 10.0 * rise - 4.0 * speed + 0.5 * bend
+    state[_QUINTIC + 4] = -15.0 * rise + 7.0 * speed - bend
+    state[_QUINTIC + 5] = 6.0 * rise - 3.0 * speed + 0.5 * bend
 
 
 @_compiled
 def _inputs(
-    p: np.ndarray, scratch: np.ndarray, curves: np.ndarray, gait: np.ndarray, at: tuple[float, float]
+    p: np.ndarray, state: np.ndarray, curves: np.ndarray, gait: np.ndarray, at: tuple[float, float]
 ) -> None:
     """Fill K, B, J, thigh and the path; ``at`` is time and share of the sample period."""
     time_s, u = at
-    c0, c1, c2 = scratch[_QUINTIC], scratch[_QUINTIC + 1], scratch[_QUINTIC + 2]
-    c3, c4, c5 = scratch[_QUINTIC + 3], scratch[_QUINTIC + 4], scratch[_QUINTIC + 5]
-    scratch[_THETA] = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+    c0, c1, c2 = state[_QUINTIC], state[_QUINTIC + 1], state[_QUINTIC + 2]
+    c3, c4, c5 = state[_QUINTIC + 3], state[_QUINTIC + 4], state[_QUINTIC + 5]
+    state[_THETA] = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
     rate = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
     bend = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
     per_s = p[Param.SAMPLE_RATE_HZ]
-    scratch[_THETA_RATE], scratch[_THETA_BEND] = rate * per_s, bend * per_s * per_s
+    state[_THETA_RATE], state[_THETA_BEND] = rate * per_s, bend * per_s * per_s
     v = (time_s - gait[Gait.START_S]) * gait[Gait.RATE_HZ]
     higher = gait[Gait.CUBIC] + v * (gait[Gait.QUARTIC] + v * gait[Gait.QUINTIC])
     phase = v * (gait[Gait.LINEAR] + v * v * higher)
@@ -143,9 +91,9 @@ def _inputs(
     for j in range(CURVES):
         q0, q1 = curves[piece, 4 * j], curves[piece, 4 * j + 1]
         q2, q3 = curves[piece, 4 * j + 2], curves[piece, 4 * j + 3]
-        scratch[_K + j] = q0 + r * (q1 + r * (q2 + r * q3))
+        state[_K + j] = q0 + r * (q1 + r * (q2 + r * q3))
     carried = p[Param.EXO_INERTIA] if p[Param.STRAP_STIFFNESS] == 0.0 else 0.0
-    scratch[_MOBILITY] = 1.0 / (scratch[_J] + carried)
+    state[_MOBILITY] = 1.0 / (state[_J] + carried)
 
 
 @_compiled
@@ -153,34 +101,33 @@ def _motor(p: np.ndarray, current: float, velocity: float, error: float) -> floa
     friction = p[Param.COULOMB_FRICTION] + p[Param.GEAR_FRICTION] * abs(current)
     # tanh by one exponential: a quarter of the time of the library's.
     sign = 1.0 - 2.0 / (math.exp(2.0 * velocity * p[Param.SIGN_RATE]) + 1.0)
-    return p[Param.TORQUE_PER_AMPERE] * current - friction * sign + error
+    return float(p[Param.TORQUE_PER_AMPERE] * current - friction * sign + error)
 
 
 @_compiled
 def _slopes(
     p: np.ndarray,
     s: np.ndarray,
-    scratch: np.ndarray,
     at: tuple[int, int],
     drive: tuple[float, float, float, float],
 ) -> None:
-    """Fill the slopes of a state: ``at`` says where in ``s`` it stands, where slopes go.
+    """Fill the slopes of a state: ``at`` says where in ``s`` it stands and they go.
 
     ``drive`` is current, torque error, voluntary torque and stretch.
     """
     i, k = at
     current, error, voluntary, stretch = drive
-    K, B, thigh = scratch[_K], scratch[_B], scratch[_THIGH]
-    theta, theta_rate, theta_bend = scratch[_THETA], scratch[_THETA_RATE], scratch[_THETA_BEND]
+    K, B, thigh = s[_K], s[_B], s[_THIGH]
+    theta, theta_rate, theta_bend = s[_THETA], s[_THETA_RATE], s[_THETA_BEND]
     x, v = s[i + State.ANGLE], s[i + State.VELOCITY]
     if p[Param.SOFTENING] > 0.0:
         K = K / (1.0 + p[Param.SOFTENING] * x * x)
     joint = voluntary - B * v - K * x
     if p[Param.REFLEX_GAIN] > 0.0:
         r, rate, w = s[i + State.REFLEX], s[i + State.REFLEX_RATE], p[Param.REFLEX_RATE]
-        joint -= p[Param.REFLEX_GAIN] * scratch[_K] * r
-        scratch[k + State.REFLEX] = rate
-        scratch[k + State.REFLEX_RATE] = w * w * (stretch - r) - 2.0 * w * rate
+        joint -= p[Param.REFLEX_GAIN] * s[_K] * r
+        s[k + State.REFLEX] = rate
+        s[k + State.REFLEX_RATE] = w * w * (stretch - r) - 2.0 * w * rate
     if p[Param.LIMB_GRAVITY] > 0.0:
         shank = theta - thigh
         joint -= p[Param.LIMB_GRAVITY] * (math.sin(shank + x) - math.sin(shank))
@@ -189,32 +136,32 @@ def _slopes(
         strap = p[Param.STRAP_STIFFNESS] * (xe - x) + p[Param.STRAP_DAMPING] * (ve - v)
         motor = _motor(p, current, theta_rate + ve, error)
         motor -= p[Param.EXO_GRAVITY] * math.sin(theta + xe - thigh)
-        scratch[k + State.EXO_ANGLE] = ve
-        scratch[k + State.EXO_VELOCITY] = (motor - strap) / p[Param.EXO_INERTIA] - theta_bend
-        acceleration = (joint + strap) * scratch[_MOBILITY]
+        s[k + State.EXO_ANGLE] = ve
+        s[k + State.EXO_VELOCITY] = (motor - strap) / p[Param.EXO_INERTIA] - theta_bend
+        acceleration = (joint + strap) * s[_MOBILITY]
     else:
         motor = _motor(p, current, theta_rate + v, error)
         inertial = p[Param.EXO_INERTIA] * theta_bend
-        acceleration = (joint + motor - inertial) * scratch[_MOBILITY]
-    scratch[k + State.ANGLE], scratch[k + State.VELOCITY] = v, acceleration
+        acceleration = (joint + motor - inertial) * s[_MOBILITY]
+    s[k + State.ANGLE], s[k + State.VELOCITY] = v, acceleration
     shown = theta + x
     if p[Param.TISSUE_RATE] > 0.0:
         w, y, rate = p[Param.TISSUE_RATE], s[i + State.TISSUE], s[i + State.TISSUE_RATE]
-        scratch[k + State.TISSUE] = rate
+        s[k + State.TISSUE] = rate
         pull = w * w * (shown - y)
-        scratch[k + State.TISSUE_RATE] = pull - 2.0 * p[Param.TISSUE_DAMPING] * w * rate
+        s[k + State.TISSUE_RATE] = pull - 2.0 * p[Param.TISSUE_DAMPING] * w * rate
         shown = y
-    scratch[k + State.LAGGED] = p[Param.ANGLE_LAG_RATE] * (shown - s[i + State.LAGGED])
+    s[k + State.LAGGED] = p[Param.ANGLE_LAG_RATE] * (shown - s[i + State.LAGGED])
 
 
 @_compiled
 def _shown(p: np.ndarray, s: np.ndarray, theta: float) -> float:
     """Return the angle that reaches the goniometer, before its pure delay."""
     if p[Param.ANGLE_LAG_RATE] > 0.0:
-        return s[State.LAGGED]
+        return float(s[State.LAGGED])
     if p[Param.TISSUE_RATE] > 0.0:
-        return s[State.TISSUE]
-    return theta + s[State.ANGLE]
+        return float(s[State.TISSUE])
+    return float(theta + s[State.ANGLE])
 
 
 @_compiled
@@ -233,19 +180,16 @@ def _stretch(p: np.ndarray, history: np.ndarray, row: int, share: float) -> floa
     else:
         curve = p[Param.STEP_S] * (history[before, j + 1] - history[after, j + 1]) / 8.0
         felt = 0.5 * (history[before, j] + history[after, j]) + curve
-    return max(felt, 0.0) * (p[Param.REFLEX_SCALE] if moving else 1.0)
+    return float(max(felt, 0.0) * (p[Param.REFLEX_SCALE] if moving else 1.0))
 
 
 @_compiled
-def _setpoint(p: np.ndarray, state: np.ndarray, substep: int, substeps: int) -> float:
-    """Return the current that the driver wants in a substep, A."""
-    if state[State.FAULT] != 0.0:
-        return 0.0
-    sample = (substep - int(p[Param.COMMAND_DELAY])) // substeps
-    if sample < 0:
+def _setpoint(p: np.ndarray, state: np.ndarray, sample: int) -> float:
+    """Return the current that the driver wants for the command given at a sample, A."""
+    if sample < 0 or state[State.FAULT] != 0.0:
         return 0.0
     wanted = state[State.COMMAND + sample % COMMANDS] * p[Param.AMPERE_PER_TORQUE]
-    return min(max(wanted, -p[Param.CURRENT_MAX_A]), p[Param.CURRENT_MAX_A])
+    return float(min(max(wanted, -p[Param.CURRENT_MAX_A]), p[Param.CURRENT_MAX_A]))
 
 
 @_compiled
@@ -302,7 +246,6 @@ def _substep(
     curves: np.ndarray,
     history: np.ndarray,
     gait: np.ndarray,
-    scratch: np.ndarray,
     place: tuple[float, float, float],
     errors: tuple[float, float, float, float],
     wanted: float,
@@ -317,38 +260,41 @@ def _substep(
     error, voluntary, more_error, more_voluntary = errors
     h, half = p[Param.STEP_S], 0.5 * p[Param.STEP_S]
     row = int(state[State.SUBSTEPS])
+    k2, k3, k4 = _SLOPES + INTEGRATED, _SLOPES + 2 * INTEGRATED, _SLOPES + 3 * INTEGRATED
+    sixth = h / 6.0
+    active = int(p[Param.ACTIVE])
     away = state[State.CURRENT] - wanted
     mid_current = wanted + away * p[Param.CURRENT_KEEP_HALF]
     end_current = wanted + away * p[Param.CURRENT_KEEP]
 
     # The inputs at the beginning are those at the end of the substep before.
-    shown = _shown(p, state, scratch[_THETA])
+    shown = _shown(p, state, state[_THETA])
     drive = (state[State.CURRENT], error, voluntary, _stretch(p, history, row, 0.0))
-    _slopes(p, state, scratch, (0, 0), drive)
+    _slopes(p, state, (0, _SLOPES), drive)
     here = row & (HISTORY - 1)
     history[here, 0], history[here, 1] = state[State.ANGLE], state[State.VELOCITY]
-    history[here, 2], history[here, 3] = scratch[State.VELOCITY], shown
+    history[here, 2], history[here, 3] = state[_SLOPES + State.VELOCITY], shown
 
-    _inputs(p, scratch, curves, gait, (time_s + half, u + 0.5 * du))
+    _inputs(p, state, curves, gait, (time_s + half, u + 0.5 * du))
     felt = _stretch(p, history, row, 0.5)
     drive = (mid_current, error + 0.5 * more_error, voluntary + 0.5 * more_voluntary, felt)
-    for j in range(INTEGRATED):
-        scratch[_TRIAL + j] = state[j] + half * scratch[j]
-    _slopes(p, scratch, scratch, (_TRIAL, INTEGRATED), drive)
-    for j in range(INTEGRATED):
-        scratch[_TRIAL + j] = state[j] + half * scratch[INTEGRATED + j]
-    _slopes(p, scratch, scratch, (_TRIAL, 2 * INTEGRATED), drive)
-    for j in range(INTEGRATED):
-        scratch[_TRIAL + j] = state[j] + h * scratch[2 * INTEGRATED + j]
+    for j in range(active):
+        state[_TRIAL + j] = state[j] + half * state[_SLOPES + j]
+    _slopes(p, state, (_TRIAL, k2), drive)
+    for j in range(active):
+        state[_TRIAL + j] = state[j] + half * state[k2 + j]
+    _slopes(p, state, (_TRIAL, k3), drive)
+    for j in range(active):
+        state[_TRIAL + j] = state[j] + h * state[k3 + j]
 
-    _inputs(p, scratch, curves, gait, (time_s + h, u + du))
+    _inputs(p, state, curves, gait, (time_s + h, u + du))
     felt = _stretch(p, history, row, 1.0)
     drive = (end_current, error + more_error, voluntary + more_voluntary, felt)
-    _slopes(p, scratch, scratch, (_TRIAL, 3 * INTEGRATED), drive)
-    for j in range(INTEGRATED):
-        middle = scratch[INTEGRATED + j] + scratch[2 * INTEGRATED + j]
-        state[j] += h / 6.0 * (scratch[j] + 2.0 * middle + scratch[3 * INTEGRATED + j])
-    state[State.ACCELERATION] = scratch[3 * INTEGRATED + State.VELOCITY]
+    _slopes(p, state, (_TRIAL, k4), drive)
+    for j in range(active):
+        middle = state[k2 + j] + state[k3 + j]
+        state[j] += sixth * (state[_SLOPES + j] + 2.0 * middle + state[k4 + j])
+    state[State.ACCELERATION] = state[k4 + State.VELOCITY]
     state[State.CURRENT] = end_current
     state[State.SUBSTEPS] = row + 1
 
@@ -356,7 +302,7 @@ def _substep(
 @_compiled
 def _measure(
     p: np.ndarray, state: np.ndarray, history: np.ndarray, white: float
-) -> tuple[float, float, float, float, float, int, float]:
+) -> tuple[MotorMeasured, float]:
     """Return what the instruments show at the present sample."""
     x, v = state[State.ANGLE], state[State.VELOCITY]
     exo, exo_rate = state[State.PATH] + x, state[State.PATH_RATE] + v
@@ -376,15 +322,15 @@ def _measure(
         shown = history[(int(state[State.SUBSTEPS]) - late) & (HISTORY - 1), 3]
     shown = p[Param.ANGLE_GAIN] * shown + p[Param.TORSION] * torque
     shown += state[State.COLOURED] + state[State.DRIFT] + p[Param.WHITE] * white
-    return (
+    motor = (
         _rounded(exo, p[Param.ANGLE_STEP]),
         _rounded(exo_rate, p[Param.VELOCITY_STEP]),
         _rounded(current, p[Param.CURRENT_STEP]),
         p[Param.SUPPLY_V] - p[Param.SUPPLY_OHM] * abs(current),
         state[State.TEMPERATURE],
         int(state[State.FAULT]),
-        shown,
     )
+    return motor, shown
 
 
 @_compiled
@@ -404,13 +350,10 @@ def advance(
     curves: np.ndarray,
     history: np.ndarray,
     gait: np.ndarray,
-    scratch: np.ndarray,
     noise: np.ndarray,
     sample: int,
-    row: int,
     command: float,
-    substeps: int,
-) -> tuple[float, float, float, float, float, int, float]:
+) -> tuple[MotorMeasured, float]:
     """Advance the plant to a sample and return what is measured there.
 
     Parameters
@@ -425,45 +368,47 @@ def advance(
         Ring of what delays need; changed.
     gait : (GAIT_SIZE,) float
         The stride that holds the sample before; see :class:`jointz.sim.layout.Gait`.
-    scratch : (SCRATCH_SIZE,) float
-        Room to work in.
     noise : (n, 5) float
-        Standard normal numbers, see :class:`jointz.sim.layout.Noise`.
+        Standard normal numbers, see :class:`jointz.sim.layout.Noise`; a sample has row
+        ``sample % n``.
     sample : int
         To which; from 0, where nothing moves yet.
-    row : int
-        Of the noise.
     command : float, N*m
         Torque asked for since the sample before.
-    substeps : int
-        In a sample period.
 
     Returns
     -------
-    tuple
-        Angle, velocity, current, voltage, temperature, fault bits, angle of the goniometer.
+    motor : tuple
+        Angle, velocity, current, voltage, temperature, fault bits.
+    angle : float, rad
+        That the goniometer shows.
     """
+    row = sample % noise.shape[0]
     if sample > 0:
+        substeps = int(p[Param.SUBSTEPS])
         T = p[Param.PERIOD_S]
         begin_s = (sample - 1) * T
         _know_path(state, gait, begin_s)
         end = path(gait, sample * T)
-        _quintic(state, end, T, scratch)
-        _inputs(p, scratch, curves, gait, (begin_s, 0.0))
+        _quintic(state, end, T)
+        _inputs(p, state, curves, gait, (begin_s, 0.0))
         state[State.COMMAND + (sample - 1) % COMMANDS] = command
         error, voluntary, coloured, drift = _autoregress(p, state, noise, row)
         du = 1.0 / substeps
         more_error = (error - state[State.TORQUE_ERROR]) * du
         more_voluntary = (voluntary - state[State.VOLUNTARY]) * du
+        # The command of a sample arrives so many samples and substeps later.
+        samples_late = int(p[Param.COMMAND_DELAY]) // substeps
+        substeps_late = int(p[Param.COMMAND_DELAY]) - samples_late * substeps
+        before = _setpoint(p, state, sample - 2 - samples_late)
+        after = _setpoint(p, state, sample - 1 - samples_late)
         for i in range(substeps):
-            wanted = _setpoint(p, state, int(state[State.SUBSTEPS]), substeps)
             _substep(
                 p,
                 state,
                 curves,
                 history,
                 gait,
-                scratch,
                 (begin_s + i * p[Param.STEP_S], i * du, du),
                 (
                     state[State.TORQUE_ERROR] + i * more_error,
@@ -471,7 +416,7 @@ def advance(
                     more_error,
                     more_voluntary,
                 ),
-                wanted,
+                after if i >= substeps_late else before,
             )
         state[State.TORQUE_ERROR], state[State.VOLUNTARY] = error, voluntary
         state[State.COLOURED], state[State.DRIFT] = coloured, drift

@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.sim.curves import frame_gravity, leg_of, packed_curves
-from jointz.sim.layout import COMMANDS, HISTORY, Param
+from jointz.sim.layout import COMMANDS, HISTORY, INTEGRATED, Param, State
 from jointz.sim.people import Instruments, Person, draw_instruments
 from jointz.sim.presets import Preset
 
@@ -110,6 +110,8 @@ def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> Pl
         _fill_actuator(params, preset, instruments, grid)
         _fill_errors(params, preset, grid)
         _fill_exoskeleton(params, preset, instruments)
+    params[Param.SUBSTEPS] = grid.substeps
+    params[Param.ACTIVE] = _active(preset)
     longest = params[[Param.REFLEX_DELAY, Param.ANGLE_DELAY]].max()
     if longest >= HISTORY - 2 or params[Param.COMMAND_DELAY] >= (COMMANDS - 2) * grid.substeps:
         raise DataError(
@@ -195,6 +197,13 @@ def _fill_exoskeleton(params: np.ndarray, preset: Preset, instruments: Instrumen
         params[Param.EXO_GRAVITY] = frame_gravity(body.frame_mass_kg, body.frame_distance_m)
         params[Param.STRAP_STIFFNESS] = instruments.strap_stiffness
         params[Param.STRAP_DAMPING] = instruments.strap_stiffness * body.strap_damping_time_s
+
+
+def _active(preset: Preset) -> int:
+    """Return how many of the states there is anything to integrate of."""
+    if preset.body is not None:
+        return INTEGRATED
+    return int(State.TISSUE if preset.joint.reflex is not None else State.REFLEX)
 
 
 def _autoregression(sd: float, time_s: float, grid: Grid) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.devices.interface import Devices, Wearer
 from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedGoniometer, Wiring
 from jointz.sim.footswitch import ContactMaker
-from jointz.sim.gait_motion import GaitMotion, draw_shift
+from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
 from jointz.sim.people import Person, draw_person
@@ -141,6 +141,16 @@ class SimulatedRig:
             window_s=window_s,
         )
 
+    def shift(self, condition: str) -> ConditionShift:
+        """Return how the unperturbed knee of a condition differs from the person's.
+
+        Parameters
+        ----------
+        condition : str
+            Name of the protocol's condition.
+        """
+        return draw_shift(self.preset.gait, self.person.stream(f"shift {condition}"))
+
     def _build(self, condition: str) -> PlantBuild:
         worn = CONDITIONS.get(condition.lower()) != "no_device"
         return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
@@ -149,7 +159,7 @@ class SimulatedRig:
         return GaitMotion(
             self.preset.gait,
             stride_time_s=self.person.stride_time_s,
-            shift=draw_shift(self.preset.gait, self.person.stream(f"shift {condition}")),
+            shift=self.shift(condition),
             rng=self.person.stream(f"gait {condition}", segment),
             stumbles=self.inject.stumbles,
         )

@@ -1,7 +1,6 @@
 """A plant that runs on the time of a clock, as far as somebody looks at it."""
 
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 
@@ -9,28 +8,15 @@ from jointz.sim import plant
 from jointz.sim.footswitch import ContactMaker
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
-from jointz.sim.plant import Measured
+from jointz.sim.plant import MotorMeasured
 from jointz.sim.plant_build import PlantBuild
 
 _NOISE_ROWS = 4096
+_NEVER_NS = 2**63
 
 
-class Sample(NamedTuple):
-    """What all devices measure at one time.
-
-    Parameters
-    ----------
-    time_ns : int, ns
-        On the devices' clock: 0 at the first sample.
-    measured : tuple
-        As :func:`jointz.sim.plant.advance` returns it.
-    contact : float
-        1 with the foot on the ground.
-    """
-
-    time_ns: int
-    measured: Measured
-    contact: float
+#: Device time (ns, 0 at the first sample), what the motor measures, angle, contact (0 or 1).
+Sample = tuple[int, MotorMeasured, float, float]
 
 
 class RunningPlant:
@@ -59,6 +45,8 @@ class RunningPlant:
         The one that the newest sample lies in.
     samples : int
         Computed so far.
+    due_ns : int, ns
+        When, by the host's clock, the next one comes; nobody needs to look before.
     """
 
     def __init__(
@@ -70,20 +58,19 @@ class RunningPlant:
         noise: np.random.Generator,
     ) -> None:
         self._params, self._curves = build.params, build.curves
-        self._substeps = build.grid.substeps
         self._period_ns = build.grid.period_ns
         timeout_s = build.preset.actuator.command_timeout_s
         self._timeout = round(timeout_s * 1e9) // self._period_ns
         self._motion, self._contacts, self._rng = motion, contacts, noise
         self._state = np.zeros(STATE_SIZE)
         self._history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
-        self._scratch = np.zeros(plant.SCRATCH_SIZE)
         self._noise = np.zeros((_NOISE_ROWS, len(Noise)))
         self._queues: list[list[Sample]] = []
-        self._origin: int | None = None
+        self._first_ns = 0
+        self.due_ns = 0
         self._command = 0.0
         self._commanded = 0
-        self._toggles: deque[int] = deque()
+        self._toggles = deque((_NEVER_NS,))
         self._contact = 0.0
         self._next_stride = motion.next()
         self.samples = 0
@@ -114,12 +101,13 @@ class RunningPlant:
         now_ns : int, ns
             By the clock.
         """
-        slot = now_ns // self._period_ns
-        if self._origin is None:
-            self._origin = slot
-        last = slot - self._origin
-        while self.samples <= last:
+        if self.samples == 0:
+            self._first_ns = now_ns // self._period_ns * self._period_ns
+        due_ns = self._first_ns + self.samples * self._period_ns
+        while due_ns <= now_ns:
             self._step()
+            due_ns += self._period_ns
+        self.due_ns = due_ns
 
     def command(self, torque_nm: float, now_ns: int) -> None:
         """Ask the actuator for a torque.
@@ -131,7 +119,8 @@ class RunningPlant:
         now_ns : int, ns
             By the clock.
         """
-        self.look(now_ns)
+        if now_ns >= self.due_ns:
+            self.look(now_ns)
         self._command = torque_nm
         self._commanded = self.samples - 1
 
@@ -150,29 +139,25 @@ class RunningPlant:
         # The stride of the sample before: physics advances from there.
         if (sample - 1) * self._period_ns >= self._stride_end_ns:
             self._load_stride()
-        row = sample % _NOISE_ROWS
-        if row == 0:
+        if sample % _NOISE_ROWS == 0:
             self._rng.standard_normal(out=self._noise)
         if sample - 1 - self._commanded >= self._timeout:
             self._command = 0.0
-        measured = plant.advance(
+        motor, angle = plant.advance(
             self._params,
             self._state,
             self._curves,
             self._history,
             self.stride.row,
-            self._scratch,
             self._noise,
             sample,
-            row,
             self._command,
-            self._substeps,
         )
         time_ns = sample * self._period_ns
-        while self._toggles and self._toggles[0] <= time_ns:
+        while time_ns >= self._toggles[0]:
             self._toggles.popleft()
             self._contact = 1.0 - self._contact
-        taken = Sample(time_ns, measured, self._contact)
+        taken = (time_ns, motor, angle, self._contact)
         for queue in self._queues:
             queue.append(taken)
         self.samples = sample + 1
@@ -185,4 +170,6 @@ class RunningPlant:
         self._state[State.PATH_KNOWN] = 0.0
         following = self._next_stride
         times = self._contacts.toggles(following.start_s, following.duration_s)
+        self._toggles.pop()
         self._toggles.extend(round(time_s * 1e9) for time_s in times)
+        self._toggles.append(_NEVER_NS)

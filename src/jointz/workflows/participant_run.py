@@ -205,10 +205,10 @@ def _timing(
         {
             "participant": wearer,
             "condition": condition.name,
-            "segment": segment,
-            **timing_report(records, period_ns),
+            "segment": log.header["segment"],
+            **timing_report(log.records, period_ns),
         }
-        for segment, records in enumerate(log.records for log in record.logs)
+        for log in record.logs
     ]
 
 

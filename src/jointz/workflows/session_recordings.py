@@ -38,7 +38,7 @@ class ConditionRecord:
         ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``, one row
         a pulse that began, shams left out.
     offsets_s : tuple of float
-        What was added to the time of each stretch's samples (device time, s).
+        What was added to the time of each log's samples (device time, s).
     logs : tuple of SessionLog
         The logs of the stretches.
     """
@@ -95,6 +95,7 @@ def condition_record(
     for log in logs:
         time, channels = _aligned(log.records, worn=worn)
         if time.size == 0:
+            offsets.append(end_s + _PAUSE_S)
             continue
         offset_s = end_s + _PAUSE_S - float(time[0])
         pieces.append((time + offset_s, channels))
@@ -161,12 +162,13 @@ def _onto(time_ns: np.ndarray, records: np.ndarray, *, master: str, clock: str) 
         return np.full(time_ns.size, np.nan)
     after = np.searchsorted(own_ns, time_ns, side="right").clip(1, own_ns.size - 1)
     hole = np.diff(own_ns) > _HOLE_PERIODS * np.median(np.diff(own_ns))
+    inside = (time_ns > own_ns[after - 1]) & (time_ns < own_ns[after])
     outside = (time_ns < own_ns[0]) | (time_ns > own_ns[-1])
     if clock == "contact_time_ns":
         placed = values[after - (time_ns < own_ns[after])]
     else:
         placed = np.interp(time_ns, own_ns, values)
-    return np.asarray(np.where(hole[after - 1] | outside, np.nan, placed))
+    return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
 
 
 def _way(records: np.ndarray, clock: str) -> int:
@@ -183,29 +185,29 @@ def _pulses(
 ) -> pd.DataFrame:
     """Return the pulses of a stretch as the log shows them."""
     records, segment = log.records, log.header["segment"]
-    master = "actuator_time_ns"
-    rows = records[records[master] != NO_SAMPLE]
-    number = np.where(rows["flags"] & Flag.SHAM, 0, rows["pulse"]).astype(int)
+    ticks = records[records["part"] == 0]
+    number = np.where(ticks["flags"] & Flag.SHAM, 0, ticks["pulse"]).astype(int)
     begins = np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0))
-    ends = np.append(np.flatnonzero(np.diff(number)) + 1, number.size)
+    ends = np.append(np.flatnonzero(np.diff(number)) + 1, number.size - 1)
+    # A command given at a tick follows the newest of the samples read by then.
+    sampled = records["slot"][records["actuator_time_ns"] != NO_SAMPLE]
+    newest = (np.searchsorted(sampled, ticks["slot"], side="right") - 1).clip(0)
     table = []
     for start in begins:
         pulse = plan[number[start] - 1]
-        stop = ends[np.searchsorted(ends, start, side="right")]
+        stop = ends[min(np.searchsorted(ends, start, side="right"), ends.size - 1)]
         event = done.get(pulse.number)
         completed = (
             event is not None
             and event["segment"] == segment
-            and event["onset_slot"] == int(rows["slot"][start])
+            and event["onset_slot"] == int(ticks["slot"][start])
         )
-        # A command given at a tick follows the newest of the samples read in it.
-        onset = np.searchsorted(rows["slot"], rows["slot"][start], side="right") - 1
-        last = min(stop, number.size - 1)
+        onset_s = time_s[newest[start]]
         table.append(
             {
                 "pulse": pulse.number,
-                "onset_s": time_s[onset],
-                "duration_s": time_s[last] - time_s[onset],
+                "onset_s": onset_s,
+                "duration_s": time_s[newest[stop]] - onset_s,
                 "amplitude_nm": pulse.amplitude_nm,
                 "timing_point": pulse.timing_point,
                 "completed": completed,

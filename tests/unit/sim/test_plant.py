@@ -1,164 +1,164 @@
 """The compiled plant against the equations of motion, written a second time and solved by scipy."""
 
 from bisect import bisect_right
+from cmath import exp as turned
 from dataclasses import replace
-from math import cos, exp, pi, sin, tanh
+from math import exp, pi, sin, tanh
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from jointz.core.clock import VirtualClock
+from jointz.sim import plant
 from jointz.sim.curves import impedance_over_cycle, leg_of
-from jointz.sim.layout import Gait, Param, describe
+from jointz.sim.gait_motion import GaitMotion
+from jointz.sim.layout import GAIT_SIZE, HISTORY, STATE_SIZE, Gait, Noise, Param, State
 from jointz.sim.people import draw_instruments, draw_person
 from jointz.sim.plant_build import Grid, build_plant
-from jointz.sim.presets import (
-    BodySettings,
-    GaitSettings,
-    GoniometerSettings,
-    JointSettings,
-    ReflexSettings,
-    preset,
-)
+from jointz.sim.presets import BodySettings, JointSettings, ReflexSettings, preset
 from jointz.sim.rig import SimulatedRig
 
-SECONDS = 2.6
-PULSES = ((0.30, 17.0), (0.95, -12.0), (1.50, 17.0), (2.05, 8.0))
+SECONDS = 1.3
+PULSES = ((0.10, 17.0), (0.60, -12.0), (0.95, 17.0))
 PULSE_S = 0.25
 EXACT = 1e-6  # rad
-CONTACT_SHARE_END = 2.0 * pi
+STRETCH = 10  # samples that scipy solves in one go: shorter than any reflex latency
 
 
-def exact(name):
+def exact(name, *, torque_error=0.0):
     """Return a preset without quanta and white noise: what is left is physics."""
     one = preset(name)
     return replace(
         one,
         actuator=replace(
-            one.actuator, angle_step_rad=0.0, velocity_step_rad_s=0.0, current_step_a=0.0
+            one.actuator,
+            angle_step_rad=0.0,
+            velocity_step_rad_s=0.0,
+            current_step_a=0.0,
+            torque_error_sd_nm=torque_error,
         ),
-        goniometer=replace(one.goniometer, white_sd_rad=0.0, coloured_sd_rad=0.0),
+        goniometer=replace(
+            one.goniometer, white_sd_rad=0.0, coloured_sd_rad=0.0, torsion_rad_nm=0.0
+        ),
     )
 
 
-def walk(settings, *, seconds=SECONDS, pulses=PULSES, number=2, seed=5, rate_hz=500.0):
-    """Return device time and the exoskeleton's and goniometer's angles of a short walk."""
-    rig = SimulatedRig(draw_person(number, seed=seed), settings, grid=Grid(rate_hz))
+def walk(settings):
+    """Return the rig, device time and the angles of exoskeleton and goniometer."""
+    rig = SimulatedRig(draw_person(2, seed=5), settings, grid=Grid(500.0))
     clock = VirtualClock()
     devices = rig.open("perturbed", segment=0, clock=clock)
     for device in devices.all():
         device.configure()
         device.activate()
     actuator, angle = [], []
-    period_ns = rig.grid.period_ns
-    for k in range(round(seconds * rate_hz)):
-        clock.wait_until_ns(k * period_ns)
+    for k in range(round(SECONDS * 500.0)):
+        clock.wait_until_ns(k * 2_000_000)
         actuator += devices.actuator.read()
         angle += devices.angle.read()
-        devices.actuator.command_torque(commanded(k / rate_hz, pulses))
+        devices.actuator.command_torque(commanded(k / 500.0))
     time = np.array([s.device_time_ns for s in actuator]) * 1e-9
-    return (
-        rig,
-        time,
-        np.array([s.angle for s in actuator]),
-        np.array([s.value for s in angle]),
-    )
+    return rig, time, np.array([s.angle for s in actuator]), np.array([s.value for s in angle])
 
 
-def commanded(time_s, pulses):
+def commanded(time_s):
     # The microsecond keeps the edges of pulses on their samples.
-    return sum(a for at, a in pulses if at <= time_s + 1e-6 < at + PULSE_S)
+    return sum(a for at, a in PULSES if at <= time_s + 1e-6 < at + PULSE_S)
 
 
 class Path:
     """The unperturbed knee, from the strides' polynomials and Fourier series."""
 
     def __init__(self, motion):
-        self.strides = [motion.next() for _ in range(12)]
+        self.strides = [motion.next() for _ in range(6)]
         self.starts = [s.start_s for s in self.strides]
-
-    def stride(self, t):
-        return self.strides[bisect_right(self.starts, t) - 1]
+        self.rows = [s.row.tolist() for s in self.strides]
 
     def phase(self, t):
-        stride = self.stride(t)
-        u = (t - stride.start_s) / stride.duration_s
-        r = stride.row
-        poly = np.polynomial.Polynomial(
-            [0, r[Gait.LINEAR], 0, r[Gait.CUBIC], r[Gait.QUARTIC], r[Gait.QUINTIC]]
+        which = bisect_right(self.starts, t) - 1
+        T, row = self.strides[which].duration_s, self.rows[which]
+        u = (t - self.starts[which]) / T
+        c1, c3, c4, c5 = (row[i] for i in (Gait.LINEAR, Gait.CUBIC, Gait.QUARTIC, Gait.QUINTIC))
+        return (
+            row,
+            c1 * u + c3 * u**3 + c4 * u**4 + c5 * u**5,
+            (c1 + 3 * c3 * u**2 + 4 * c4 * u**3 + 5 * c5 * u**4) / T,
+            (6 * c3 * u + 12 * c4 * u**2 + 20 * c5 * u**3) / T**2,
         )
-        T = stride.duration_s
-        return poly(u), poly.deriv()(u) / T, poly.deriv(2)(u) / T**2
 
     def __call__(self, t):
-        row = self.stride(t).row
-        p, p1, p2 = self.phase(t)
-        h = np.arange(7)
-        turn = np.exp(2j * pi * h * p)
-        base = row[Gait.COSINES : Gait.COSINES + 7] - 1j * row[Gait.SINES : Gait.SINES + 7]
-        more = (
-            row[Gait.COSINE_CHANGES : Gait.COSINE_CHANGES + 7]
-            - 1j * row[Gait.SINE_CHANGES : Gait.SINE_CHANGES + 7]
-        )
+        row, p, p1, p2 = self.phase(t)
+        a, b = [0.0] * 3, [0.0] * 3
+        for h in range(7):
+            d = 2j * pi * h
+            turn = turned(d * p)
+            for n in range(3):
+                a[n] += ((row[Gait.COSINES + h] - 1j * row[Gait.SINES + h]) * d**n * turn).real
+                change = row[Gait.COSINE_CHANGES + h] - 1j * row[Gait.SINE_CHANGES + h]
+                b[n] += (change * d**n * turn).real
         w = 6 * p**5 - 15 * p**4 + 10 * p**3
         w1 = 30 * p**4 - 60 * p**3 + 30 * p**2
         w2 = 120 * p**3 - 180 * p**2 + 60 * p
-        d = 2j * pi * h
-        a0, a1, a2 = ((base * d**n * turn).sum().real for n in range(3))
-        b0, b1, b2 = ((more * d**n * turn).sum().real for n in range(3))
-        slope = a1 + w1 * b0 + w * b1
-        bend = a2 + w2 * b0 + 2 * w1 * b1 + w * b2
-        return a0 + w * b0, slope * p1, bend * p1**2 + slope * p2
+        slope = a[1] + w1 * b[0] + w * b[1]
+        bend = a[2] + w2 * b[0] + 2 * w1 * b[1] + w * b[2]
+        return a[0] + w * b[0], slope * p1, bend * p1**2 + slope * p2
 
 
 class Reference:
-    """The equations of the module's docstring, in Python, with dense output for delays."""
+    """The equations of motion, and scipy's solution with dense output for delays."""
 
     def __init__(self, rig):
-        self.rig, self.preset = rig, rig.preset
-        self.person = rig.person
+        self.preset, self.person = rig.preset, rig.person
         self.tools = draw_instruments(rig.person, rig.preset)
-        self.path = Path(rig._motion("perturbed", 0))
-        self.ends, self.solutions = [], []
-        noise = rig.person.stream("noise perturbed", 0).standard_normal((4096, 5))
+        self.gravity = leg_of(rig.person).gravity_nm
+        self.path = Path(
+            GaitMotion(
+                rig.preset.gait,
+                stride_time_s=rig.person.stride_time_s,
+                shift=rig.shift("perturbed"),
+                rng=rig.person.stream("gait perturbed", 0),
+            )
+        )
+        self.solutions, self.ends = [], []
+        self.curves = build_plant(rig.person, rig.preset, grid=rig.grid, worn=True).curves.tolist()
         a = self.preset.actuator
         keep = exp(-rig.grid.period_s / a.torque_error_time_s)
-        error = [0.0]
-        for row in noise[1:]:
-            error.append(
-                keep * error[-1] + a.torque_error_sd_nm * (1 - keep**2) ** 0.5 * row[0]
-            )
-        self.error = np.array(error)
-        self.error_at = np.arange(4096) * rig.grid.period_s
+        drive = a.torque_error_sd_nm * (1 - keep**2) ** 0.5
+        normal = rig.person.stream("noise perturbed", 0).standard_normal((4096, len(Noise)))
+        self.errors = [0.0]
+        for one in normal[1:, Noise.TORQUE_ERROR]:
+            self.errors.append(keep * self.errors[-1] + drive * one)
+        self.period_s = rig.grid.period_s
 
-    def wanted_current(self, t):
-        a = self.preset.actuator
-        return commanded(t - a.delay_s, PULSES) / (a.gear_ratio * a.torque_constant)
+    def error(self, t):
+        k = t / self.period_s
+        i = int(k)
+        return self.errors[i] + (k - i) * (self.errors[i + 1] - self.errors[i])
 
-    def past(self, t, j):
-        """Return a state at a time before: dense output of earlier stretches."""
-        if t <= 0.0:
-            return 0.0
-        return self.solutions[bisect_right(self.ends, t - 1e-12)](t)[j]
+    def impedance(self, phase):
+        """Return K, B, J, thigh out of the table, whose own test compares it with the curves."""
+        place = phase % 1.0 * len(self.curves)
+        row, r = self.curves[int(place)], place % 1.0
+        return [
+            row[j] + r * row[j + 1] + r**2 * row[j + 2] + r**3 * row[j + 3] for j in (0, 4, 8, 12)
+        ]
 
     def stretch(self, t):
         reflex = self.preset.joint.reflex
-        if reflex is None:
+        if reflex is None or t <= reflex.latency_s:
             return 0.0
-        if reflex.kind == "velocity":
-            return reflex.velocity_time_s * max(0.0, self.past(t - reflex.latency_s, 1))
-        return max(0.0, self.past(t - reflex.latency_s, 0))
+        then = t - reflex.latency_s
+        x, v = self.solutions[bisect_right(self.ends, then - 1e-12)](then)[:2]
+        return max(0.0, reflex.velocity_time_s * v if reflex.kind == "velocity" else x)
 
     def rhs(self, t, s, wanted):
-        x, v, i, g, r, rd, y, yd, xe, ve = s
+        x, v, i, g, r, rd, y, yd, xe, ve = s.tolist()
         a, joint, body = self.preset.actuator, self.preset.joint, self.preset.body
         theta, rate, bend = self.path(t)
-        phase = np.array([self.path.phase(t)[0] % 1.0])
-        K, B, J, thigh = (float(c[0]) for c in impedance_over_cycle(self.person, self.preset, phase))
-        gain = a.gear_ratio * a.torque_constant / self.tools.torque_gain
+        K, B, J, thigh = self.impedance(self.path.phase(t)[1])
         friction = self.tools.friction_gain * (a.coulomb_friction + a.gear_friction * abs(i))
-        torque = gain * i + np.interp(t, self.error_at, self.error)
+        torque = a.gear_ratio * a.torque_constant / self.tools.torque_gain * i + self.error(t)
         soft = 1.0 if joint.softening_rad is None else 1.0 / (1.0 + (x / joint.softening_rad) ** 2)
         held = K * x * soft + B * v
         twitch = 0.0
@@ -169,45 +169,49 @@ class Reference:
         if body is None:
             torque -= friction * tanh((rate + v) / a.sign_velocity_rad_s)
             acceleration = (torque - held - a.rotor_inertia * bend) / (J + a.rotor_inertia)
-            exo = 0.0
+            exo, tissue, shown = 0.0, 0.0, theta + x
         else:
-            leg = leg_of(self.person).gravity_nm
-            held += leg * (sin(theta + x - thigh) - sin(theta - thigh))
+            held += self.gravity * (sin(theta + x - thigh) - sin(theta - thigh))
             stiffness = self.tools.strap_stiffness
             strap = stiffness * (xe - x) + stiffness * body.strap_damping_time_s * (ve - v)
             acceleration = (strap - held) / J
             torque -= friction * tanh((rate + ve) / a.sign_velocity_rad_s)
             weight = body.frame_mass_kg * 9.81 * body.frame_distance_m
             torque -= weight * sin(theta + xe - thigh) + strap
-            inertia = a.rotor_inertia + body.frame_mass_kg * body.frame_distance_m**2
-            exo = torque / inertia - bend
-        shown, tissue = theta + x, 0.0
-        if body is not None:
+            exo = torque / (a.rotor_inertia + body.frame_mass_kg * body.frame_distance_m**2) - bend
             w = 2 * pi * self.tools.tissue_hz
-            tissue = w**2 * (theta + x - y) - 2 * body.tissue_damping * w * yd
-            shown = y
+            tissue, shown = w**2 * (theta + x - y) - 2 * body.tissue_damping * w * yd, y
         lag = self.tools.angle_lag_s - self.preset.goniometer.delay_s
-        return (
+        lagged = (shown - g) / lag if lag > 0 else 0.0
+        return [
             v,
             acceleration,
             (wanted - i) / a.time_constant_s,
-            (shown - g) / lag if lag > 0 else 0.0,
+            lagged,
             rd,
             twitch,
             yd,
             tissue,
             ve,
             exo,
-        )
+        ]
 
     def solve(self, times):
+        """Return the state at all times; stretches end where an input has a corner."""
+        a = self.preset.actuator
         theta, rate, _ = self.path(0.0)
         state = np.array([0, 0, 0, theta, 0, 0, theta, rate, 0, 0], dtype=float)
-        states = [state]
-        for begin, end in zip(times[:-1], times[1:], strict=True):
-            cut = [s for s in self.path.starts if begin < s < end]
-            points = [begin, *cut, end]
-            for t0, t1 in zip(points[:-1], points[1:], strict=True):
+        states, edges = [state], {t + a.delay_s for at, _ in PULSES for t in (at, at + PULSE_S)}
+        every = 1 if a.torque_error_sd_nm else STRETCH
+        for first in range(0, times.size - 1, every):
+            inside = times[first : first + every + 1]
+            corners = [
+                c for c in (*self.path.starts, *edges) if inside[0] + 1e-9 < c < inside[-1] - 1e-9
+            ]
+            borders = [inside[0], *sorted(corners), inside[-1]]
+            found = {}
+            for t0, t1 in zip(borders[:-1], borders[1:], strict=True):
+                wanted = commanded(0.5 * (t0 + t1) - a.delay_s) / (a.gear_ratio * a.torque_constant)
                 solved = solve_ivp(
                     self.rhs,
                     (t0, t1),
@@ -215,21 +219,19 @@ class Reference:
                     method="DOP853",
                     rtol=1e-11,
                     atol=1e-13,
-                    dense_output=self.preset.joint.reflex is not None,
-                    args=(self.wanted_current(0.5 * (begin + end)),),
+                    dense_output=True,
+                    args=(wanted,),
                 )
                 state = solved.y[:, -1]
                 self.solutions.append(solved.sol)
                 self.ends.append(t1)
-            states.append(state)
+                found |= {t: solved.sol(t) for t in inside if t0 < t <= t1}
+            states += [found[t] for t in inside[1:]]
         return np.array(states)
 
 
-STILL = GaitSettings(
-    **{name: 0.0 for name in GaitSettings.__slots__ if "_sd" in name}
-)
 CASES = {
-    "nominal": exact("nominal"),
+    "nominal, with torque error": exact("nominal", torque_error=0.25),
     "hard": exact("hard"),
     "clean": exact("clean"),
     "anthropometric": exact("anthropometric"),
@@ -252,11 +254,68 @@ def test_the_compiled_plant_solves_the_equations_of_motion(name):
     theta = np.array([reference.path(t)[0] for t in time])
     exo = states[:, 0] if rig.preset.body is None else states[:, 8]
     assert np.abs(exo).max() > 0.15  # the pulses moved it
-    print(name, np.abs(angle-theta-exo).max(), np.abs(exo).max())
     np.testing.assert_allclose(angle, theta + exo, rtol=0, atol=EXACT)
-    tools, settings = reference.tools, rig.preset.goniometer
+    tools, late = reference.tools, round(rig.preset.goniometer.delay_s * 500.0)
     lagged = states[:, 3] if tools.angle_lag_s > 0 else theta + states[:, 0]
-    late = round(settings.delay_s * 500.0)
-    expected = tools.angle_gain * np.concatenate([np.full(late, lagged[0]), lagged])[: time.size]
-    if settings.torsion_rad_nm == 0.0:
-        np.testing.assert_allclose(shown, expected, rtol=0, atol=EXACT)
+    expected = np.concatenate([np.full(late, lagged[0]), lagged])[: time.size]
+    np.testing.assert_allclose(shown, tools.angle_gain * expected, rtol=0, atol=EXACT)
+
+
+def rest(*, damping, friction):
+    """Return a plant on a path that stands still, deflected and let go; no input at all."""
+    build = build_plant(draw_person(0, seed=1), exact("clean"), grid=Grid(500.0), worn=True)
+    params = build.params.copy()
+    params[Param.COULOMB_FRICTION] = friction
+    curves = np.zeros_like(build.curves)
+    curves[:, 0], curves[:, 4], curves[:, 8] = 100.0, damping, 0.05
+    gait = np.zeros(GAIT_SIZE)
+    gait[Gait.RATE_HZ], gait[Gait.LINEAR] = 1.0 / 1.1, 1.0
+    state, history = np.zeros(STATE_SIZE), np.zeros((HISTORY, plant.HISTORY_COLUMNS))
+    plant.begin(params, state, gait, history)
+    state[State.ANGLE] = 0.2
+    noise, energy = np.zeros((1, len(Noise))), []
+    for sample in range(500):
+        plant.advance(params, state, curves, history, gait, noise, sample, 0.0)
+        x, v = state[State.ANGLE], state[State.VELOCITY]
+        energy.append(0.5 * 100.0 * x**2 + 0.5 * (0.05 + params[Param.EXO_INERTIA]) * v**2)
+    return np.array(energy)
+
+
+def test_energy_is_kept_without_damping_and_never_grows_with_it():
+    assert rest(damping=0.0, friction=0.0) == pytest.approx(2.0, rel=1e-7)
+    for losses in ({"damping": 2.0, "friction": 0.0}, {"damping": 0.0, "friction": 0.4}):
+        energy = rest(**losses)
+        assert (np.diff(energy) <= 1e-15).all()
+        assert energy[-1] < 0.5 * energy[0]
+
+
+@pytest.mark.parametrize("name", ["nominal", "hard", "anthropometric"])
+def test_the_packed_curves_are_the_curves_of_the_person(name):
+    person, settings = draw_person(4, seed=2), preset(name)
+    curves = build_plant(person, settings, grid=Grid(), worn=True).curves
+    cycles = np.linspace(0.0, 1.0, 5001)[:-1]
+    place = cycles * len(curves)
+    row, r = curves[place.astype(int)], place % 1.0
+    for j, wanted in enumerate(impedance_over_cycle(person, settings, cycles)):
+        got = sum(row[:, 4 * j + n] * r**n for n in range(4))
+        # The corners of stance and swing of the leg lie inside pieces: 0.1 % of its inertia.
+        np.testing.assert_allclose(got, wanted, rtol=1e-3 if j == 2 else 1e-6)
+
+
+def test_stiffness_stands_still_around_timing_points():
+    person = draw_person(0, seed=1)
+    cycles = (7.0 + np.linspace(-0.5, 11.0, 50)) / 100.0
+    stiffness = impedance_over_cycle(person, preset("nominal"), cycles)[0]
+    np.testing.assert_allclose(stiffness, person.mass_kg * person.stiffness_per_mass["LRE"])
+
+
+def test_the_inertia_of_a_leg_lies_where_measurements_put_it():
+    # SCIENCE 3.7: 0.42 about the knee; 0.10-0.21 with a free hip; 0.17-0.43 in stance.
+    people = [draw_person(i, seed=3) for i in range(40)]
+    mean = replace(people[0], mass_kg=73.0, height_m=1.74)
+    leg = leg_of(mean)
+    assert leg.inertia == pytest.approx(0.43, abs=0.02)
+    assert leg.free_inertia(np.radians([0.0, 62.0])) == pytest.approx([0.11, 0.21], abs=0.015)
+    inertia = impedance_over_cycle(mean, preset("anthropometric"), np.linspace(0, 1, 201)[:-1])[2]
+    assert inertia.max() == pytest.approx(0.43, abs=0.02)
+    assert inertia.min() == pytest.approx(0.11, abs=0.02)

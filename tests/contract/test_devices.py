@@ -1,0 +1,394 @@
+"""Every device keeps the contract, and the contract notices one that does not."""
+
+import dataclasses
+import math
+import unittest
+
+import pytest
+
+from jointz.core.clock import RealClock, VirtualClock
+from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.interface import Devices, Lifecycle
+from jointz.sim.rig import simulated_rig
+from jointz.testing import (
+    ActuatorContract,
+    Deviation,
+    ScriptedActuator,
+    ScriptedSensor,
+    SensorContract,
+    replay,
+)
+from jointz.testing.scripted import SCRIPTED_ACTUATOR, SCRIPTED_SENSOR
+
+MS = 1_000_000
+
+
+class Virtual:
+    def make_clock(self):
+        return VirtualClock(12_345)
+
+
+# --- every device there is -----------------------------------------------------------------------
+
+
+class TestScriptedActuator(Virtual, ActuatorContract):
+    def make(self, clock):
+        return ScriptedActuator(clock, angle=lambda t: 0.3 + 0.1 * math.sin(6.0 * t))
+
+    def disconnect(self, device):
+        device.disconnect()
+
+
+class TestScriptedActuatorInRealTime(TestScriptedActuator):
+    watched_s = 0.1
+    settle_s = 0.05
+
+    def make_clock(self):
+        return RealClock()
+
+
+class TestScriptedSensor(Virtual, SensorContract):
+    def make(self, clock):
+        return ScriptedSensor(clock, math.sin)
+
+    def disconnect(self, device):
+        device.disconnect()
+
+
+class _Simulated(Virtual):
+    device = "actuator"
+
+    def make(self, clock):
+        self.rig = simulated_rig(0, preset="nominal")
+        return getattr(self.rig.open("perturbed", segment=0, clock=clock), self.device)
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.rig.inject.order(self.device, "disconnect")
+
+
+class TestSimulatedActuator(_Simulated, ActuatorContract):
+    pass
+
+
+class TestSimulatedGoniometer(_Simulated, SensorContract):
+    device = "angle"
+
+
+class TestSimulatedFootswitch(_Simulated, SensorContract):
+    device = "contact"
+
+
+# --- the contract notices ------------------------------------------------------------------------
+
+
+class Forgiving(ScriptedActuator):
+    def _require(self, states):
+        pass
+
+
+class RaisesInStop(ScriptedActuator):
+    def stop(self):
+        raise OSError("port is closed")
+
+    def close(self):
+        self._state = Lifecycle.FINALISED
+
+
+class BlocksInStop(ScriptedActuator):
+    def stop(self):
+        RealClock().wait_until_ns(RealClock.now_ns() + 250 * MS)
+        super().stop()
+
+
+class KeepsItsTorque(ScriptedActuator):
+    def _let_go(self):
+        pass
+
+
+class NeverTimesOut(ScriptedActuator):
+    def _torque_before(self, time_ns):  # noqa: ARG002
+        return self._torques[-1][1] if self._torques else 0.0
+
+
+class Milliamperes(ScriptedActuator):
+    def _measured(self, *args, **kwargs):
+        sample = super()._measured(*args, **kwargs)
+        return sample._replace(current=1e3 * sample.current)
+
+
+class OtherDirection(ScriptedActuator):
+    def _measured(self, *args, **kwargs):
+        sample = super()._measured(*args, **kwargs)
+        return sample._replace(current=-sample.current)
+
+
+class Repeats(ScriptedActuator):
+    def read(self):
+        samples = super().read()
+        self._next = max(self._next - 1, 0)
+        return samples
+
+
+class DropsHalf(ScriptedActuator):
+    def read(self):
+        return super().read()[::2]
+
+
+class AheadOfTime(ScriptedActuator):
+    def read(self):
+        return [s._replace(host_time_ns=s.host_time_ns + MS) for s in super().read()]
+
+
+class DiesOnce(ScriptedActuator):
+    def stop(self):
+        super().stop()
+        self._state = Lifecycle.FINALISED
+
+
+class SaysNothing(ScriptedActuator):
+    def read(self):
+        super().read()
+        return []
+
+
+class QuietWhenGone(ScriptedActuator):
+    def disconnect(self):
+        pass
+
+
+class Changes(ScriptedActuator):
+    def describe(self):
+        return SCRIPTED_ACTUATOR if self._first is None else self._other()
+
+    def _other(self):
+        return dataclasses.replace(SCRIPTED_ACTUATOR, serial="1")
+
+
+def broken(driver, contract=TestScriptedActuator):
+    class Broken(contract):
+        def make(self, clock):
+            return driver(clock)
+
+    return Broken()
+
+
+@pytest.mark.parametrize(
+    ("driver", "test", "told"),
+    [
+        (Forgiving, "steps_out_of_order_raise", "nothing was raised"),
+        (Forgiving, "it_is_read_only_while_active", "nothing was raised"),
+        (Forgiving, "it_is_commanded_only_while_active", "nothing was raised"),
+        (BlocksInStop, "stop_never_raises_and_never_blocks", "took"),
+        (KeepsItsTorque, "stop_takes_the_torque_away", "after a stop"),
+        (NeverTimesOut, "it_goes_to_zero_torque_without_commands", "command timeout"),
+        (Milliamperes, "current_follows_the_command_in_sign_and_size", "torque model"),
+        (SaysNothing, "current_follows_the_command_in_sign_and_size", "got none"),
+        (SaysNothing, "it_can_be_activated_again_after_a_stop", "second activation"),
+        (OtherDirection, "current_follows_the_command_in_sign_and_size", "-1.00 of"),
+        (Repeats, "samples_come_once_in_order_and_at_the_stated_rate", "each once"),
+        (DropsHalf, "samples_come_once_in_order_and_at_the_stated_rate", "expected about 150"),
+        (AheadOfTime, "samples_come_once_in_order_and_at_the_stated_rate", "the future"),
+        (DiesOnce, "its_life_goes_from_unconfigured_to_finalised", "states"),
+        (QuietWhenGone, "a_device_that_is_gone_says_so_and_can_be_stopped", "NotConnectedError"),
+        (Changes, "it_describes_itself_the_same_in_any_state", "changes"),
+    ],
+)
+def test_the_contract_notices_a_driver_that_breaks_it(driver, test, told):
+    with pytest.raises(AssertionError, match=told):
+        getattr(broken(driver), f"test_{test}")()
+
+
+def test_an_error_in_stop_is_not_swallowed():
+    with pytest.raises(OSError, match="port is closed"):
+        broken(RaisesInStop).test_stop_never_raises_and_never_blocks()
+
+
+@pytest.mark.parametrize(
+    ("contract", "test", "told"),
+    [
+        (TestScriptedActuator, "it_is_an_actuator", "is no Actuator"),
+        (TestScriptedSensor, "it_is_a_sensor", "is no Sensor"),
+    ],
+)
+def test_the_contract_notices_a_class_that_is_no_device(contract, test, told):
+    class NoDevice:
+        def __init__(self, clock):
+            self.clock = clock
+
+        def close(self):
+            pass
+
+    with pytest.raises(AssertionError, match=told):
+        getattr(broken(NoDevice, contract), f"test_{test}")()
+
+
+def test_a_driver_that_cannot_be_cut_off_skips_that_test():
+    class Plain(Virtual, ActuatorContract):
+        def make(self, clock):
+            return ScriptedActuator(clock)
+
+    with pytest.raises(unittest.SkipTest, match="Plain"):
+        Plain().test_a_device_that_is_gone_says_so_and_can_be_stopped()
+
+
+def test_a_device_is_closed_when_its_test_fails():
+    made = []
+
+    def make(clock):
+        made.append(Milliamperes(clock))
+        return made[-1]
+
+    with pytest.raises(AssertionError):
+        broken(make).test_current_follows_the_command_in_sign_and_size()
+    assert [device.state for device in made] == [Lifecycle.FINALISED]
+
+
+# --- scripted devices do what they are told ------------------------------------------------------
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+def started(device):
+    device.configure()
+    device.activate()
+    return device
+
+
+def read_ms(device, clock, until_ms):
+    clock.wait_until_ns(until_ms * MS)
+    return device.read()
+
+
+def test_samples_lie_on_multiples_of_the_period_of_the_clock(clock):
+    clock.wait_until_ns(3 * MS)
+    device = started(ScriptedSensor(clock, lambda t: t))
+    assert [s.device_time_ns // MS for s in device.read()] == [2]
+    assert read_ms(device, clock, 3) == []
+    found = read_ms(device, clock, 9)
+    assert [s.device_time_ns // MS for s in found] == [4, 6, 8]
+    assert {s.host_time_ns for s in found} == {9 * MS}
+    assert [s.value for s in found] == pytest.approx([0.002, 0.004, 0.006])
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5, 20])
+def test_how_often_it_is_read_changes_no_sample(steps):
+    clock = VirtualClock()
+    device = started(ScriptedActuator(clock, angle=math.sin))
+    found = []
+    for k in range(1, steps + 1):
+        found += read_ms(device, clock, 40 * k // steps)
+    values = [(s.device_time_ns, s.angle, s.velocity, s.current) for s in found]
+    assert [v[0] // MS for v in values] == list(range(0, 41, 2))
+    assert [v[2] for v in values] == pytest.approx(
+        [math.cos(v[0] * 1e-9) for v in values], abs=1e-6
+    )
+
+
+def test_frozen_samples_come_in_time_with_old_values(clock):
+    script = [Deviation("freeze", 3, 5)]
+    device = started(ScriptedSensor(clock, lambda t: t, script=script))
+    found = read_ms(device, clock, 14)
+    assert [s.value for s in found] == pytest.approx(
+        [0, 2e-3, 4e-3, 4e-3, 4e-3, 4e-3, 12e-3, 14e-3]
+    )
+    assert [s.device_time_ns // MS for s in found] == list(range(0, 15, 2))
+
+
+def test_a_silent_device_gives_no_samples_and_comes_back(clock):
+    device = started(ScriptedSensor(clock, lambda t: t, script=[Deviation("silence", 1, 3)]))
+    assert [s.device_time_ns // MS for s in read_ms(device, clock, 10)] == [0, 8, 10]
+
+
+def test_a_clock_can_stand_still(clock):
+    script = [Deviation("replace", 2, values={"device_time_ns": 0})]
+    device = started(ScriptedActuator(clock, script=script))
+    assert [s.device_time_ns for s in read_ms(device, clock, 6)] == [0, 2 * MS, 0, 0]
+
+
+def test_temperature_and_nan_on_order(clock):
+    script = [
+        Deviation("replace", 1, values={"temperature_c": 120.0}),
+        Deviation("replace", 2, 2, values={"angle": math.nan}),
+    ]
+    found = read_ms(started(ScriptedActuator(clock, script=script)), clock, 6)
+    assert [s.temperature_c for s in found] == [30.0, 120.0, 120.0, 120.0]
+    assert [math.isnan(s.angle) for s in found] == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    "kind", [ScriptedActuator, lambda clock, **k: ScriptedSensor(clock, math.sin, **k)]
+)
+def test_a_device_disconnects_at_its_sample(clock, kind):
+    device = started(kind(clock, script=[Deviation("disconnect", 2)]))
+    assert len(read_ms(device, clock, 3)) == 2
+    with pytest.raises(NotConnectedError):
+        read_ms(device, clock, 4)
+    device.stop()
+    with pytest.raises(NotConnectedError):
+        device.activate()
+    device.close()
+    assert device.state is Lifecycle.FINALISED
+
+
+def test_fault_bits_put_the_actuator_in_fault_without_torque(clock):
+    device = started(
+        ScriptedActuator(clock, script=[Deviation("replace", 2, values={"faults": 2})])
+    )
+    device.command_torque(9.0)
+    assert [s.faults for s in read_ms(device, clock, 4)] == [0, 0, 2]
+    assert device.state is Lifecycle.FAULT
+    assert device.torque_nm == 0.0
+    with pytest.raises(DeviceError, match="it is fault"):
+        device.command_torque(1.0)
+    assert [s.current for s in read_ms(device, clock, 8)] == [0.0, 0.0]
+    device.stop()
+    assert device.state is Lifecycle.FAULT
+
+
+def test_commands_are_kept_and_shown_as_current_until_the_timeout(clock):
+    device = started(ScriptedActuator(clock))
+    device.read()
+    device.command_torque(9.0)
+    clock.wait_until_ns(1 * MS)
+    device.command_torque(-4.5)
+    assert device.torque_nm == -4.5
+    assert [s.current for s in read_ms(device, clock, 4)] == [-5.0, -5.0]
+    late = read_ms(device, clock, 200)
+    assert [s.device_time_ns // MS for s in late if s.current][-1] == 100
+    assert device.torque_nm == 0.0
+    assert device.commands == [(0, 9.0), (MS, -4.5)]
+
+
+def test_stop_takes_the_torque_away_at_once_and_is_no_command(clock):
+    device = started(ScriptedActuator(clock))
+    device.command_torque(9.0)
+    device.stop()
+    assert device.torque_nm == 0.0
+    assert device.commands == [(0, 9.0)]
+
+
+@pytest.mark.parametrize("torque", [math.nan, math.inf])
+def test_a_torque_that_is_no_number_is_refused(clock, torque):
+    device = started(ScriptedActuator(clock))
+    with pytest.raises(DeviceError, match="expected a finite torque"):
+        device.command_torque(torque)
+    assert device.commands == []
+
+
+def test_a_replay_stays_at_its_last_value(clock):
+    device = started(ScriptedSensor(clock, replay([1.0, 2.0, 3.0], 500.0)))
+    assert [s.value for s in read_ms(device, clock, 8)] == [1.0, 2.0, 3.0, 3.0, 3.0]
+
+
+def test_scripted_devices_describe_themselves_as_told(clock):
+    devices = Devices(
+        angle=ScriptedSensor(clock, math.sin),
+        contact=ScriptedSensor(clock, math.cos),
+        actuator=ScriptedActuator(clock),
+    )
+    told = devices.to_dict()
+    assert told["actuator"] == SCRIPTED_ACTUATOR.to_dict()
+    assert told["angle"] == SCRIPTED_SENSOR.to_dict()
