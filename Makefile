@@ -25,8 +25,8 @@ browser:
 	fi
 
 check: $(VENV)/.installed-check
-	$(BIN)/ruff format --check src tests benchmarks
-	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/ruff format --check src tests benchmarks conftest.py
+	$(BIN)/ruff check src tests benchmarks conftest.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell src tests benchmarks docs examples README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md

@@ -18,7 +18,6 @@ from time import perf_counter
 
 import pytest
 
-
 #: How long the analysis may take, in times of reading the same files with pandas.
 MOST_READS = 3.0
 #: How much memory ten participants may take, in times of one.

@@ -30,7 +30,7 @@ def ours(rate_hz: int, ticks: int) -> np.ndarray:
     stamps = np.zeros(ticks, dtype=np.int64)
     count = 0
 
-    def tick(slot: int, now_ns: int, skipped: int) -> bool:
+    def tick(_slot: int, now_ns: int, _skipped: int) -> bool:
         nonlocal count
         stamps[count] = now_ns
         count += 1

@@ -108,9 +108,9 @@ def test_twenty_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_pat
     n_left_out = len(pd.read_csv(left_out)) if left_out.exists() else 0
     assert len(table) - n_left_out == 18
     analysis = jointz.analyze(out, resamples=20)
-    assert Counter(
-        p.timing_point for p in analysis.pulses if not p.code == "user"
-    ) == dict.fromkeys(("LRE", "MST", "TST", "PSW", "ISW", "MSW"), 3)
+    assert Counter(p.timing_point for p in analysis.pulses if p.code != "user") == dict.fromkeys(
+        ("LRE", "MST", "TST", "PSW", "ISW", "MSW"), 3
+    )
 
 
 def test_a_finished_run_is_left_as_it_is(protocol, compiled):
@@ -129,7 +129,7 @@ def test_resume_refuses_another_seed_or_plan(protocol, compiled):
 
 
 def test_a_folder_that_exists_is_kept(protocol, compiled, tmp_path):
-    with pytest.raises(OutputError, match="exists and is kept.*--resume"):
+    with pytest.raises(OutputError, match=r"exists and is kept.*--resume"):
         run(protocol, compiled.study)
     (tmp_path / "thesis.doc").write_text("years")
     with pytest.raises(OutputError, match=r"holds no run\.json"):

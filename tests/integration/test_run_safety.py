@@ -79,7 +79,7 @@ def session(rig, protocol, folder):
         rig,
         clocks=VirtualClock,
         operator=NoOperator(),
-        progress=lambda *told: None,
+        progress=lambda *_told: None,
         real_time=False,
     )
 
@@ -178,9 +178,9 @@ def test_a_request_that_is_no_number_trips(rig, spy, protocol, tmp_path, monkeyp
     monkeypatch.setattr(
         trial.ZeroTorque,
         "request",
-        lambda self, wanted, v: torque
-        if spy.clock.now_ns() >= at_s * 1e9
-        else request(self, wanted, v),
+        lambda self, wanted, v: (
+            torque if spy.clock.now_ns() >= at_s * 1e9 else request(self, wanted, v)
+        ),
     )
     with pytest.raises(SafetyStop, match="request_not_finite"):
         session(rig, protocol, tmp_path).run()
@@ -190,7 +190,7 @@ def test_a_request_that_is_no_number_trips(rig, spy, protocol, tmp_path, monkeyp
 def test_an_over_torque_request_is_clamped_within_the_tick(
     rig, spy, protocol, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(trial.ZeroTorque, "request", lambda self, wanted, v: 1e6)
+    monkeypatch.setattr(trial.ZeroTorque, "request", lambda *_: 1e6)
     with pytest.raises(SafetyStop):  # the joint is pushed out of its range, and that trips
         session(rig, protocol, tmp_path).run()
     limit = spy.devices.actuator.describe().limits.torque_nm
@@ -347,9 +347,10 @@ def test_a_signal_asks_for_a_stop(rig, spy, protocol, tmp_path):
     from jointz.workflows.participant_run import _stopped_by_ctrl_c
 
     running = session(rig, protocol, tmp_path)
-    with _stopped_by_ctrl_c(running), pytest.raises(KeyboardInterrupt):
+    with _stopped_by_ctrl_c(running):
         os.kill(os.getpid(), signal.SIGINT)
-        running.run()
+        with pytest.raises(KeyboardInterrupt):
+            running.run()
     assert not any(isinstance(torque, float) and torque for _, torque in spy.commands)
 
 

@@ -8,6 +8,7 @@ import typer
 
 from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
 from jointz.cli.options import Debug, Json, Quiet
+from jointz.core.errors import OutputError
 
 if TYPE_CHECKING:
     from jointz.core.joint_fit import JointFit
@@ -163,11 +164,22 @@ def _check_figure(figure: Path) -> None:
 
 
 def _save(fit: "JointFit", figure: Path) -> None:
+    """Write the figure, whole or not at all."""
     from matplotlib.figure import Figure
 
     canvas = Figure(figsize=(7.1, 3.5))
     fit.plot(canvas.subplots())
-    canvas.savefig(figure, bbox_inches="tight")
+    partial = figure.with_name(f".{figure.stem}.partial{figure.suffix}")
+    try:
+        canvas.savefig(partial, bbox_inches="tight")
+        partial.replace(figure)
+    except OSError as exc:
+        raise OutputError(
+            f"{figure}: cannot be written ({exc.strerror or exc}). Make room or ask for "
+            "permission, or name another file."
+        ) from exc
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _print(fit: "JointFit") -> None:

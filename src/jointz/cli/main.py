@@ -9,12 +9,18 @@ import typer
 
 from jointz import __version__
 from jointz.cli.analyze import analyze
-from jointz.cli.console import EXIT_BAD_INPUT, EXIT_DEVICE, emit, emit_json
+from jointz.cli.console import (
+    EXIT_BAD_INPUT,
+    EXIT_DEVICE,
+    EXIT_NOTHING_STANDS,
+    emit,
+    emit_json,
+)
 from jointz.cli.demo import demo
 from jointz.cli.identify import identify
 from jointz.cli.protocols import protocols
 from jointz.cli.run import run as run_experiment
-from jointz.core.errors import DeviceError, JointzError
+from jointz.core.errors import DeviceError, JointzError, OutputError
 
 _EXIT_STOPPED = 130
 _EXIT_BUG = 70
@@ -76,7 +82,7 @@ def run() -> None:
         sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
         _report(type(exc).__name__, str(exc))
-        sys.exit(EXIT_DEVICE if isinstance(exc, DeviceError) else EXIT_BAD_INPUT)
+        sys.exit(_exit_of(exc))
     except (typer.Abort, KeyboardInterrupt):
         status = _EXIT_STOPPED
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
@@ -86,6 +92,14 @@ def run() -> None:
     if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
         _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
     sys.exit(status)
+
+
+def _exit_of(exc: JointzError) -> int:
+    if isinstance(exc, DeviceError):
+        return EXIT_DEVICE
+    if isinstance(exc, OutputError) and isinstance(exc.__cause__, OSError):
+        return EXIT_NOTHING_STANDS  # the system refused to write: the input is not to blame
+    return EXIT_BAD_INPUT
 
 
 def _report(kind: str, message: str) -> None:

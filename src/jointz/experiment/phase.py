@@ -10,9 +10,10 @@ from collections import deque
 from jointz.core.protocol import GaitSpec
 
 _SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride, while nothing is known yet
-#: Strikes outside the accepted band, with no clean stride between them, after which the cadence
-#: is learnt anew.
+#: Strikes in a row outside the accepted band after which the cadence is learnt anew.
 _STRANGERS = 3
+#: A spurious strike so near to the middle, in halves of the stride, makes two strides of it.
+_HALF = (0.9, 1.1)
 
 _PEAK_PCT = 72.2  # of the cycle, where a knee is most flexed
 _FLEXED_RAD = 0.6  # swing flexes a knee by more than this, stance by less
@@ -25,9 +26,9 @@ class StridePhase:
     A stride is accepted when its duration lies in a band around that mean. A
     strike that comes too early is spurious: the phase is unknown until the next
     one that comes in time. A stride that is too long has lost a strike: the phase
-    is unknown until gait is steady again. Where stride after stride holds a spurious
-    strike, it is the mean that is wrong (a strike was missed while it was learnt, and
-    two strides pass for one): it is learnt anew.
+    is unknown until gait is steady again. Where stride after stride has a strike in
+    its middle, two strides pass for one, because a strike was missed while the mean was
+    learnt: it is learnt anew.
 
     Parameters
     ----------
@@ -47,6 +48,7 @@ class StridePhase:
     __slots__ = (
         "_doubt",
         "_durations",
+        "_halved",
         "_high",
         "_last_ns",
         "_low",
@@ -66,7 +68,7 @@ class StridePhase:
         self._last_ns = 0
         self._steady_run = 0
         self._strangers = 0
-        self._doubt = False
+        self._doubt = self._halved = False
         self.mean_ns = 0.0
         self.strides = self.spurious = self.missing = 0
 
@@ -89,10 +91,11 @@ class StridePhase:
         if duration < low:
             self.spurious += 1
             self._doubt = True
+            self._halved = _HALF[0] <= 2.0 * duration / self.mean_ns <= _HALF[1]
         else:
             self.missing += 1
             self._steady_run = 0
-            self._doubt = False
+            self._doubt = self._halved = False
             self._last_ns = time_ns
         self._strangers += 1
         if self._strangers >= _STRANGERS:
@@ -133,16 +136,16 @@ class StridePhase:
         self.mean_ns = sum(self._durations) / len(self._durations)
         self._last_ns = time_ns
         self._steady_run += 1
-        if not self._doubt:
+        if not self._halved:
             self._strangers = 0
-        self._doubt = False
+        self._doubt = self._halved = False
         self.strides += 1
 
     def _forget(self, time_ns: int) -> None:
         self._durations.clear()
         self.mean_ns = 0.0
         self._steady_run = self._strangers = 0
-        self._doubt = False
+        self._doubt = self._halved = False
         self._last_ns = time_ns
 
 

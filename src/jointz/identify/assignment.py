@@ -48,7 +48,7 @@ class Candidate:
 
 
 def assign_pulses(
-    participant: str, sources: Sequence[Source], settings: ParticipantSettings
+    participant: str, sources: Sequence[Source], settings: ParticipantSettings, *, baseline: str
 ) -> list[Candidate]:
     """Give every pulse its timing point or group, and a code where it cannot be used.
 
@@ -60,6 +60,8 @@ def assign_pulses(
         The participant's recordings.
     settings : ParticipantSettings
         Timing points, groups, window.
+    baseline : str
+        What will be subtracted; ``pre_pulse`` asks nothing of the gait.
 
     Returns
     -------
@@ -70,12 +72,14 @@ def assign_pulses(
     -----
     A pulse's timing point is the one its table names; without it, the time
     since the last heel strike over the mean of the last three accepted
-    strides, modulo one, takes the nearest timing point (DESIGN section 4).
+    strides, modulo one, takes the nearest timing point (DESIGN section 4). A phase
+    that cannot be trusted leaves a pulse out only where its timing point or its
+    baseline is made of the gait.
     """
     found = []
     for index, source in enumerate(sources):
         if source.given.condition == "perturbed" and source.pulses:
-            found += _of_source(participant, index, source, settings)
+            found += _of_source(participant, index, source, settings, baseline=baseline)
     usable = [c.record.timing_point for c in found if not c.record.code]
     return [
         c.coded(Exclusion.LONE_PULSE)
@@ -86,10 +90,16 @@ def assign_pulses(
 
 
 def _of_source(
-    participant: str, index: int, source: Source, settings: ParticipantSettings
+    participant: str,
+    index: int,
+    source: Source,
+    settings: ParticipantSettings,
+    *,
+    baseline: str,
 ) -> list[Candidate]:
     onsets = np.array([p.onset_s for p in source.pulses])
-    phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings)
+    asked = np.array([baseline != "pre_pulse" or _by_phase(p, settings) for p in source.pulses])
+    phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings, asked)
     labels = _labels(source, phase_pct, settings)
     overlap_codes = _overlaps(source.pulses, settings.perturbations.window_s)
     _, window_codes = source.signals.cut(
@@ -97,11 +107,13 @@ def _of_source(
     )
     grouped = settings.perturbations.group is not None
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
+    outside = _outside(onsets, source)
     found = []
     for k, pulse in enumerate(source.pulses):
         user = settings.leaves_out(source.given.file, pulse.onset_s)
+        edge = Exclusion.EDGE_OF_RECORD.value if outside[k] else ""
         no_group = "" if labels[k] else nameless.value
-        codes = (phase_codes[k], no_group, overlap_codes[k], window_codes[k])
+        codes = (edge, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
         record = PulseRecord(
             participant=participant,
             recording=source.given.file,
@@ -110,8 +122,9 @@ def _of_source(
             amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
             target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
-            measured_pct=_known(phase_pct[k]),
+            measured_pct=None if outside[k] else _known(phase_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
+            detail="its onset lies outside the perturbed samples" if outside[k] else "",
         )
         found.append(Candidate(index, pulse, record, float(elapsed_s[k])))
     return found
@@ -121,19 +134,36 @@ def _known(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
+def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
+    """Tell whether a pulse takes its timing point from the gait, not from a name or group."""
+    grouped = settings.perturbations.group is not None
+    return settings.walking and not grouped and not pulse.timing_point
+
+
+def _outside(onsets: np.ndarray, source: Source) -> np.ndarray:
+    time = source.given.recording["time"].to_numpy()
+    return np.asarray((onsets < time[0]) | (onsets > time[-1]))
+
+
 def _phases(
-    onsets: np.ndarray, source: Source, settings: ParticipantSettings
+    onsets: np.ndarray, source: Source, settings: ParticipantSettings, asked: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return measured phase (%), time since the last strike (s) and codes of each onset."""
+    """Return measured phase (%), time since the last strike (s) and codes of each onset.
+
+    Where nobody asked, what cannot be trusted is unknown instead of coded.
+    """
     unknown = np.full(onsets.size, np.nan)
     if not settings.walking and source.strides is None:
         return unknown, onsets - source.given.recording["time"].to_numpy()[0], [""] * onsets.size
     if source.strides is None:
         return unknown, unknown, [""] * onsets.size
     if source.strides.start_s.size == 0:
-        return unknown, unknown, [Exclusion.NO_HEEL_STRIKES.value] * onsets.size
+        silent = np.where(asked, Exclusion.NO_HEEL_STRIKES.value, "")
+        return unknown, unknown, silent.tolist()
     phase = gait_phase(onsets, source.strides)
-    return phase.pct, phase.elapsed_s, list(phase.code)
+    known = asked | (np.array(phase.code) == "")
+    codes = np.where(known, phase.code, "")
+    return np.where(known, phase.pct, np.nan), phase.elapsed_s, codes.tolist()
 
 
 def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings) -> list[str]:

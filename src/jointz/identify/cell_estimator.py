@@ -12,6 +12,7 @@ from jointz.core.events import PulseRecord
 from jointz.identify import baselines
 from jointz.identify.assignment import Candidate
 from jointz.identify.baselines import Baseline, StridePool
+from jointz.identify.calibration import pooled_calibration
 from jointz.identify.cells import (
     FitSettings,
     Method,
@@ -51,6 +52,11 @@ class CellEstimator:
         self._settings = settings
         self._baseline = settings.perturbations.baseline or method.baseline
         self._pools: dict[tuple[int, ...], StridePool] = {}
+
+    @property
+    def baseline(self) -> str:
+        """What is subtracted: as the study asks, else the method's own."""
+        return self._baseline
 
     def run(
         self, candidates: Sequence[Candidate]
@@ -99,7 +105,6 @@ class CellEstimator:
         baseline: Baseline,
         n_pulses: int,
     ) -> CellEstimate:
-        source = self._sources[used[0].source]
         letter = self._method.name == "dissertation" and self._baseline == self._method.baseline
         fit = fit_cell(
             windows,
@@ -108,9 +113,11 @@ class CellEstimator:
             settings=FitSettings(
                 n_resamples=self._settings.n_resamples,
                 seed=self._settings.seed,
-                rate_hz=source.signals.rate_hz,
+                rate_hz=self._sources[used[0].source].signals.rate_hz,
                 letter=letter,
-                calibration=source.given.calibration,
+                calibration=pooled_calibration(
+                    [self._sources[c.source].given.calibration for c in used]
+                ),
                 mass_kg=self._settings.mass_kg,
                 wants_per_mass=self._settings.walking,
             ),

@@ -56,17 +56,15 @@ def analyze_participant(
         When a recording cannot be used as the study describes it.
     """
     sources = prepare_sources(recordings, settings)
-    candidates = assign_pulses(participant, sources, settings)
     cells: dict[str, tuple[CellEstimate, ...]] = {}
-    records = [c.record for c in candidates]
-    for i, name in enumerate(settings.methods):
+    pulses: dict[str, list[PulseRecord]] = {}
+    for name in settings.methods:
         estimator = CellEstimator(participant, METHODS[name], sources, settings)
-        cells[name], judged = estimator.run(candidates)
-        if i == 0:
-            records = judged
+        candidates = assign_pulses(participant, sources, settings, baseline=estimator.baseline)
+        cells[name], pulses[name] = estimator.run(candidates)
     return ParticipantResult(
         cells=cells,
-        pulses=tuple(records),
+        pulses=tuple(pulses[settings.methods[0]]),
         strides=tuple(_stride_records(participant, sources, settings)),
         gaps=tuple(_gap_records(participant, sources)),
     )

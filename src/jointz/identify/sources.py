@@ -16,7 +16,6 @@ from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.conditioning import Conditioned, condition, torque_from_current
 from jointz.identify.pulses import (
     Pulse,
-    check_onsets,
     pulses_from_angle,
     pulses_from_command,
     pulses_from_reference,
@@ -227,7 +226,6 @@ def _pulses(
         if given.pulse_table is None:
             raise DataError(f'{given.file}: perturbations.source is "table" but it has none.')
         pulses = with_measured_amplitudes(pulses_from_table(given.pulse_table), given.recording)
-        check_onsets(pulses, given.recording)
         _check_names(pulses, given.file, settings)
         return pulses
     if source == "angle":

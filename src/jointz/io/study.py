@@ -152,14 +152,16 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
             units[name] = (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
             continue
         try:
-            units[name] = channel_unit(name, unit)
+            units[name] = channel_unit(name, unit, kind=channel.get("kind"))
         except UnitError as exc:
-            problems.append(f"channels.{name}.unit: {exc}")
+            analog = name == "contact" and channel.get("kind") != "voltage"
+            hint = ' A footswitch in V has kind = "voltage".' if analog else ""
+            problems.append(f"channels.{name}.unit: {exc}{hint}")
     edges, edge_problems = _group_edges(raw, units)
     return units, edges, problems + edge_problems
 
 
-def channel_unit(name: str, unit: str) -> Unit:
+def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
     """Return the SI unit of a channel, with factor and offset to it.
 
     Parameters
@@ -168,15 +170,18 @@ def channel_unit(name: str, unit: str) -> Unit:
         The channel; those with units of their own accept no others.
     unit : str
         Its unit as written.
+    kind : str, optional
+        Of ``contact``: a ``voltage`` is in V, the others are pure numbers.
 
     Raises
     ------
     UnitError
         When the unit cannot be read or measures something else.
     """
-    if name in LABEL_CHANNELS or name == "contact":
+    if name in LABEL_CHANNELS:
         return ("1", 1.0, 0.0)
-    allowed = CHANNEL_UNITS.get(name)
+    contact = ("V",) if kind == "voltage" else ("1",)
+    allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
     if allowed is None:
         return si_unit_of(unit)
     failures = []

@@ -118,6 +118,7 @@ def render_report(
         people=_people(analysis, columns),
         statuses=_statuses(analysis),
         excluded=_excluded(analysis),
+        names=_names(analysis.provenance),
         onsets=analysis.statistics.get("onset_accuracy", ()),
         recordings=_recordings(analysis),
         methods=methods_paragraph(analysis),
@@ -316,10 +317,16 @@ def _packages(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     return own + sorted((provenance.get("packages") or {}).items())
 
 
+def _names(provenance: Mapping[str, Any]) -> dict[str, str]:
+    """Return file as the study names it -> name to show."""
+    inputs = provenance.get("inputs") or ()
+    return {entry["file"]: entry["name"] for entry in inputs if entry.get("name")}
+
+
 def _inputs(provenance: Mapping[str, Any]) -> list[_Row]:
     return [
         {
-            "file": entry.get("file", DASH),
+            "file": entry.get("name") or entry.get("file", DASH),
             "sha256": str(entry.get("sha256", ""))[:_HASH_DIGITS],
             "size": _size(entry.get("size_bytes")),
         }

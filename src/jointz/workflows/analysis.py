@@ -7,6 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import pandas as pd
+import xarray as xr
+
 from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion, Failure
@@ -14,10 +17,11 @@ from jointz.core.errors import DataError, StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.recording import history_of
-from jointz.core.study import Study
+from jointz.core.study import RecordingSpec, Study
 from jointz.identify.assignment import group_names
 from jointz.identify.cells import METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.pulse_tables import share_table
 from jointz.identify.sources import SAME_TIME_S, ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file, open_study
@@ -163,19 +167,17 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
             continue
         try:
             pieces = read_recording(study, entry)
-            table = read_pulse_table(study, entry)
+            tables = _pulse_tables(study, entry, pieces)
         except DataError as exc:
             problems.append(str(exc))
             continue
         if entry.perturbations is not None:
             inputs[entry.perturbations] = _hashed(study, entry.perturbations)
         calibration = study.spec.calibration_of(entry)
-        alone = sum(p.attrs["condition"] == "perturbed" for p in pieces) == 1
-        found += [
-            RecordingInput(p, calibration, _own_pulses(p, table, alone=alone)) for p in pieces
-        ]
+        found += [RecordingInput(p, calibration, t) for p, t in zip(pieces, tables, strict=True)]
         inputs[entry.file] = {
             "file": entry.file,
+            "name": _shown(study, entry.file),
             "sha256": pieces[0].attrs["sha256"],
             "history": history_of(pieces[0]),
         }
@@ -184,19 +186,25 @@ def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> li
     return found
 
 
+def _pulse_tables(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
+) -> list[pd.DataFrame | None]:
+    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
+    table = read_pulse_table(study, entry)
+    if table is None or study.spec.perturbations.source not in (None, "table"):
+        return [None] * len(pieces)
+    return share_table(table, pieces)
+
+
 def _hashed(study: Study, file: str) -> dict[str, Any]:
     content = data_file(study.root, file).read_bytes()
-    return {"file": file, "sha256": hashlib.sha256(content).hexdigest()}
+    sha256 = hashlib.sha256(content).hexdigest()
+    return {"file": file, "name": _shown(study, file), "sha256": sha256}
 
 
-def _own_pulses(piece: Any, table: Any, *, alone: bool) -> Any:
-    """Return the pulses of a table that lie in one piece of a file."""
-    if table is None or piece.attrs["condition"] != "perturbed":
-        return None
-    if alone:
-        return table
-    time = piece["time"].to_numpy()
-    return table[(table["onset_s"] >= time[0]) & (table["onset_s"] <= time[-1])]
+def _shown(study: Study, file: str) -> str:
+    """Return the name people know a file by: without variables, and where they lead."""
+    return data_file(study.root, file).name if "$" in file else file
 
 
 def _assembled(

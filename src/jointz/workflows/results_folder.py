@@ -4,7 +4,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
@@ -52,7 +52,7 @@ def write_results(
     Raises
     ------
     OutputError
-        When the folder exists and may not be replaced.
+        When the folder exists and may not be replaced, or cannot be written.
     """
     with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
         _write_tables(analysis, folder)
@@ -87,10 +87,11 @@ def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
     Raises
     ------
     OutputError
-        When something is there that must be kept.
+        When something is there that must be kept, or the system will not say.
     """
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
+    with _refusals_told(out):
+        if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+            return
     if not out.is_dir():
         raise OutputError(f"{out}: is a file. Name a folder that does not exist yet.")
     if not overwrite:
@@ -156,20 +157,53 @@ def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
     Yields
     ------
     pathlib.Path
-        A folder beside ``out``; removed when an exception passes.
+        A folder beside ``out``; removed when an exception passes, with the parents
+        that were made for it.
 
     Raises
     ------
     OutputError
-        When ``out`` must be kept.
+        When ``out`` must be kept, or the system refuses to write it.
     """
     check_free(out, marker=marker, overwrite=overwrite)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    with _refusals_told(out), _parents(out), _partial(out) as partial:
+        yield partial
+        _take_place(partial, out)
+
+
+@contextmanager
+def _refusals_told(out: Path) -> Iterator[None]:
+    """Make an OutputError of what the system has against a folder."""
+    try:
+        yield
+    except OSError as exc:
+        raise OutputError(
+            f"{out}: cannot be written ({exc.strerror or exc}). Make room or ask for permission, "
+            "or name another folder."
+        ) from exc
+
+
+@contextmanager
+def _parents(out: Path) -> Iterator[None]:
+    """Make the folders above ``out``; those that were not there go when an exception passes."""
+    missing = [parent for parent in out.parents if not parent.exists()]
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for parent in missing:
+            with suppress(OSError):  # not empty any more, or never made
+                parent.rmdir()
+        raise
+
+
+@contextmanager
+def _partial(out: Path) -> Iterator[Path]:
+    """Give a folder beside ``out`` that goes when an exception passes."""
     partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
     try:
         partial.chmod(0o755)
         yield partial
-        _take_place(partial, out)
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise

@@ -1,5 +1,8 @@
 """``jointz identify joint``: numbers, echo, figure, failures."""
 
+import errno
+import os
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -111,3 +114,20 @@ def test_a_figure_that_cannot_be_written_is_refused_before_the_work(jointz, tmp_
     outcome = jointz("identify", "joint", tmp_path / "absent.csv", *options)
     assert outcome.code == 2
     assert "--figure" in outcome.err
+
+
+def test_a_figure_that_the_system_refuses_leaves_the_old_one(jointz, file, tmp_path, monkeypatch):
+    def refused(_canvas, target, **_):
+        target.write_text("half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "fit.svg").write_text("old")
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", refused)
+    before = sorted(p.name for p in tmp_path.iterdir())
+    options = (*ARGUMENTS, *FLIPPED, "--time", "t", "--figure", tmp_path / "fit.svg", "--json")
+    outcome = jointz("identify", "joint", file, *options)
+
+    assert outcome.code == 1
+    assert "fit.svg: cannot be written (No space left on device)" in outcome.json["message"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+    assert (tmp_path / "fit.svg").read_text() == "old"

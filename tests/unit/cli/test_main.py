@@ -1,5 +1,6 @@
 """The command line: one JSON object, exit codes, no traceback, help, quick start."""
 
+import errno
 import json
 import subprocess
 import sys
@@ -120,13 +121,16 @@ def test_whatever_happens_there_is_no_traceback(
 
 def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):
     def broken(*_, **__):
-        raise OSError("no space left on device")
+        raise OSError(errno.ENOSPC, "no space left on device")
 
     monkeypatch.setattr(results_folder, "render_report", broken)
-    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW, "--json")
+    out = tmp_path / "deep" / "out"
+    outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--json")
 
-    assert outcome.code not in (0, 1)
-    assert "no space left" in outcome.json["message"]
+    assert outcome.code == 1
+    assert outcome.json["error"] == "OutputError"
+    assert f"{out}: cannot be written (no space left" in outcome.json["message"]
+    assert "bug" not in outcome.err
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
 
 

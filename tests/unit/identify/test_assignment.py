@@ -44,7 +44,7 @@ def walk(onsets, *, n_strides=20, strikes=True, gap=(), names=None, **attributes
     return RecordingInput(given, CalibrationSpec(), table)
 
 
-def assigned(*given, walking=True, exclusions=(), group=None, **more):
+def assigned(*given, walking=True, exclusions=(), group=None, baseline="unperturbed_mean", **more):
     settings = ParticipantSettings(
         walking=walking,
         perturbations=PerturbationsSpec(group=group, **more),
@@ -56,7 +56,8 @@ def assigned(*given, walking=True, exclusions=(), group=None, **more):
         mass_kg=None,
         user_exclusions=tuple(exclusions),
     )
-    return assign_pulses("S01", prepare_sources(given, settings), settings)
+    sources = prepare_sources(given, settings)
+    return assign_pulses("S01", sources, settings, baseline=baseline)
 
 
 def codes(found):
@@ -99,6 +100,37 @@ def test_a_missing_strike_excludes_but_counts_the_pulse():
     found = assigned(walk([6.07, 10.5, 14.07], gap=[10.0]))
     assert codes(found) == ["", "missing_strike", ""]
     assert labels(found)[1] != ""
+
+
+def test_what_asks_nothing_of_the_gait_is_used_without_a_phase():
+    onsets, names = [1.07, 2.07, 10.5, 14.07], ["LRE"] * 4
+    found = assigned(walk(onsets, gap=[10.0], names=names), baseline="pre_pulse")
+
+    assert codes(found) == [""] * 4
+    # A phase that cannot be trusted is not told; the others are.
+    assert [c.record.measured_pct for c in found][:3] == [None] * 3
+    assert found[3].record.measured_pct == pytest.approx(7.0, abs=0.6)
+    by_channel = GroupSpec(channel="position", edges=(0.0, 2.0))
+    assert codes(assigned(walk(onsets), group=by_channel, baseline="pre_pulse")) == [""] * 4
+
+
+@pytest.mark.parametrize("baseline", ["unperturbed_mean", "matched_strides"])
+def test_a_baseline_of_strides_asks_for_the_phase_of_a_named_pulse(baseline):
+    found = assigned(walk([1.07, 9.07, 12.07], names=["LRE"] * 3), baseline=baseline)
+    assert codes(found) == ["no_recent_strides", "", ""]
+
+
+def test_a_pulse_without_a_name_needs_its_phase_whatever_the_baseline():
+    assert codes(assigned(walk([1.07, 9.07, 12.07]), baseline="pre_pulse"))[0] != ""
+
+
+def test_a_pulse_outside_the_recording_is_counted_where_it_is_named():
+    found = assigned(walk([-3.0, 6.07, 9.07, 31.0], names=["LRE"] * 4))
+
+    assert codes(found) == ["edge_of_record", "", "", "edge_of_record"]
+    assert labels(found) == ["LRE"] * 4
+    assert "outside the perturbed samples" in found[3].record.detail
+    assert found[3].record.measured_pct is None
 
 
 def test_pulses_that_meet_each_other_are_excluded():

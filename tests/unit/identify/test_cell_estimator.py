@@ -1,11 +1,13 @@
 """Every cell by one method: whose strides serve, what fails and why, what is counted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from jointz.core.recording import build_recording
-from jointz.core.study import CalibrationSpec, PerturbationsSpec
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.assignment import assign_pulses
 from jointz.identify.baselines import Baseline
 from jointz.identify.cell_estimator import CellEstimator, _mean_phase, _stacked
@@ -66,8 +68,8 @@ def run(*given, method="dissertation", walking=True, **more):
         mass_kg=None,
     )
     sources = prepare_sources(given, settings)
-    candidates = assign_pulses("S01", sources, settings)
-    return CellEstimator("S01", METHODS[method], sources, settings).run(candidates)
+    estimator = CellEstimator("S01", METHODS[method], sources, settings)
+    return estimator.run(assign_pulses("S01", sources, settings, baseline=estimator.baseline))
 
 
 def values(cell):
@@ -96,6 +98,26 @@ def test_sessions_take_the_unperturbed_strides_of_their_own():
 
     assert cell.n_used == 6
     np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
+
+
+def test_calibrations_of_several_sessions_are_pooled_in_any_order():
+    def session(name, stiffness):
+        known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=stiffness, sd=2.0))
+        onsets = [6.2, 10.2, 14.2]
+        return [
+            replace(record(c, o, session=name, file=f"{c}{name}"), calibration=known)
+            for c, o in (("unperturbed", ()), ("perturbed", onsets))
+        ]
+
+    first, second = session("1", 10.0), session("2", 20.0)
+    (cell,), _ = run(*first, *second)
+    (turned,), _ = run(*second, *first)
+    (alone,), _ = run(*first)
+
+    np.testing.assert_allclose(values(cell), np.array(TRUTH) - [15.0, 0.0, 0.0], rtol=1e-3)
+    np.testing.assert_allclose(values(turned), values(cell), rtol=1e-6)
+    width, widest = (p.parameters[0].ci_high - p.parameters[0].ci_low for p in (cell, alone))
+    assert width < 0.95 * widest  # two errors of 2 N*m/rad that know nothing of each other
 
 
 def test_a_session_without_unperturbed_strides_takes_those_of_the_others():
@@ -219,6 +241,18 @@ def test_named_pulses_without_any_strike_fail_for_that_reason():
         record("unperturbed"), RecordingInput(silent, given.calibration, given.pulse_table)
     )
     assert {p.status for p in cell.parameters} == {"failed:no_heel_strikes"}
+
+
+def test_named_pulses_with_a_dead_contact_are_estimated_from_their_own_level():
+    given = record(onsets=[1.2, 6.2, 10.2], names=["MST"] * 3)
+    silent = given.recording.assign(contact=0.0 * given.recording["contact"])
+    dead = replace(given, recording=silent)
+    (cell,), records = run(dead, baseline="pre_pulse")
+
+    assert [r.code for r in records] == [""] * 3
+    assert (cell.n_used, cell.onset_gait_pct) == (3, None)
+    (strides,), _ = run(record("unperturbed"), dead)
+    assert {p.status for p in strides.parameters} == {"failed:no_heel_strikes"}
 
 
 def test_a_pulse_that_alone_has_a_baseline_is_lone():

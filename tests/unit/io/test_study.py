@@ -578,6 +578,39 @@ def test_a_channel_of_the_users_own_keeps_its_name_and_gets_an_si_unit(study):
     assert study.open().units["emg"] == ("V", 0.001, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("kind", "unit", "si"),
+    [
+        ("contact", "1", ("1", 1.0, 0.0)),
+        ("pulse", "1", ("1", 1.0, 0.0)),
+        ("voltage", "V", ("V", 1.0, 0.0)),
+        ("voltage", "mV", ("V", 0.001, 0.0)),
+    ],
+)
+def test_the_unit_of_a_contact_is_that_of_its_kind(study, kind, unit, si):
+    study.edit('kind = "contact"', f'kind = "{kind}"\nunit = "{unit}"')
+
+    assert study.open().units["contact"] == si
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        ('kind = "contact"\nunit = "N*m"', "'N*m' measures torque, expected a pure number"),
+        ('kind = "pulse"\nunit = "V"', "'V' measures voltage, expected a pure number"),
+        ('unit = "V"', "'V' measures voltage, expected a pure number"),
+        ('kind = "voltage"\nunit = "N"', "'N' measures force, expected a voltage such as V or mV"),
+        ('kind = "voltage"\nunit = "Vv"', "'Vv' is not a unit that can be read"),
+    ],
+)
+def test_another_unit_of_a_contact_is_refused(study, lines, problem):
+    study.edit('kind = "contact"', lines)
+
+    found = study.sole_problem()
+    assert found.startswith(f"channels.contact.unit: {problem}")
+    assert ('kind = "voltage"' in found) == ("voltage" not in lines)
+
+
 # --- names that nothing stands behind -------------------------------------------------------------
 
 

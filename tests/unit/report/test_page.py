@@ -174,6 +174,24 @@ def test_gaps_of_a_study_without_strides_are_listed(bench, walking):
     assert "0.137" in text
 
 
+def test_a_recording_is_shown_by_the_name_its_variables_lead_to(walking):
+    raw, shown = "${LAB_DISK:-../disk}/ewp.csv", "ewp_of_the_lab.csv"
+    strides = tuple(replace(s, recording=raw) for s in walking.strides)
+    pulses = tuple(replace(p, recording=raw, code=p.code or "user") for p in walking.pulses)
+    summary = [{**row, "recording": raw} for row in walking.statistics["strides"]]
+    renamed = replace(
+        walking,
+        strides=strides,
+        pulses=pulses,
+        statistics={**walking.statistics, "strides": summary},
+        provenance={**walking.provenance, "inputs": [{"file": raw, "name": shown}]},
+    )
+    html = render_report(renamed, {}, title="Lab")
+
+    assert "LAB_DISK" not in html
+    assert html.count(shown) > len(summary) + 1  # in all three tables
+
+
 def test_a_figure_gets_ids_of_its_own():
     inside = '<g id="a"/><use xlink:href="#a"/><g clip-path="url(#a)"/>'
     svg = f'<svg width="1pt" height="1pt">{inside}</svg>'

@@ -151,3 +151,13 @@ def test_provenance_holds_what_the_study_said_and_the_users_exclusions(small_stu
     found = analyze(small_study.root, resamples=20)
     assert found.provenance["study"]["joint"] == "knee"
     assert "exclusions.csv" in [entry["file"] for entry in found.provenance["inputs"]]
+
+
+def test_a_file_behind_a_variable_goes_by_its_own_name(small_study, monkeypatch):
+    monkeypatch.setenv("LAB_DISK", str(small_study.root))
+    small_study.edit_toml('file = "S01_perturbed', 'file = "${LAB_DISK:-nowhere}/S01_perturbed')
+    inputs = analyze(small_study.root, resamples=2).provenance["inputs"]
+
+    names = {entry["file"]: entry["name"] for entry in inputs}
+    assert names["${LAB_DISK:-nowhere}/S01_perturbed.csv"] == "S01_perturbed.csv"
+    assert names["S02_perturbed.csv"] == "S02_perturbed.csv"

@@ -1,6 +1,9 @@
 """A results folder is whole or absent, and nothing of the user's is replaced."""
 
+import errno
 import json
+import os
+import re
 
 import pytest
 
@@ -97,10 +100,45 @@ def test_a_failing_rename_brings_the_old_folder_back(tmp_path, monkeypatch):
         return rename(self, target)
 
     monkeypatch.setattr(results_folder.Path, "rename", failing)
-    with pytest.raises(OSError, match="disk says no"):
+    with pytest.raises(OutputError, match=r"out: cannot be written \(disk says no\)"):
         fill(tmp_path / "out", "new", overwrite=True)
     assert text_of(tmp_path / "out") == "old"
     assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES, errno.EROFS])
+def test_a_write_that_the_system_refuses_names_the_folder_and_leaves_nothing(
+    tmp_path, monkeypatch, number
+):
+    def refused(self, *_, **__):
+        raise OSError(number, os.strerror(number), str(self))
+
+    monkeypatch.setattr(results_folder.Path, "write_text", refused)
+    out = tmp_path / "deep" / "deeper" / "out"
+    message = re.escape(f"{out}: cannot be written ({os.strerror(number)}).")
+    with pytest.raises(OutputError, match=message):
+        write_results(StudyAnalysis(cells=()), out)
+    assert names(tmp_path) == []
+
+
+def test_a_folder_under_a_file_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match=r"out: cannot be written"):
+        fill(tmp_path / "file" / "out", "new")
+    with pytest.raises(OutputError, match=r"cannot be written"):
+        check_free(tmp_path / ("x" * 300), marker=MARKER, overwrite=False)
+    assert names(tmp_path) == ["file"]
+
+
+def test_parents_that_hold_something_else_by_then_are_kept(tmp_path):
+    def fail(folder):
+        (folder.parent / "note").write_text("x")
+        raise RuntimeError
+
+    out = tmp_path / "made" / "out"
+    with pytest.raises(RuntimeError), new_folder(out, marker=MARKER, overwrite=False) as folder:
+        fail(folder)
+    assert names(tmp_path / "made") == ["note"]
 
 
 def test_what_must_be_kept_is_refused(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.core.errors import StudyError
 from jointz.workflows.analysis import analyze
 
 RATE_HZ = 500.0
@@ -117,6 +118,62 @@ def test_a_table_of_a_file_with_several_perturbed_runs_counts_each_pulse_once(tm
     assert [p.code for p in found.pulses] == [""] * 6
     (cell,) = standing(found)
     assert_finds_the_joint(cell, n_used=6)
+
+
+VALUES = 'values = { "0" = "unperturbed", "1" = "perturbed" }'
+RUNS = f'[channels.condition]\ncolumn = "phase"\n{VALUES}\n'
+
+
+def test_a_pulse_of_a_table_outside_every_perturbed_run_is_left_out_with_a_code(tmp_path):
+    parts = [
+        rows(phase="0"),
+        rows(phase="1", pulses=PULSES, start_s=22.0),
+        rows(phase="0", start_s=44.0),
+        rows(phase="1", pulses=PULSES, start_s=66.0),
+    ]
+    inside = [*(np.array(PULSES) + 22.0), *(np.array(PULSES) + 66.0)]
+    pulses = pd.DataFrame({"onset_s": [3.0, *inside, 50.0, 99.0], "timing_point": "MST"})
+    toml = (
+        HEAD.format(kind="walking")
+        + CONTACT
+        + RUNS
+        + PERSON
+        + entry(None, "all.csv", perturbations="pulses.csv")
+    )
+
+    found = analyzed(tmp_path, toml, all=pd.concat(parts), pulses=pulses)
+
+    (cell,) = standing(found)
+    assert_finds_the_joint(cell, n_used=6)
+    assert cell.n_used + cell.n_excluded == len(pulses)
+    left_out = found.excluded_frame().query("kind == 'pulse'")
+    assert sorted(left_out["onset_s"]) == [3.0, 50.0, 99.0]
+    assert set(left_out["code"]) == {"edge_of_record"}
+
+
+def test_a_table_for_trials_whose_time_restarts_is_refused(tmp_path):
+    parts = [
+        rows(phase="0", run=1),
+        rows(phase="1", run=2, pulses=PULSES),
+        rows(phase="1", run=3, pulses=PULSES),
+    ]
+    toml = (
+        HEAD.format(kind="walking")
+        + CONTACT
+        + RUNS
+        + COMMAND
+        + '[channels.trial]\ncolumn = "run"\n'
+        + PERSON
+    )
+    toml += entry(None, "all.csv", perturbations="pulses.csv")
+    tables = {"all": pd.concat(parts), "pulses": pd.DataFrame({"onset_s": PULSES})}
+
+    with pytest.raises(StudyError, match=r"all.csv: time starts again in its perturbed trials"):
+        analyzed(tmp_path, toml, **tables)
+
+    # The command knows which trial it belongs to.
+    found = analyzed(tmp_path, toml + '[perturbations]\nsource = "command"\n', **tables)
+    assert_finds_the_joint(standing(found)[0], n_used=6)
 
 
 def test_sessions_of_one_participant_are_one_cell_with_baselines_of_their_own(tmp_path):

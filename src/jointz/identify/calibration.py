@@ -1,0 +1,56 @@
+"""What is known of the instruments behind an average over several recordings."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from jointz.core.study import Calibrated, CalibrationSpec
+
+
+def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
+    """Combine the calibrations of the pulses of a cell.
+
+    Parameters
+    ----------
+    calibrations : sequence of CalibrationSpec
+        One a pulse; at least one.
+
+    Returns
+    -------
+    CalibrationSpec
+        Mean values over the pulses, and the sd of their mean error. It is that of the
+        pulses where they all have the same.
+
+    Notes
+    -----
+    Holds to first order, for recordings whose responses are alike: where a share
+    ``w_k`` of the pulses has the error ``e_k``, their average has the sum of
+    ``w_k * e_k``. Equal entries are one calibration and share their error; the errors
+    of others are independent. A recording without an entry has perfect instruments.
+
+    Examples
+    --------
+    >>> def session(value):
+    ...     return CalibrationSpec(intrinsic_stiffness=Calibrated(value=value, sd=1.0))
+    >>> pooled_calibration([session(4.0), session(6.0)]).intrinsic_stiffness
+    Calibrated(value=5.0, sd=0.7071067811865476)
+    """
+    pooled = {}
+    for name in CalibrationSpec.model_fields:
+        entries = [getattr(calibration, name) for calibration in calibrations]
+        pooled[name] = entries[0] if len(set(entries)) == 1 else _mean(name, entries)
+    return CalibrationSpec(**pooled)
+
+
+def _mean(name: str, entries: Sequence[Calibrated | None]) -> Calibrated:
+    gain = name.endswith("_gain")
+    perfect = Calibrated(value=1.0 if gain else 0.0, sd=0.0)
+    counts = Counter(entry or perfect for entry in entries)
+    shares = np.array(list(counts.values())) / len(entries)
+    values = np.array([entry.value for entry in counts])
+    sds = np.array([entry.sd for entry in counts])
+    value = float(shares @ values)
+    # What is left of a gain after its division is relative.
+    sd = value * np.linalg.norm(shares * sds / values) if gain else np.linalg.norm(shares * sds)
+    return Calibrated(value=value, sd=float(sd))
