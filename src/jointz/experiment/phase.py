@@ -46,12 +46,11 @@ class StridePhase:
     """
 
     __slots__ = (
-        "_doubt",
         "_durations",
-        "_halved",
         "_high",
         "_last_ns",
         "_low",
+        "_spurious_after_ns",
         "_steady_after",
         "_steady_run",
         "_strangers",
@@ -68,7 +67,7 @@ class StridePhase:
         self._last_ns = 0
         self._steady_run = 0
         self._strangers = 0
-        self._doubt = self._halved = False
+        self._spurious_after_ns = 0
         self.mean_ns = 0.0
         self.strides = self.spurious = self.missing = 0
 
@@ -90,12 +89,11 @@ class StridePhase:
             return True
         if duration < low:
             self.spurious += 1
-            self._doubt = True
-            self._halved = _HALF[0] <= 2.0 * duration / self.mean_ns <= _HALF[1]
+            self._spurious_after_ns = duration
         else:
             self.missing += 1
             self._steady_run = 0
-            self._doubt = self._halved = False
+            self._spurious_after_ns = 0
             self._last_ns = time_ns
         self._strangers += 1
         if self._strangers >= _STRANGERS:
@@ -112,7 +110,7 @@ class StridePhase:
         """
         return (
             self._steady_run >= self._steady_after
-            and not self._doubt
+            and not self._spurious_after_ns
             and time_ns - self._last_ns <= self._high * self.mean_ns
         )
 
@@ -136,16 +134,16 @@ class StridePhase:
         self.mean_ns = sum(self._durations) / len(self._durations)
         self._last_ns = time_ns
         self._steady_run += 1
-        if not self._halved:
+        if not _HALF[0] <= 2.0 * self._spurious_after_ns / duration_ns <= _HALF[1]:
             self._strangers = 0
-        self._doubt = self._halved = False
+        self._spurious_after_ns = 0
         self.strides += 1
 
     def _forget(self, time_ns: int) -> None:
         self._durations.clear()
         self.mean_ns = 0.0
         self._steady_run = self._strangers = 0
-        self._doubt = self._halved = False
+        self._spurious_after_ns = 0
         self._last_ns = time_ns
 
 

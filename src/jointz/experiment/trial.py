@@ -189,8 +189,7 @@ class Trial:
             steady=self._watch.steady and not self._stopping,
             pulse_active=wanted != 0.0,
         )
-        fading = pulses is not None and pulses.active is not None and sent != 0.0
-        over = gate.tripped is not None or (self._stopping and not fading)
+        over = gate.tripped is not None or (self._stopping and not (gate.fading and sent != 0.0))
         if over:
             sent = 0.0
             motor.stop()  # a device in fault takes no more commands
@@ -199,8 +198,13 @@ class Trial:
         self._command, self._requested, self._sent = wanted, requested, sent
         self._flags |= gate.flags
         if pulses is not None and gate.fading:
-            pulses.abort("stopped" if self._stopping else "gait not steady")
+            pulses.abort(self._why_fading())
         return not over
+
+    def _why_fading(self) -> str:
+        if self._stopping:
+            return "stopped"
+        return "too much of the time under pulses" if self._watch.steady else "gait not steady"
 
     def _after_stride(self) -> bool:
         """Take note of an accepted stride; False when it was the last that is needed."""

@@ -81,7 +81,7 @@ class SimulatedRig:
         build = self._build(condition)
         running = RunningPlant(
             build,
-            motion=self._motion(condition, segment),
+            motion=self.motion(condition, segment),
             contacts=ContactMaker(
                 self.preset.footswitch,
                 contact_share=self.preset.gait.contact_share,
@@ -134,7 +134,7 @@ class SimulatedRig:
         ]
         return condition_truth(
             self._build(condition),
-            motions=[self._motion(condition, segment) for segment in range(len(offsets_s))],
+            motions=[self.motion(condition, segment) for segment in range(len(offsets_s))],
             offsets_s=offsets_s,
             lengths_s=lengths,
             pulses=pulses,
@@ -151,11 +151,16 @@ class SimulatedRig:
         """
         return draw_shift(self.preset.gait, self.person.stream(f"shift {condition}"))
 
-    def _build(self, condition: str) -> PlantBuild:
-        worn = CONDITIONS.get(condition.lower()) != "no_device"
-        return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
+    def motion(self, condition: str, segment: int) -> GaitMotion:
+        """Return the strides of one stretch, from the first on.
 
-    def _motion(self, condition: str, segment: int) -> GaitMotion:
+        Parameters
+        ----------
+        condition : str
+            Name of the protocol's condition.
+        segment : int
+            Number of the stretch.
+        """
         return GaitMotion(
             self.preset.gait,
             stride_time_s=self.person.stride_time_s,
@@ -163,6 +168,10 @@ class SimulatedRig:
             rng=self.person.stream(f"gait {condition}", segment),
             stumbles=self.inject.stumbles,
         )
+
+    def _build(self, condition: str) -> PlantBuild:
+        worn = CONDITIONS.get(condition.lower()) != "no_device"
+        return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
 
 
 def simulated_rig(

@@ -188,14 +188,14 @@ def _pulses(
     ticks = records[records["part"] == 0]
     number = np.where(ticks["flags"] & Flag.SHAM, 0, ticks["pulse"]).astype(int)
     begins = np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0))
-    ends = np.append(np.flatnonzero(np.diff(number)) + 1, number.size - 1)
+    changes = np.flatnonzero(np.diff(number)) + 1
     # A command given at a tick follows the newest of the samples read by then.
     sampled = records["slot"][records["actuator_time_ns"] != NO_SAMPLE]
     newest = (np.searchsorted(sampled, ticks["slot"], side="right") - 1).clip(0)
     table = []
     for start in begins:
         pulse = plan[number[start] - 1]
-        stop = ends[min(np.searchsorted(ends, start, side="right"), ends.size - 1)]
+        stop = min(changes[changes > start], default=number.size - 1)
         event = done.get(pulse.number)
         completed = (
             event is not None

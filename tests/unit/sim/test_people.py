@@ -1,0 +1,100 @@
+"""The population and its instruments."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.sim.people import draw_instruments, draw_person
+from jointz.sim.presets import PRESETS, ReflexSettings, preset
+
+
+@pytest.fixture(scope="module")
+def people():
+    return [draw_person(number, seed=7) for number in range(400)]
+
+
+def test_people_have_the_means_and_the_spread_of_the_population(people):
+    for i, name in enumerate(TIMING_POINTS):
+        stiffness = np.array([p.stiffness_per_mass[name] for p in people])
+        damping = np.array([p.damping_per_mass[name] for p in people])
+        # 400 people: a mean is known to 1.3 %, a coefficient of variation to about 5 %.
+        assert stiffness.mean() == pytest.approx((2.0, 0.65, 1.15, 1.15, 0.32, 0.38)[i], rel=0.05)
+        assert damping.mean() == pytest.approx((0.035, 0.04, 0.05, 0.03, 0.036, 0.027)[i], rel=0.05)
+        assert stiffness.std() / stiffness.mean() == pytest.approx(0.25, rel=0.2)
+        assert np.log(damping).std() == pytest.approx(0.246, rel=0.15)
+
+
+def test_bodies_lie_within_the_stated_ranges(people):
+    mass = np.array([p.mass_kg for p in people])
+    assert mass.mean() == pytest.approx(73.0, abs=1.7)  # clipped a little from above
+    assert 52.0 <= mass.min() < mass.max() <= 100.0
+    assert all(1.55 <= p.height_m <= 1.95 for p in people)
+    assert all(0.03 <= p.inertia <= 0.07 for p in people)
+    assert [p.id for p in people[:2]] == ["S01", "S02"]
+
+
+def test_a_person_comes_back_from_seed_and_number_alone(people):
+    assert draw_person(300, seed=7) == people[300]
+    assert draw_person(300, seed=8) != people[300]
+    assert len({p.mass_kg for p in people}) == len(people)
+
+
+def test_streams_of_different_purposes_are_different(people):
+    def first(*args):
+        return people[0].stream(*args).random()
+
+    assert first("gait perturbed", 0) == first("gait perturbed", 0)
+    others = {
+        first("gait perturbed", 1),
+        first("noise perturbed", 0),
+        people[1].stream("a").random(),
+    }
+    assert len({first("gait perturbed", 0), *others}) == 4
+
+
+@pytest.mark.parametrize("name", ["nominal", "hard"])
+def test_instruments_err_as_much_as_the_preset_says(people, name):
+    one = preset(name)
+    drawn = [draw_instruments(p, one) for p in people]
+    for field, sd in (
+        ("torque_gain", one.actuator.gain_error_sd),
+        ("angle_gain", one.goniometer.gain_error_sd),
+        ("friction_gain", one.actuator.friction_error_sd),
+    ):
+        values = np.array([getattr(d, field) for d in drawn])
+        assert values.mean() == pytest.approx(1.0, abs=4 * sd / 20)
+        assert values.std() == pytest.approx(sd, rel=0.15)
+    lag = np.array([d.angle_lag_s for d in drawn])
+    low, high = one.goniometer.lag_range_s
+    assert low <= lag.min() < low + 0.05 * (high - low)
+    assert high - 0.05 * (high - low) < lag.max() <= high
+    assert {d.strap_stiffness for d in drawn} == {0.0}
+
+
+def test_a_strap_and_tissue_of_their_own_lie_in_their_ranges(people):
+    drawn = [draw_instruments(p, preset("anthropometric")) for p in people]
+    assert all(300 <= d.strap_stiffness <= 1000 and 20 <= d.tissue_hz <= 40 for d in drawn)
+
+
+def test_the_clean_preset_has_no_errors():
+    clean = PRESETS["clean"]
+    for part in (clean.gait, clean.actuator, clean.goniometer, clean.joint):
+        sds = {f.name: getattr(part, f.name) for f in fields(part) if "_sd" in f.name}
+        assert not any(sds.values()), sds
+    tools = draw_instruments(draw_person(0, seed=1), clean)
+    assert (tools.torque_gain, tools.angle_gain, tools.friction_gain, tools.angle_lag_s) == (
+        1.0,
+        1.0,
+        1.0,
+        0.0,
+    )
+
+
+def test_settings_that_do_not_exist_are_refused():
+    with pytest.raises(DataError, match="expected one of clean, nominal, hard, anthropometric"):
+        preset("easy")
+    with pytest.raises(DataError, match=r"latency_s in 0\.03\.\.0\.06 s, got 0\.2"):
+        ReflexSettings(latency_s=0.2)
