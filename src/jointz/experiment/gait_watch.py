@@ -30,13 +30,17 @@ class GaitWatch:
         Phase by heel strikes and by the knee angle; NaN where unknown.
     last_stride_ns : int, ns
         When the last accepted stride ended, or the first tick.
+    retracted : bool
+        Whether the stride that was last told of turned out to be none.
     """
 
     __slots__ = (
+        "_counted",
         "_detector",
         "_knee",
         "last_stride_ns",
         "phase_pct",
+        "retracted",
         "shadow_phase_pct",
         "steady",
         "strides",
@@ -46,7 +50,7 @@ class GaitWatch:
         self._detector = HeelStrikeDetector(low=_LOW, high=_HIGH, refractory_s=gait.refractory_s)
         self._knee = KneePhase(gait)
         self.strides = StridePhase(gait)
-        self.steady = False
+        self.steady = self.retracted = self._counted = False
         self.phase_pct = self.shadow_phase_pct = _NAN
         self.last_stride_ns = 0
 
@@ -60,11 +64,15 @@ class GaitWatch:
         angle, contact : list of SensorSample
             Of the tick, oldest first.
         """
-        stride = False
+        stride = self.retracted = False
         for sample in contact:
             at_ns = slot_ns - contact[-1].device_time_ns + sample.device_time_ns
             if self._detector.update(at_ns, sample.value) is not None:
-                stride = self.strides.strike(at_ns) or stride
+                stride = self.strides.strike(at_ns)
+                self._counted = stride
+            elif self._detector.retracted:
+                self.strides.retract()
+                self.retracted = self._counted
         for sample in angle:
             self._knee.update(
                 slot_ns - angle[-1].device_time_ns + sample.device_time_ns, sample.value

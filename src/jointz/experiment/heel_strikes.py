@@ -2,10 +2,14 @@
 
 #: Off for at least so long before a rise counts: shorter is chatter of the switch.
 _OFF_NS = 60_000_000
+#: A strike is believed at once, and found false where the switch was not closed for so much
+#: of the time that follows: a foot stays on the ground, a brush against the switch does not.
+_CHECK_NS = 60_000_000
+_CLOSED_SHARE = 0.75
 
 
 class HeelStrikeDetector:
-    """A Schmitt trigger with a refractory time.
+    """A Schmitt trigger with a refractory time, and second thoughts.
 
     Parameters
     ----------
@@ -13,6 +17,11 @@ class HeelStrikeDetector:
         The signal is off below ``low`` and on from ``high``; between, it stays as it was.
     refractory_s : float, s
         After a strike no other is taken for so long.
+
+    Attributes
+    ----------
+    retracted : bool
+        Whether the last sample showed the last strike to be false.
 
     Examples
     --------
@@ -23,7 +32,19 @@ class HeelStrikeDetector:
     [100000000]
     """
 
-    __slots__ = ("_high", "_last_ns", "_low", "_off_since_ns", "_on", "_refractory_ns")
+    __slots__ = (
+        "_before_ns",
+        "_check_at_ns",
+        "_closed",
+        "_high",
+        "_last_ns",
+        "_low",
+        "_off_since_ns",
+        "_on",
+        "_refractory_ns",
+        "_seen",
+        "retracted",
+    )
 
     def __init__(self, *, low: float, high: float, refractory_s: float) -> None:
         if not low < high:
@@ -33,6 +54,10 @@ class HeelStrikeDetector:
         self._on = True  # a contact at the very beginning is no strike
         self._off_since_ns = 0
         self._last_ns: int | None = None
+        self._before_ns: int | None = None
+        self._check_at_ns: int | None = None
+        self._closed = self._seen = 0
+        self.retracted = False
 
     def update(self, time_ns: int, value: float) -> int | None:
         """Take a sample and return the time of a strike that it brings.
@@ -49,6 +74,7 @@ class HeelStrikeDetector:
         int or None
             ``time_ns`` where the sample is a heel strike.
         """
+        self.retracted = self._check_at_ns is not None and self._found_false(time_ns, value)
         if self._on:
             if value < self._low:
                 self._on = False
@@ -61,5 +87,19 @@ class HeelStrikeDetector:
             return None
         if self._last_ns is not None and time_ns - self._last_ns < self._refractory_ns:
             return None
-        self._last_ns = time_ns
+        self._before_ns, self._last_ns = self._last_ns, time_ns
+        self._check_at_ns = time_ns + _CHECK_NS
+        self._closed = self._seen = 0
         return time_ns
+
+    def _found_false(self, time_ns: int, value: float) -> bool:
+        """Take a sample after a strike and tell whether it shows the strike to be false."""
+        self._seen += 1
+        self._closed += value >= self._low
+        if self._check_at_ns is None or time_ns < self._check_at_ns:
+            return False
+        self._check_at_ns = None
+        if self._closed >= _CLOSED_SHARE * self._seen:
+            return False
+        self._last_ns = self._before_ns
+        return True

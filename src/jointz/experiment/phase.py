@@ -6,6 +6,7 @@ would have said is recorded beside the other.
 """
 
 from collections import deque
+from typing import Any
 
 from jointz.core.protocol import GaitSpec
 
@@ -16,6 +17,7 @@ _STRANGERS = 3
 _HALF = (0.9, 1.1)
 
 _PEAK_PCT = 72.2  # of the cycle, where a knee is most flexed
+_UNKNOWN = 1  # ns: when a spurious strike came, where nothing hangs on it
 _FLEXED_RAD = 0.6  # swing flexes a knee by more than this, stance by less
 _EXTENDED_RAD = 0.5  # swing flexion is over; the distance keeps noise from ending it early
 
@@ -54,6 +56,7 @@ class StridePhase:
         "_steady_after",
         "_steady_run",
         "_strangers",
+        "_undo",
         "mean_ns",
         "missing",
         "spurious",
@@ -70,6 +73,7 @@ class StridePhase:
         self._spurious_after_ns = 0
         self.mean_ns = 0.0
         self.strides = self.spurious = self.missing = 0
+        self._undo = self._state()
 
     def strike(self, time_ns: int) -> bool:
         """Take a heel strike and tell whether it ended an accepted stride.
@@ -79,6 +83,7 @@ class StridePhase:
         time_ns : int, ns
             When the heel struck.
         """
+        self._undo = self._state()
         duration = time_ns - self._last_ns
         if not self._last_ns:
             self._last_ns = time_ns
@@ -99,6 +104,14 @@ class StridePhase:
         if self._strangers >= _STRANGERS:
             self._forget(time_ns)
         return False
+
+    def retract(self) -> None:
+        """Take back the last strike, which was none: the phase is unknown until the next."""
+        durations, self._last_ns, self._steady_run, self._strangers, *counts = self._undo
+        self.strides, self.missing, self.mean_ns = counts
+        self._durations = deque(durations, maxlen=self._durations.maxlen)
+        self._spurious_after_ns = _UNKNOWN
+        self.spurious += 1
 
     def steady(self, time_ns: int) -> bool:
         """Tell whether the phase is known: gait is steady and no strike is overdue.
@@ -123,6 +136,10 @@ class StridePhase:
             When. Ask only where :meth:`steady` holds.
         """
         return 100.0 * (time_ns - self._last_ns) / self.mean_ns
+
+    def _state(self) -> tuple[Any, ...]:
+        kept = (tuple(self._durations), self._last_ns, self._steady_run, self._strangers)
+        return (*kept, self.strides, self.missing, self.mean_ns)
 
     def _band(self) -> tuple[float, float]:
         if not self._durations:

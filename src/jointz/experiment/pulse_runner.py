@@ -80,6 +80,10 @@ class PulseRunner:
         """Take note of an accepted stride."""
         self._missed(self._scheduler.stride(), "timing point passed")
 
+    def retract_stride(self) -> None:
+        """Take note that the last accepted stride was none."""
+        self._scheduler.retract_stride()
+
     def torque(self, slot: int, slot_ns: int, watch: GaitWatch) -> float:
         """Return the perturbation torque that the plan wants now, N*m.
 

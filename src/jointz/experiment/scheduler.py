@@ -51,6 +51,11 @@ class Scheduler:
         self._due = bool(self.queue) and self._since >= self.queue[0].gap_strides
         return missed
 
+    def retract_stride(self) -> None:
+        """Take back the last stride, which was none."""
+        self._since -= 1
+        self._due = self._due and self._since >= self.queue[0].gap_strides
+
     def pulse_at(self, phase_pct: float) -> PlannedPulse | None:
         """Return the pulse that begins now, if any.
 

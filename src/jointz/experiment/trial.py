@@ -174,6 +174,8 @@ class Trial:
         pulses, gate = self._pulses, motor.gate
         wanted = 0.0
         if pulses is not None:
+            if self._watch.retracted:
+                pulses.retract_stride()
             wanted = pulses.torque(slot, slot_ns, self._watch)
             if pulses.active is not None and pulses.active.sham:
                 self._flags |= _SHAM

@@ -52,6 +52,7 @@ _LOOKS: Final = (
     (PURPLE, "v"),
     (ORANGE, "P"),
 )
+_TRUTH_TICKS: Final = 4  # more labels would touch
 _LEFT_MM: Final = 14.0
 _PITCH_MM: Final = (WIDTH_MM - 2.0) / 3
 
@@ -222,7 +223,10 @@ def _draw_truth_panel(axes: "Axes", rows: pd.DataFrame, parameter: str) -> None:
     axes.set_ylim(start, reach)
     axes.set_xlabel(f"Truth ({pretty_unit(PARAMETER_UNITS[parameter])})")
     axes.set_ylabel("Estimate (same unit)")
-    axes.yaxis.set_major_locator(axes.xaxis.get_major_locator())
+    from matplotlib.ticker import MaxNLocator
+
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(_TRUTH_TICKS))
     note = f"{format_count(int(covered.sum()), 'interval')} of {covered.size} hold it"
     panel_heading(axes, parameter_name(parameter).replace(" per body mass", " / mass"))
     axes.text(

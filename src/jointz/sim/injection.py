@@ -40,10 +40,10 @@ class Misbehaviour:
 class Injection:
     """What is ordered from a rig; orders may be given at any time.
 
-    Attributes
+    Parameters
     ----------
     orders : list of Misbehaviour
-        Everything ordered.
+        Everything ordered; see :meth:`order`.
     stumbles : dict of int to float
         Number of a stride -> factor of its duration; ordered before the devices are opened.
 

@@ -148,7 +148,7 @@ class RunningPlant:
             self._state,
             self._curves,
             self._history,
-            self.stride.row,
+            self._row,
             self._noise,
             sample,
             self._command,
@@ -165,6 +165,7 @@ class RunningPlant:
     def _load_stride(self) -> None:
         """Go on to the next stride; its successor's contacts may begin before it does."""
         self.stride: Stride = self._next_stride
+        self._row = self.stride.row
         self._next_stride = self._motion.next()
         self._stride_end_ns = round(self.stride.end_s * 1e9)
         self._state[State.PATH_KNOWN] = 0.0

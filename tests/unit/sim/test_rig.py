@@ -155,6 +155,16 @@ class TestSafetyOfTheDevice:
         actuator.close()
         assert actuator.state is Lifecycle.FINALISED
 
+    def test_an_actuator_that_is_active_again_tells_nothing_of_the_time_between(self):
+        _, clock, devices = opened()
+        devices.actuator.read()
+        devices.actuator.stop()
+        clock.wait_until_ns(100 * PERIOD_NS)
+        devices.actuator.activate()
+        assert devices.actuator.read() == []
+        clock.wait_until_ns(101 * PERIOD_NS)
+        assert [s.device_time_ns for s in devices.actuator.read()] == [101 * PERIOD_NS]
+
     def test_current_saturates(self):
         _, clock, devices = opened(simulated_rig(0, preset="clean"))
         for k in range(100):

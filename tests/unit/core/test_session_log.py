@@ -1,0 +1,95 @@
+"""The bytes of a log: one record a sample, each with a checksum."""
+
+import json
+import math
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointz.core.session_log import (
+    DTYPE,
+    FIELDS,
+    NO_SAMPLE,
+    RECORD_BYTES,
+    VERSION,
+    Flag,
+    encode_header,
+    pack,
+)
+
+RANGES = {"q": (-(2**63), 2**63 - 1), "I": (0, 2**32 - 1), "H": (0, 2**16 - 1)}
+
+
+def values_of(field):
+    if field.code in "df":
+        return st.floats(width=64 if field.code == "d" else 32)
+    return st.integers(*RANGES[field.code])
+
+
+records = st.tuples(*[values_of(field) for field in FIELDS])
+
+
+@given(records)
+def test_every_field_survives_packing(values):
+    (found,) = np.frombuffer(pack(values), dtype=DTYPE)
+    for field, value in zip(FIELDS, values, strict=True):
+        read = found[field.name].item()
+        assert read == value or (math.isnan(read) and math.isnan(value)), field.name
+
+
+@given(records)
+def test_a_record_ends_with_the_checksum_of_the_rest(values):
+    packed = pack(values)
+    assert len(packed) == RECORD_BYTES
+    assert struct.unpack("<I", packed[-4:]) == (zlib.crc32(packed[:-4]),)
+
+
+def test_every_field_lies_on_a_multiple_of_its_own_size():
+    for field in FIELDS:
+        dtype, offset = DTYPE.fields[field.name][:2]
+        assert offset % dtype.itemsize == 0, field.name
+    assert DTYPE.itemsize == RECORD_BYTES
+
+
+def test_numbers_are_little_endian_on_any_machine():
+    assert pack((1,) + (0,) * (len(FIELDS) - 1))[:8] == b"\x01" + bytes(7)
+
+
+def test_names_are_unique_and_every_field_says_what_it_means():
+    assert len({field.name for field in FIELDS}) == len(FIELDS)
+    assert all(field.unit and field.meaning for field in FIELDS)
+
+
+@pytest.mark.parametrize("count", [len(FIELDS) - 1, len(FIELDS) + 1])
+def test_a_record_with_too_few_or_too_many_values_is_refused(count):
+    with pytest.raises(struct.error, match=f"expected {len(FIELDS)} items"):
+        pack((0,) * count)
+
+
+def test_flags_are_bits_that_fit_their_field():
+    assert [flag.bit_count() for flag in Flag] == [1] * len(Flag)
+    assert sum(Flag) < 2**16
+
+
+def test_no_sample_is_no_time_of_a_device():
+    assert NO_SAMPLE < 0
+
+
+def test_the_header_is_one_line_of_ascii_and_says_how_to_read_the_rest():
+    line = encode_header({"participant": "Jörg\nS01", "segment": 2})
+    assert line.endswith(b"\n")
+    assert line.count(b"\n") == 1
+    assert line.isascii()
+    header = json.loads(line)
+    assert (header["participant"], header["segment"]) == ("Jörg\nS01", 2)
+    assert (header["jointz_log"], header["record_bytes"]) == (VERSION, RECORD_BYTES)
+    format_ = "<" + "".join(field["code"] for field in header["fields"])
+    assert struct.calcsize(format_) == header["record_bytes"] - 4
+
+
+def test_a_header_cannot_give_a_size_of_its_own():
+    assert json.loads(encode_header({"record_bytes": 1}))["record_bytes"] == RECORD_BYTES

@@ -1,0 +1,154 @@
+"""Heel strikes in real time: chatter, refractory time, missing samples."""
+
+from itertools import pairwise
+from math import nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointz.experiment.heel_strikes import HeelStrikeDetector
+
+MS = 1_000_000
+
+
+def strikes_ms(values, *, step_ms=1, refractory_s=0.3):
+    """Return when strikes come in samples that are ``step_ms`` apart."""
+    detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=refractory_s)
+    found = []
+    for i, value in enumerate(values):
+        strike = detector.update(i * step_ms * MS, value)
+        if strike is not None:
+            assert strike == i * step_ms * MS
+            found.append(i * step_ms)
+    return found
+
+
+def steps(*stretches):
+    """Return samples of stretches (value, how many)."""
+    return [value for value, count in stretches for _ in range(count)]
+
+
+def test_every_step_is_one_strike_at_its_first_sample_of_contact():
+    walking = steps((0.0, 400), (1.0, 700)) * 3
+    assert strikes_ms(walking) == [400, 1500, 2600]
+
+
+def test_a_contact_at_the_very_beginning_is_no_strike():
+    assert strikes_ms(steps((1.0, 300), (0.0, 400), (1.0, 100))) == [700]
+
+
+def test_neither_is_one_that_comes_before_the_foot_was_up_for_long():
+    assert strikes_ms(steps((0.0, 30), (1.0, 300), (0.0, 400), (1.0, 1))) == [730]
+
+
+def test_chatter_at_the_strike_counts_once():
+    bouncing = steps((0.0, 400), (1.0, 2), (0.0, 3), (1.0, 1), (0.0, 2), (1.0, 600))
+    assert strikes_ms(bouncing) == [400]
+
+
+def test_chatter_when_the_foot_leaves_counts_not_at_all():
+    leaving = steps((0.0, 400), (1.0, 600), (0.0, 5), (1.0, 4), (0.0, 59), (1.0, 3), (0.0, 300))
+    assert strikes_ms(leaving, refractory_s=0.01) == [400]
+
+
+@pytest.mark.parametrize(("off_ms", "counted"), [(59, False), (60, True)])
+def test_the_switch_must_have_been_off_for_60_ms(off_ms, counted):
+    values = steps((0.0, 400), (1.0, 600), (0.0, off_ms), (1.0, 10))
+    assert (strikes_ms(values) == [400, 1000 + off_ms]) is counted
+
+
+@pytest.mark.parametrize(("after_ms", "counted"), [(299, False), (300, True)])
+def test_no_strike_is_taken_within_the_refractory_time(after_ms, counted):
+    values = steps((0.0, 100), (1.0, 100), (0.0, after_ms - 100), (1.0, 10))
+    assert (strikes_ms(values) == [100, 100 + after_ms]) is counted
+
+
+def test_a_strike_that_was_not_taken_does_not_prolong_the_refractory_time():
+    values = steps((0.0, 100), (1.0, 80), (0.0, 120), (1.0, 80), (0.0, 120), (1.0, 20))
+    assert strikes_ms(values) == [100, 500]
+
+
+def test_a_contact_that_does_not_last_is_taken_back_and_hides_no_strike():
+    detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
+    values = steps((0.0, 400), (1.0, 30), (0.0, 100), (1.0, 600))
+    taken, back = [], []
+    for at_ms, value in enumerate(values):
+        if detector.update(at_ms * 1_000_000, value) is not None:
+            taken.append(at_ms)
+        if detector.retracted:
+            back.append(at_ms)
+    assert taken == [400, 530]
+    assert back == [460]
+
+
+def test_a_contact_that_bounces_stands():
+    detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
+    values = steps((0.0, 400), (1.0, 2), (0.0, 3), (1.0, 3), (0.0, 2), (1.0, 600))
+    back = []
+    for at_ms, value in enumerate(values):
+        detector.update(at_ms * 1_000_000, value)
+        back.append(detector.retracted)
+    assert not any(back)
+
+
+def test_values_between_the_thresholds_change_nothing():
+    values = steps((0.0, 100), (0.5, 50), (0.69, 50), (0.7, 1), (0.5, 400), (0.3, 400), (0.9, 5))
+    assert strikes_ms(values) == [200]
+
+
+def test_samples_that_are_no_numbers_change_nothing():
+    clean = steps((0.0, 400), (1.0, 700)) * 3
+    holed = [nan if i % 7 in (3, 4) and i % 1100 != 400 else v for i, v in enumerate(clean)]
+    assert strikes_ms(holed) == strikes_ms(clean)
+
+
+def test_a_switch_that_gives_no_numbers_gives_no_strikes():
+    assert strikes_ms([nan] * 500) == []
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 0.5), (0.7, 0.3), (nan, 0.5)])
+def test_thresholds_must_be_in_order(low, high):
+    with pytest.raises(ValueError, match="expected low < high"):
+        HeelStrikeDetector(low=low, high=high, refractory_s=0.3)
+
+
+levels = st.one_of(st.sampled_from([0.0, 1.0, 0.5, nan]), st.floats(-1, 2))
+signals = st.lists(st.tuples(levels, st.integers(1, 80)), max_size=40)
+
+
+@given(signals, st.floats(0.01, 0.6))
+def test_strikes_are_at_least_the_refractory_time_apart_and_rise_from_off(stretches, refractory_s):
+    values = steps(*stretches)
+    found = strikes_ms(values, step_ms=5, refractory_s=refractory_s)
+    assert all((b - a) * 1e-3 >= refractory_s - 1e-9 for a, b in pairwise(found))
+    for strike in found:
+        at = strike // 5
+        assert values[at] >= 0.7
+        # Nothing but off, between and missing in the 60 ms before.
+        before = values[max(0, at - 12) : at]
+        assert not any(value >= 0.7 for value in before)
+
+
+def naive(values, step_ms, refractory_ms):
+    """The same in words: state of the switch first, then rises, then what rules out which."""
+    on, state = True, []
+    for value in values:
+        on = False if value < 0.3 else True if value >= 0.7 else on
+        state.append(on)
+    found = []
+    for i in range(1, len(state)):
+        if not state[i] or state[i - 1]:
+            continue
+        down = next(j for j in range(i - 1, -1, -1) if j == 0 or state[j - 1])
+        long_off = (i - down) * step_ms >= 60
+        rested = not found or i * step_ms - found[-1] >= refractory_ms
+        if long_off and rested:
+            found.append(i * step_ms)
+    return found
+
+
+@given(signals)
+def test_it_agrees_with_a_slow_obvious_detector(stretches):
+    values = steps(*stretches)
+    assert strikes_ms(values, step_ms=5, refractory_s=0.25) == naive(values, 5, 250)
