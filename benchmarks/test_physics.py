@@ -38,7 +38,9 @@ _MODEL = """
 
 def ours(n_samples: int) -> float:
     clock = VirtualClock()
-    devices = simulated_rig(0, preset="nominal").open("unperturbed", segment=0, clock=clock)
+    devices = simulated_rig(0, preset="nominal").open(
+        "unperturbed", worn=True, segment=0, clock=clock
+    )
     for device in devices.all():
         device.configure()
         device.activate()

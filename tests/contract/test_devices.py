@@ -60,7 +60,7 @@ class _Simulated(Virtual):
 
     def make(self, clock):
         self.rig = simulated_rig(0, preset="nominal")
-        return getattr(self.rig.open("perturbed", segment=0, clock=clock), self.device)
+        return getattr(self.rig.open("perturbed", worn=True, segment=0, clock=clock), self.device)
 
     def disconnect(self, device):  # noqa: ARG002
         self.rig.inject.order(self.device, "disconnect")

@@ -32,8 +32,8 @@ class Spy:
         self.devices = None
         opened = rig.open
 
-        def spying(condition, *, segment, clock):
-            devices = opened(condition, segment=segment, clock=clock)
+        def spying(condition, *, worn, segment, clock):
+            devices = opened(condition, worn=worn, segment=segment, clock=clock)
             self.clock, self.devices = clock, devices
             command, stop = devices.actuator.command_torque, devices.actuator.stop
 

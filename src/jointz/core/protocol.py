@@ -191,6 +191,11 @@ class ConditionSpec(CheckedModel):
         return partial(_checked_name, self), self._pulses_fit_condition, self._one_motion
 
     @property
+    def worn(self) -> bool:
+        """Whether the device is worn."""
+        return self.condition != "no_device"
+
+    @property
     def references(self) -> dict[str, Reference]:
         """Quantity and unit -> what it follows."""
         named = {

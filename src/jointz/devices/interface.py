@@ -306,13 +306,15 @@ class Rig(Protocol):
         """What is known about the instruments of this wearer."""
         ...
 
-    def open(self, condition: str, *, segment: int, clock: Clock) -> Devices:
+    def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
 
         Parameters
         ----------
         condition : str
             Name of the protocol's condition.
+        worn : bool
+            Whether the participant wears the actuator; without it there is none.
         segment : int
             0 at first; one more for every time the condition was taken up again.
         clock : Clock

@@ -67,12 +67,12 @@ class GaitWatch:
         stride = self.retracted = False
         for sample in contact:
             at_ns = slot_ns - contact[-1].device_time_ns + sample.device_time_ns
-            if self._detector.update(at_ns, sample.value) is not None:
-                stride = self.strides.strike(at_ns)
-                self._counted = stride
-            elif self._detector.retracted:
+            strike = self._detector.update(at_ns, sample.value)
+            if self._detector.retracted:
                 self.strides.retract()
                 self.retracted = self._counted
+            if strike is not None:
+                stride = self._counted = self.strides.strike(at_ns)
         for sample in angle:
             self._knee.update(
                 slot_ns - angle[-1].device_time_ns + sample.device_time_ns, sample.value

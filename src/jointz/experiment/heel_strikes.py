@@ -1,5 +1,7 @@
 """Heel strikes as they happen, from a footswitch."""
 
+from math import isnan
+
 #: Off for at least so long before a rise counts: shorter is chatter of the switch.
 _OFF_NS = 60_000_000
 #: A strike is believed at once, and found false where the switch was not closed for so much
@@ -94,7 +96,7 @@ class HeelStrikeDetector:
 
     def _found_false(self, time_ns: int, value: float) -> bool:
         """Take a sample after a strike and tell whether it shows the strike to be false."""
-        self._seen += 1
+        self._seen += not isnan(value)
         self._closed += value >= self._low
         if self._check_at_ns is None or time_ns < self._check_at_ns:
             return False

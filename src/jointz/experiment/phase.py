@@ -108,10 +108,10 @@ class StridePhase:
     def retract(self) -> None:
         """Take back the last strike, which was none: the phase is unknown until the next."""
         durations, self._last_ns, self._steady_run, self._strangers, *counts = self._undo
-        self.strides, self.missing, self.mean_ns = counts
+        self.strides, spurious, self.missing, self.mean_ns = counts
         self._durations = deque(durations, maxlen=self._durations.maxlen)
         self._spurious_after_ns = _UNKNOWN
-        self.spurious += 1
+        self.spurious = spurious + 1
 
     def steady(self, time_ns: int) -> bool:
         """Tell whether the phase is known: gait is steady and no strike is overdue.
@@ -139,7 +139,7 @@ class StridePhase:
 
     def _state(self) -> tuple[Any, ...]:
         kept = (tuple(self._durations), self._last_ns, self._steady_run, self._strangers)
-        return (*kept, self.strides, self.missing, self.mean_ns)
+        return (*kept, self.strides, self.spurious, self.missing, self.mean_ns)
 
     def _band(self) -> tuple[float, float]:
         if not self._durations:

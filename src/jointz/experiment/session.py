@@ -227,7 +227,7 @@ class Session:
         done = pulses_done(events, condition.name)
         left = [pulse for pulse in pulses if pulse.number not in done]
         clock = self._clocks()
-        devices = self._rig.open(condition.name, segment=segment, clock=clock)
+        devices = self._rig.open(condition.name, worn=condition.worn, segment=segment, clock=clock)
         journal.write("segment_started", condition=condition.name, segment=segment)
         with ExitStack() as stack:
             for device in devices.all():

@@ -6,7 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from jointz.core.channels import CONDITIONS
 from jointz.core.clock import Clock
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.devices.interface import Devices, Wearer
@@ -66,19 +65,21 @@ class SimulatedRig:
             **{name: Calibrated(value=1.0, sd=sd) for name, sd in known.items() if sd > 0.0}
         )
 
-    def open(self, condition: str, *, segment: int, clock: Clock) -> Devices:
+    def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
 
         Parameters
         ----------
         condition : str
-            Name of the protocol's condition; without the exoskeleton in ``no_device`` (``NWC``).
+            Name of the protocol's condition.
+        worn : bool
+            Whether the exoskeleton is worn.
         segment : int
             Number of the stretch.
         clock : Clock
             The host's.
         """
-        build = self._build(condition)
+        build = self._build(worn=worn)
         running = RunningPlant(
             build,
             motion=self.motion(condition, segment),
@@ -110,6 +111,7 @@ class SimulatedRig:
         self,
         condition: str,
         *,
+        worn: bool,
         offsets_s: tuple[float, ...],
         pulses: pd.DataFrame,
         window_s: float = 0.1,
@@ -120,6 +122,8 @@ class SimulatedRig:
         ----------
         condition : str
             Name of the protocol's condition.
+        worn : bool
+            Whether the exoskeleton was worn.
         offsets_s : tuple of float, s
             What was added to the devices' time, stretch by stretch.
         pulses : pandas.DataFrame
@@ -133,7 +137,7 @@ class SimulatedRig:
             for plant in (self._opened.get((condition, i)) for i in range(len(offsets_s)))
         ]
         return condition_truth(
-            self._build(condition),
+            self._build(worn=worn),
             motions=[self.motion(condition, segment) for segment in range(len(offsets_s))],
             offsets_s=offsets_s,
             lengths_s=lengths,
@@ -169,8 +173,7 @@ class SimulatedRig:
             stumbles=self.inject.stumbles,
         )
 
-    def _build(self, condition: str) -> PlantBuild:
-        worn = CONDITIONS.get(condition.lower()) != "no_device"
+    def _build(self, *, worn: bool) -> PlantBuild:
         return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
 
 

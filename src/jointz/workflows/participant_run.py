@@ -296,4 +296,4 @@ def _truth(
     truth: Callable[..., dict[str, Any]], condition: ConditionSpec, record: ConditionRecord
 ) -> dict[str, Any]:
     onsets: pd.DataFrame = record.pulses
-    return truth(condition.name, offsets_s=record.offsets_s, pulses=onsets)
+    return truth(condition.name, worn=condition.worn, offsets_s=record.offsets_s, pulses=onsets)

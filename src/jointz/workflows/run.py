@@ -150,7 +150,7 @@ def _claim(study: Path, about: dict[str, Any], *, resume: bool) -> None:
     """Make the folder, or see that the run in it is the same."""
     file = study / RUN_FILE
     if not study.exists() or (study.is_dir() and not any(study.iterdir())):
-        study.mkdir(parents=True, exist_ok=True)
+        _make_folder(study)
         _write_whole(file, json.dumps({**about, "started": now(), "software": software()}))
         return
     if not resume:
@@ -200,6 +200,15 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     if not (study / "study.toml").exists():
         _write_whole(study / "study.toml", text)
     return StudyRun(study, report)
+
+
+def _make_folder(study: Path) -> None:
+    try:
+        study.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise OutputError(
+            f"{study}: cannot be made ({exc.strerror}). Name a place that can be written."
+        ) from exc
 
 
 def _write_whole(file: Path, text: str) -> None:

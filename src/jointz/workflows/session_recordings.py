@@ -89,7 +89,7 @@ def condition_record(
         if (path := log_path(folder, condition.name, segment)).exists()
     ]
     logs = [read_log(path) for path in paths]
-    worn = condition.condition != "no_device"
+    worn = condition.worn
     pieces, tables, offsets, end_s = [], [], [], -_PAUSE_S
     done = pulses_done(events, condition.name)
     for log in logs:

@@ -1,7 +1,7 @@
 """Heel strikes in real time: chatter, refractory time, missing samples."""
 
 from itertools import pairwise
-from math import nan
+from math import isnan, nan
 
 import pytest
 from hypothesis import given
@@ -12,16 +12,23 @@ from jointz.experiment.heel_strikes import HeelStrikeDetector
 MS = 1_000_000
 
 
-def strikes_ms(values, *, step_ms=1, refractory_s=0.3):
-    """Return when strikes come in samples that are ``step_ms`` apart."""
+def taken_and_back_ms(values, *, step_ms=1, refractory_s=0.3):
+    """Return when strikes come, and when one is taken back, in samples ``step_ms`` apart."""
     detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=refractory_s)
-    found = []
+    taken, back = [], []
     for i, value in enumerate(values):
         strike = detector.update(i * step_ms * MS, value)
+        if detector.retracted:
+            back.append(i * step_ms)
         if strike is not None:
             assert strike == i * step_ms * MS
-            found.append(i * step_ms)
-    return found
+            taken.append(i * step_ms)
+    return taken, back
+
+
+def strikes_ms(values, **settings):
+    """Return when strikes come, later taken back or not."""
+    return taken_and_back_ms(values, **settings)[0]
 
 
 def steps(*stretches):
@@ -70,26 +77,23 @@ def test_a_strike_that_was_not_taken_does_not_prolong_the_refractory_time():
 
 
 def test_a_contact_that_does_not_last_is_taken_back_and_hides_no_strike():
-    detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
     values = steps((0.0, 400), (1.0, 30), (0.0, 100), (1.0, 600))
-    taken, back = [], []
-    for at_ms, value in enumerate(values):
-        if detector.update(at_ms * 1_000_000, value) is not None:
-            taken.append(at_ms)
-        if detector.retracted:
-            back.append(at_ms)
-    assert taken == [400, 530]
-    assert back == [460]
+    assert taken_and_back_ms(values) == ([400, 530], [460])
 
 
 def test_a_contact_that_bounces_stands():
-    detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
     values = steps((0.0, 400), (1.0, 2), (0.0, 3), (1.0, 3), (0.0, 2), (1.0, 600))
-    back = []
-    for at_ms, value in enumerate(values):
-        detector.update(at_ms * 1_000_000, value)
-        back.append(detector.retracted)
-    assert not any(back)
+    assert taken_and_back_ms(values) == ([400], [])
+
+
+def test_missing_samples_after_a_strike_do_not_take_it_back():
+    values = steps((0.0, 400), (1.0, 5), (nan, 55), (1.0, 100))
+    assert taken_and_back_ms(values) == ([400], [])
+
+
+def test_a_contact_that_does_not_last_leaves_the_refractory_time_of_the_one_before():
+    values = steps((0.0, 100), (1.0, 80), (0.0, 220), (1.0, 10), (0.0, 90), (1.0, 100))
+    assert taken_and_back_ms(values) == ([100, 400, 500], [460])
 
 
 def test_values_between_the_thresholds_change_nothing():
@@ -100,7 +104,7 @@ def test_values_between_the_thresholds_change_nothing():
 def test_samples_that_are_no_numbers_change_nothing():
     clean = steps((0.0, 400), (1.0, 700)) * 3
     holed = [nan if i % 7 in (3, 4) and i % 1100 != 400 else v for i, v in enumerate(clean)]
-    assert strikes_ms(holed) == strikes_ms(clean)
+    assert taken_and_back_ms(holed) == taken_and_back_ms(clean) == ([400, 1500, 2600], [])
 
 
 def test_a_switch_that_gives_no_numbers_gives_no_strikes():
@@ -117,12 +121,13 @@ levels = st.one_of(st.sampled_from([0.0, 1.0, 0.5, nan]), st.floats(-1, 2))
 signals = st.lists(st.tuples(levels, st.integers(1, 80)), max_size=40)
 
 
-@given(signals, st.floats(0.01, 0.6))
+@given(signals, st.floats(0.1, 0.6))
 def test_strikes_are_at_least_the_refractory_time_apart_and_rise_from_off(stretches, refractory_s):
     values = steps(*stretches)
-    found = strikes_ms(values, step_ms=5, refractory_s=refractory_s)
+    taken, back = taken_and_back_ms(values, step_ms=5, refractory_s=refractory_s)
+    found = [strike for strike in taken if strike + 60 not in back]
     assert all((b - a) * 1e-3 >= refractory_s - 1e-9 for a, b in pairwise(found))
-    for strike in found:
+    for strike in taken:
         at = strike // 5
         assert values[at] >= 0.7
         # Nothing but off, between and missing in the 60 ms before.
@@ -136,19 +141,29 @@ def naive(values, step_ms, refractory_ms):
     for value in values:
         on = False if value < 0.3 else True if value >= 0.7 else on
         state.append(on)
-    found = []
+    taken, back, stand = [], [], []
     for i in range(1, len(state)):
         if not state[i] or state[i - 1]:
             continue
+        at = i * step_ms
         down = next(j for j in range(i - 1, -1, -1) if j == 0 or state[j - 1])
         long_off = (i - down) * step_ms >= 60
-        rested = not found or i * step_ms - found[-1] >= refractory_ms
-        if long_off and rested:
-            found.append(i * step_ms)
-    return found
+        rested = not stand or at - stand[-1] >= refractory_ms
+        if not (long_off and rested):
+            continue
+        taken.append(at)
+        after = values[i + 1 : i + 1 + 60 // step_ms]
+        known = [value for value in after if not isnan(value)]
+        complete = len(after) == 60 // step_ms
+        if complete and sum(value >= 0.3 for value in known) < 0.75 * len(known):
+            back.append(at + 60)
+        else:
+            stand.append(at)
+    return taken, back
 
 
 @given(signals)
 def test_it_agrees_with_a_slow_obvious_detector(stretches):
     values = steps(*stretches)
-    assert strikes_ms(values, step_ms=5, refractory_s=0.25) == naive(values, 5, 250)
+    found = taken_and_back_ms(values, step_ms=5, refractory_s=0.25)
+    assert found == naive(values, 5, 250)

@@ -188,6 +188,44 @@ def test_a_stride_with_a_spurious_strike_counts_as_one():
     assert phase.strides == 9
 
 
+def test_a_strike_that_is_taken_back_leaves_no_trace_but_doubt():
+    phase, last = walked()
+    early = last + round(0.85 * STRIDE_NS)
+    assert phase.strike(early)
+    phase.retract()
+    assert (phase.strides, phase.spurious, phase.mean_ns) == (8, 1, STRIDE_NS)
+    assert not phase.steady(early + 1)
+    assert phase.strike(last + STRIDE_NS)
+    assert phase.steady(last + STRIDE_NS)
+    assert (phase.strides, phase.mean_ns) == (9, STRIDE_NS)
+
+
+def test_a_strike_that_was_spurious_and_is_taken_back_counts_once():
+    phase, last = walked()
+    assert not phase.strike(last + STRIDE_NS // 3)
+    phase.retract()
+    assert phase.spurious == 1
+    assert phase.strike(last + STRIDE_NS)
+
+
+def test_a_cadence_that_a_false_strike_made_forgotten_is_known_again():
+    phase, last = walked()
+    for share in (0.2, 0.4, 0.6):
+        phase.strike(last + round(share * STRIDE_NS))
+    assert phase.mean_ns == 0.0
+    phase.retract()
+    assert phase.mean_ns == STRIDE_NS
+    assert phase.strike(last + STRIDE_NS)
+
+
+def test_a_first_strike_that_is_taken_back_is_none():
+    phase, _ = struck([T0])
+    phase.retract()
+    assert not phase.strike(T0 + STRIDE_NS)
+    assert phase.strike(T0 + 2 * STRIDE_NS)
+    assert phase.mean_ns == STRIDE_NS
+
+
 # --- properties ---------------------------------------------------------------------------------
 
 ordinary = st.lists(st.floats(0.95, 1.05), min_size=4, max_size=30)

@@ -32,13 +32,15 @@ def pulses_at(rig, share, *, offset_s=0.0, strides=(3, 7), segment=0, amplitude_
 def test_heel_strikes_are_those_that_were_walked_with_the_offset_added():
     rig = simulated_rig(0)
     clock = VirtualClock()
-    devices = rig.open("perturbed", segment=0, clock=clock)
+    devices = rig.open("perturbed", worn=True, segment=0, clock=clock)
     devices.angle.configure()
     devices.angle.activate()
     devices.angle.read()
     clock.wait_until_ns(20_000_000_000)
     devices.angle.read()
-    truth = rig.truth("perturbed", offsets_s=(5.0,), pulses=pd.DataFrame(columns=COLUMNS))
+    truth = rig.truth(
+        "perturbed", worn=True, offsets_s=(5.0,), pulses=pd.DataFrame(columns=COLUMNS)
+    )
     motion = rig.motion("perturbed", 0)
     starts = np.array([motion.next().start_s for _ in range(40)])
     expected = starts[(starts >= 0) & (starts < 20.002)] + 5.0
@@ -48,7 +50,7 @@ def test_heel_strikes_are_those_that_were_walked_with_the_offset_added():
 
 def test_truth_on_a_plateau_is_the_persons_value():
     rig = simulated_rig(2)
-    truth = rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
     person = rig.person
     assert len(truth["pulses"]) == 2
     for row in truth["pulses"]:
@@ -63,7 +65,9 @@ def test_truth_on_a_plateau_is_the_persons_value():
 def test_values_that_vary_are_weighted_by_the_response():
     rig = SimulatedRig(draw_person(2, seed=1), preset("hard"))
     # Across the step of stiffness between loading response and mid-stance: 18 to 21 %.
-    row = rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.14))["pulses"][0]
+    row = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.14))[
+        "pulses"
+    ][0]
     person = rig.person
     before, after = (person.mass_kg * person.stiffness_per_mass[p] for p in ("LRE", "MST"))
     assert min(before, after) < row["stiffness"] < max(before, after)
@@ -76,7 +80,9 @@ def test_values_that_vary_are_weighted_by_the_response():
 def test_truth_does_not_depend_on_the_sign_or_the_size_of_a_pulse():
     rig = simulated_rig(2, preset="hard")
     rows = [
-        rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.5, amplitude_nm=a))
+        rig.truth(
+            "perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.5, amplitude_nm=a)
+        )
         for a in (17.0, -5.0)
     ]
     for name in PARAMETERS:
@@ -88,7 +94,9 @@ def test_a_softening_joint_is_truly_softer_for_larger_pulses():
     soft = replace(preset("nominal"), joint=JointSettings(softening_rad=0.3))
     rig = SimulatedRig(draw_person(2, seed=1), soft)
     small, large = (
-        rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.07, amplitude_nm=a))
+        rig.truth(
+            "perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07, amplitude_nm=a)
+        )
         for a in (0.1, 17.0)
     )
     stiff = rig.person.mass_kg * rig.person.stiffness_per_mass["LRE"]
@@ -105,7 +113,7 @@ def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them(
             pulses_at(rig, 0.07, strides=(4,), segment=1, offset_s=60.0),
         ]
     )
-    truth = rig.truth("perturbed", offsets_s=offsets, pulses=pulses)
+    truth = rig.truth("perturbed", worn=True, offsets_s=offsets, pulses=pulses)
     strikes = np.array(truth["heel_strike_s"])
     assert [row["onset_gait_pct"] for row in truth["pulses"]] == pytest.approx([7.0, 7.0], abs=1e-4)
     for segment, offset in enumerate(offsets):
@@ -117,17 +125,17 @@ def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them(
 
 def test_gravity_adds_to_the_stiffness_of_an_anthropometric_leg_only():
     rig = simulated_rig(0, preset="anthropometric")
-    truth = rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
     # SCIENCE 3.8: about 11 N*m/rad for shank and exoskeleton.
     assert truth["pulses"][0]["gravity_stiffness"] == pytest.approx(11.0, rel=0.35)
     rigid = simulated_rig(0)
-    truth = rigid.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rigid, 0.07))
+    truth = rigid.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rigid, 0.07))
     assert truth["pulses"][0]["gravity_stiffness"] == 0.0
 
 
 def test_truth_is_ready_for_json_and_names_everything():
     rig = simulated_rig(0, preset="anthropometric")
-    truth = rig.truth("perturbed", offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
     again = json.loads(json.dumps(truth))
     assert json.dumps(again) == json.dumps(truth)
     assert len(again["curves"]["stiffness"]) == len(again["curves"]["gait_pct"]) == 101

@@ -48,7 +48,7 @@ def walk(settings):
     """Return the rig, device time and the angles of exoskeleton and goniometer."""
     rig = SimulatedRig(draw_person(2, seed=5), settings, grid=Grid(500.0))
     clock = VirtualClock()
-    devices = rig.open("perturbed", segment=0, clock=clock)
+    devices = rig.open("perturbed", worn=True, segment=0, clock=clock)
     for device in devices.all():
         device.configure()
         device.activate()
