@@ -28,8 +28,9 @@ nothing else; an error is then an object with `"status": "error"`, `error` and `
 | exit status | meaning |
 |---|---|
 | 0 | done; of an analysis or a fit: at least one estimate stands |
-| 1 | nothing stands: every estimate failed or is undecided |
+| 1 | nothing stands: every estimate failed or is undecided; or the results could not be written |
 | 2 | the input cannot be trusted, an option is wrong, or the output folder must be kept |
+| 3 | a device failed, or the safety gate tripped |
 | 70 | a bug in jointz; `--debug` shows where |
 | 130 | stopped by Ctrl-C; nothing half-written is left behind |
 """

@@ -39,15 +39,17 @@ def onset_accuracy(
         One row a timing point: ``timing_point, planned_pct, n, error_mean_pct,
         error_sd_pct, theory_sd_pct`` (SD realised in this recording).
     """
-    index = stride_containing(pulses["onset_s"].to_numpy(), strides)
-    inside = (index >= 0) & strides.accepted[index.clip(0)]
-    start, length = strides.start_s[index.clip(0)], strides.duration_s[index.clip(0)]
-    share_pct = 100.0 * (pulses["onset_s"].to_numpy() - start) / length
+    onset_s, names = pulses["onset_s"].to_numpy(), pulses["timing_point"].to_numpy()
+    index = stride_containing(onset_s, strides)
+    inside = index >= 0
+    inside[inside] = strides.accepted[index[inside]]
+    index, names = index[inside], names[inside]
+    share_pct = 100.0 * (onset_s[inside] - strides.start_s[index]) / strides.duration_s[index]
     walked = strides.duration_s[strides.accepted]
     variation = float(walked.std(ddof=1) / walked.mean()) if walked.size > 1 else float("nan")
     rows = []
     for name, planned in timing_points.items():
-        at = inside & (pulses["timing_point"] == name).to_numpy()
+        at = names == name
         # A pulse late in the cycle may fire after the next strike: -2 %, not 98 %.
         error = (share_pct[at] - planned + 50.0) % 100.0 - 50.0
         rows.append(

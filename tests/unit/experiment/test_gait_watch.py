@@ -100,10 +100,25 @@ def test_a_double_strike_makes_the_phase_none_until_the_next_true_one():
     assert not watch.steady
     walk.until(7 * STRIDE - PERIOD, double)
     assert not watch.steady
-    walk.until(7 * STRIDE + 10 * MS, double)
-    # The true strike came within the refractory time and is lost with its stride.
+    walk.until(7 * STRIDE)
+    assert watch.steady
+    assert watch.phase_pct == 0.0
+
+
+def test_a_double_strike_that_hides_the_true_one_makes_the_phase_none_until_gait_is_steady():
+    walk = Walk()
+    watch = walk.until(6 * STRIDE + 810 * MS)
+
+    def double(time):
+        return 1.0 if 820 * MS <= time - 6 * STRIDE < 950 * MS else on(time)
+
+    walk.until(8 * STRIDE - PERIOD, double)
+    assert watch.strides.spurious == 1
     assert not watch.steady
-    walk.until(12 * STRIDE)
+    walk.until(11 * STRIDE - PERIOD)
+    assert not watch.steady
+    walk.until(11 * STRIDE)
+    assert watch.strides.missing == 1
     assert watch.steady
 
 

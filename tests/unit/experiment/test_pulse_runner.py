@@ -1,0 +1,237 @@
+"""The runner: shape and onset of pulses, and what the journal says of each."""
+
+from collections import Counter
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jointz.core.protocol import PulseSpec
+from jointz.experiment.journal import Journal, pulses_done, read_journal
+from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.pulse_runner import PulseRunner
+from jointz.experiment.scheduler import Scheduler
+
+MS = 1_000_000
+PERIOD = 2 * MS
+STRIDE = 1_100 * MS
+SHAPE = PulseSpec(
+    amplitude_nm=17.0, duration_s=0.25, ramp_up_s=0.05, hold_s=0.15, ramp_down_s=0.05
+)
+
+
+class Strides:
+    """Even strides from time zero on."""
+
+    def phase_pct(self, time_ns):
+        return 100.0 * (time_ns % STRIDE) / STRIDE
+
+
+class Watch:
+    def __init__(self):
+        self.steady = True
+        self.strides = Strides()
+
+
+class Walk:
+    """Ticks through strides and notes every torque."""
+
+    def __init__(self, folder, *pulses, shape=SHAPE):
+        self.file = folder / "journal.jsonl"
+        self.journal = Journal(self.file)
+        self.watch = Watch()
+        self.runner = PulseRunner(
+            "perturbed",
+            2,
+            shape,
+            Scheduler(pulses, warm_up_strides=0),
+            journal=self.journal,
+            period_ns=PERIOD,
+        )
+        self.slot = -1
+        self.torque = {}
+
+    def until(self, time_ns):
+        while (self.slot + 1) * PERIOD < time_ns:
+            self.slot += 1
+            at = self.slot * PERIOD
+            self.torque[self.slot] = self.runner.torque(self.slot, at, self.watch)
+            if self.watch.steady and at % STRIDE == 0:
+                self.runner.stride()
+        return self
+
+    def events(self, name=None):
+        found = read_journal(self.file)
+        return found if name is None else [e for e in found if e["event"] == name]
+
+
+@pytest.fixture
+def walk(tmp_path):
+    """Make a walk; its journal is closed at the end."""
+    walks = []
+
+    def make(*pulses, **more):
+        walks.append(Walk(tmp_path, *pulses, **more))
+        return walks[-1]
+
+    yield make
+    for one in walks:
+        one.journal.__exit__(None, None, None)
+
+
+def pulse(number=1, *, pct=20.0, amplitude_nm=17.0, gap=1):
+    return PlannedPulse(number, "MST", pct, amplitude_nm, gap)
+
+
+def test_a_pulse_is_a_trapezoid_from_the_tick_nearest_to_its_timing_point(walk):
+    one = walk(pulse()).until(2 * STRIDE)
+    # 20 % of 1.1 s are 220 ms: slot 110.
+    assert [one.torque[slot] for slot in (109, 110, 120, 135, 209, 210, 234, 235)] == (
+        pytest.approx([0.0, 0.0, 17.0 * 20 / 50, 17.0, 17.0, 17.0, 17.0 * 2 / 50, 0.0])
+    )
+    assert sum(one.torque.values()) * 0.002 == pytest.approx(17.0 * 0.2)
+
+
+@pytest.mark.parametrize(("pct", "slot"), [(20.0, 110), (20.08, 110), (20.1, 111), (19.95, 110)])
+def test_onset_is_within_half_a_period_of_its_timing_point(walk, pct, slot):
+    one = walk(pulse(pct=pct)).until(STRIDE)
+    (started,) = one.events("pulse_started")
+    assert started["slot"] == slot
+    assert abs(slot * PERIOD - pct / 100 * STRIDE) <= PERIOD / 2
+
+
+@pytest.mark.parametrize("amplitude_nm", [17.0, -17.0, 5.0])
+def test_the_plan_gives_height_and_direction(walk, amplitude_nm):
+    one = walk(pulse(amplitude_nm=amplitude_nm)).until(STRIDE)
+    assert max(one.torque.values(), key=abs) == amplitude_nm
+
+
+def test_the_journal_tells_start_and_end_of_a_pulse(walk):
+    one = walk(pulse(7)).until(STRIDE)
+    about = {"condition": "perturbed", "segment": 2, "pulse": 7}
+    assert one.events() == [
+        {"event": "pulse_started", **about, "slot": 110},
+        {"event": "pulse_completed", **about, "slot": 235, "onset_slot": 110},
+    ]
+    assert one.runner.completed == 1
+    assert one.runner.done
+
+
+def test_a_pulse_is_on_from_its_onset_to_its_end_and_no_longer(walk):
+    one = walk(pulse())
+    on = {}
+    for slot in range(300):
+        one.until((slot + 1) * PERIOD)
+        on[slot] = one.runner.active is not None
+    assert [slot for slot, is_on in on.items() if is_on] == list(range(110, 235))
+    assert not one.runner.done or one.runner.active is None
+
+
+def test_a_sham_takes_its_time_and_is_counted_but_not_felt(walk):
+    one = walk(pulse(amplitude_nm=0.0)).until(STRIDE)
+    assert set(one.torque.values()) == {0.0}
+    assert [e["slot"] for e in one.events()] == [110, 235]
+    assert one.runner.completed == 1
+
+
+def test_gaps_are_kept_between_onsets(walk):
+    one = walk(pulse(1, gap=1), pulse(2, gap=3), pulse(3, gap=2)).until(8 * STRIDE)
+    slots = [e["slot"] for e in one.events("pulse_started")]
+    assert slots == [110, 110 + 3 * 550, 110 + 5 * 550]
+
+
+def test_a_pulse_may_last_into_the_next_stride(walk):
+    one = walk(pulse(pct=90.0)).until(2 * STRIDE)
+    (completed,) = one.events("pulse_completed")
+    assert completed["slot"] - completed["onset_slot"] == 125
+    assert one.events("pulse_missed") == []
+
+
+def test_no_pulse_fires_while_gait_is_not_steady(walk):
+    one = walk(pulse())
+    one.watch.steady = False
+    one.until(5 * STRIDE)
+    assert one.events() == []
+    assert not any(one.torque.values())
+    assert not one.runner.done
+
+
+def test_a_pulse_that_was_due_when_gait_became_unsteady_is_missed_and_done_later(walk):
+    one = walk(pulse(1), pulse(2)).until(100 * MS)
+    one.watch.steady = False
+    one.until(3 * STRIDE + PERIOD)
+    (missed,) = one.events("pulse_missed")
+    assert (missed["pulse"], missed["reason"]) == (1, "gait not steady")
+    one.watch.steady = True
+    one.until(7 * STRIDE)
+    assert [e["pulse"] for e in one.events("pulse_completed")] == [2, 1]
+
+
+def test_a_timing_point_that_passed_while_the_loop_was_late_is_missed(walk):
+    one = walk(pulse(1)).until(200 * MS)
+    one.slot = 130  # 40 ms were skipped: the phase is 24 % by now
+    one.until(2 * STRIDE)
+    (missed,) = one.events("pulse_missed")
+    assert missed["reason"] == "timing point passed"
+    assert [e["onset_slot"] for e in one.events("pulse_completed")] == [660]
+
+
+def test_a_pulse_broken_off_is_not_counted_and_comes_again(walk):
+    one = walk(pulse(1)).until(300 * MS)
+    one.runner.abort("gait not steady")
+    one.runner.abort("gait not steady")
+    one.until(3 * STRIDE)
+    (aborted,) = one.events("pulse_aborted")
+    assert (aborted["pulse"], aborted["reason"], aborted["slot"]) == (1, "gait not steady", 149)
+    assert [e["onset_slot"] for e in one.events("pulse_completed")] == [660]
+    assert one.runner.completed == 1
+    assert one.runner.done
+
+
+def test_a_pulse_that_is_broken_off_is_not_done_until_its_time_is_over(walk):
+    one = walk(pulse(1)).until(300 * MS)
+    one.runner.abort("stopped")
+    assert one.runner.aborted
+    assert one.runner.active is not None
+    one.until(500 * MS)
+    assert one.runner.active is None
+
+
+def test_there_is_nothing_to_abort_between_pulses(walk):
+    one = walk(pulse(1)).until(100 * MS)
+    one.runner.abort("stopped")
+    assert one.events() == []
+
+
+def test_a_stride_that_was_none_puts_the_next_pulse_off(walk):
+    one = walk(pulse(1, gap=2)).until(STRIDE)
+    one.runner.stride()
+    one.runner.retract_stride()
+    one.until(STRIDE + 600 * MS)
+    assert [e["slot"] for e in one.events("pulse_started")] == [660]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.sampled_from(["well", "abort", "unsteady"]), max_size=12), st.integers(1, 5))
+def test_whatever_happens_every_pulse_is_completed_once_in_the_journal(
+    tmp_path_factory, history, count
+):
+    one = Walk(tmp_path_factory.mktemp("walk"), *[pulse(i + 1) for i in range(count)])
+    with one.journal:
+        strides = 0
+        for happening in [*history, *["well"] * (count + 1)]:
+            begin = strides * STRIDE
+            one.until(begin + 300 * MS)
+            if happening == "abort":
+                one.runner.abort("test")
+            one.until(begin + 600 * MS)
+            one.watch.steady = happening != "unsteady"
+            strides += 1
+            one.until(strides * STRIDE)
+            one.watch.steady = True
+    assert one.runner.done
+    done = Counter(e["pulse"] for e in one.events("pulse_completed"))
+    assert done == dict.fromkeys(range(1, count + 1), 1)
+    assert set(pulses_done(one.events(), "perturbed")) == set(done)
+    ended = Counter(e["event"] for e in one.events())
+    assert ended["pulse_started"] == ended["pulse_completed"] + ended["pulse_aborted"]

@@ -1,0 +1,113 @@
+"""What the devices measured: all samples of a tick, and how old the stalest device is."""
+
+from math import inf
+
+import pytest
+
+from jointz.devices.interface import ActuatorSample, Devices, SensorSample
+from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
+
+PERIOD = 2_000_000
+
+
+class Fake:
+    """A device whose queue a test fills; only its read matters here."""
+
+    def __init__(self):
+        self.queue = []
+
+    def read(self):
+        taken, self.queue = self.queue, []
+        return taken
+
+
+class Bench:
+    def __init__(self, *, worn=True):
+        self.actuator, self.angle, self.contact = Fake(), Fake(), Fake()
+        self.streams = Streams(
+            Devices(
+                angle=self.angle, contact=self.contact, actuator=self.actuator if worn else None
+            )
+        )
+        self.tick = -1
+
+    def read(self, *names, samples=1):
+        """Read a tick in which the named devices have samples; return the age."""
+        self.tick += 1
+        slot_ns = self.tick * PERIOD
+        for name in names:
+            for part in range(samples):
+                at = slot_ns + part
+                sample = (
+                    ActuatorSample(at, at, 0.1 * self.tick, 0.0, 0.0, 48.0, 30.0, 0)
+                    if name == "actuator"
+                    else SensorSample(at, at, 0.1 * self.tick + part)
+                )
+                getattr(self, name).queue.append(sample)
+        return self.streams.read(slot_ns)
+
+
+ALL = ("actuator", "angle", "contact")
+
+
+def test_all_samples_of_the_tick_are_there_oldest_first():
+    bench = Bench()
+    assert bench.read(*ALL, samples=3) == 0.0
+    for name in ALL:
+        times = [sample.device_time_ns for sample in getattr(bench.streams, name)]
+        assert times == [0, 1, 2]
+    assert bench.streams.newest_actuator.device_time_ns == 2
+    assert bench.streams.newest_angle.value == 2.0
+
+
+def test_samples_of_a_tick_before_are_gone_but_the_newest_is_remembered():
+    bench = Bench()
+    bench.read(*ALL)
+    bench.read()
+    assert bench.streams.actuator == bench.streams.angle == bench.streams.contact == []
+    assert bench.streams.newest_actuator.device_time_ns == 0
+    assert bench.streams.newest_angle.device_time_ns == 0
+
+
+@pytest.mark.parametrize("missing", ALL)
+def test_age_is_infinite_until_every_device_gave_a_sample(missing):
+    bench = Bench()
+    others = [name for name in ALL if name != missing]
+    assert bench.read(*others) == inf
+    assert bench.read(*others) == inf
+    assert bench.read(*ALL) == 0.0
+    assert bench.streams.actuator[-1].device_time_ns == 2 * PERIOD
+
+
+@pytest.mark.parametrize("silent", ALL)
+def test_age_is_that_of_the_stalest_device(silent):
+    bench = Bench()
+    bench.read(*ALL)
+    others = [name for name in ALL if name != silent]
+    ages = [bench.read(*others) for _ in range(5)]
+    assert ages == pytest.approx([0.002, 0.004, 0.006, 0.008, 0.010])
+    assert bench.read(*ALL) == 0.0
+
+
+def test_age_is_that_of_the_stalest_of_several():
+    bench = Bench()
+    bench.read(*ALL)
+    bench.read("actuator", "angle")
+    bench.read("actuator")
+    assert bench.read("actuator") == pytest.approx(0.006)
+    assert bench.read("actuator", "contact") == pytest.approx(0.006)  # of the goniometer
+
+
+def test_without_the_device_its_age_does_not_count():
+    bench = Bench(worn=False)
+    assert bench.read("angle", "contact") == 0.0
+    assert bench.streams.actuator == []
+    assert bench.streams.newest_actuator == NO_ACTUATOR_SAMPLE
+    assert bench.read("angle") == pytest.approx(0.002)
+
+
+def test_before_the_first_sample_the_newest_is_none():
+    bench = Bench()
+    bench.read()
+    assert bench.streams.newest_actuator is NO_ACTUATOR_SAMPLE
+    assert bench.streams.newest_angle is NO_SENSOR_SAMPLE

@@ -1,0 +1,76 @@
+"""The timing report, against ticks whose lateness is known."""
+
+import numpy as np
+import pytest
+
+from jointz.core.session_log import DTYPE
+from jointz.experiment.timing import timing_report
+
+PERIOD = 2_000_000
+
+
+def ticks(slots, late_ns=0, *, busy_us=10.0, first=7, parts=1):
+    """Return records of ticks in given slots that begin late."""
+    slots = np.asarray(slots)
+    records = np.zeros(slots.size * parts, DTYPE)
+    records["slot"] = np.repeat(slots, parts)
+    records["host_time_ns"] = np.repeat((slots + first) * PERIOD + late_ns, parts)
+    records["busy_us"] = np.repeat(np.broadcast_to(busy_us, slots.shape), parts)
+    records["part"] = np.tile(np.arange(parts), slots.size)
+    return records
+
+
+def test_a_loop_in_perfect_time_has_no_errors():
+    report = timing_report(ticks(range(1001)), PERIOD)
+    assert (report["ticks"], report["missed_slots"]) == (1001, 0)
+    assert report["mean_rate_hz"] == pytest.approx(500.0, rel=1e-12)
+    for kind in ("lateness_us", "period_error_us"):
+        assert report[kind] == {"p50": 0.0, "p99": 0.0, "p99_9": 0.0, "max": 0.0}
+
+
+def test_lateness_is_counted_from_the_slot():
+    late_us = np.arange(1001.0)
+    report = timing_report(ticks(range(1001), (late_us * 1000).astype(int)), PERIOD)
+    assert report["lateness_us"] == pytest.approx(
+        {"p50": 500.0, "p99": 990.0, "p99_9": 999.0, "max": 1000.0}
+    )
+    assert report["period_error_us"]["max"] == pytest.approx(1.0)
+
+
+def test_a_constant_lateness_is_no_error_of_the_period():
+    report = timing_report(ticks(range(100), 400_000), PERIOD)
+    assert report["lateness_us"]["p50"] == 400.0
+    assert report["period_error_us"]["max"] == 0.0
+
+
+def test_one_late_tick_makes_two_periods_wrong():
+    late = np.zeros(1000, int)
+    late[500] = 300_000
+    report = timing_report(ticks(range(1000), late), PERIOD)
+    assert report["period_error_us"]["max"] == 300.0
+    assert report["period_error_us"]["p99"] == 0.0
+
+
+def test_skipped_slots_are_counted_and_are_no_error_of_the_period():
+    slots = [0, 1, 2, 5, 6, 9, 10]
+    report = timing_report(ticks(slots), PERIOD)
+    assert (report["ticks"], report["missed_slots"]) == (7, 4)
+    assert report["period_error_us"]["max"] == 0.0
+    assert report["mean_rate_hz"] == pytest.approx(6 / 10 * 500.0)
+
+
+def test_the_records_of_a_tick_count_once():
+    assert timing_report(ticks(range(50), parts=3), PERIOD) == timing_report(
+        ticks(range(50)), PERIOD
+    )
+
+
+def test_work_of_the_tick_before_the_first_is_left_out():
+    busy = np.full(100, 12.0)
+    busy[0] = 1e6
+    assert timing_report(ticks(range(100), busy_us=busy), PERIOD)["busy_us"]["max"] == 12.0
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_loop_of_less_than_two_ticks_has_no_timing(count):
+    assert timing_report(ticks(range(count)), PERIOD) == {"ticks": count, "missed_slots": 0}
