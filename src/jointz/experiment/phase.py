@@ -10,7 +10,7 @@ from typing import Any
 
 from jointz.core.protocol import GaitSpec
 
-_SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride, while nothing is known yet
+_SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride of anybody
 #: Strikes in a row outside the accepted band after which the cadence is learnt anew.
 _STRANGERS = 3
 #: A spurious strike so near to the middle, in halves of the stride, makes two strides of it.
@@ -25,12 +25,12 @@ _EXTENDED_RAD = 0.5  # swing flexion is over; the distance keeps noise from endi
 class StridePhase:
     """Time since the last heel strike over the mean of the last strides.
 
-    A stride is accepted when its duration lies in a band around that mean. A
-    strike that comes too early is spurious: the phase is unknown until the next
-    one that comes in time. A stride that is too long has lost a strike: the phase
-    is unknown until gait is steady again. Where stride after stride has a strike in
-    its middle, two strides pass for one, because a strike was missed while the mean was
-    learnt: it is learnt anew.
+    A stride is accepted when its duration lies in a band around that mean, and between
+    0.5 and 2.5 s. A strike that comes too early is spurious: the phase is unknown until
+    the next one that comes in time. A stride that is too long has lost a strike: the
+    phase is unknown until gait is steady again. Where stride after stride has a strike
+    in its middle, two strides pass for one, because a strike was missed while the mean
+    was learnt: it is learnt anew.
 
     Parameters
     ----------
@@ -142,9 +142,10 @@ class StridePhase:
         return (*kept, self.strides, self.spurious, self.missing, self.mean_ns)
 
     def _band(self) -> tuple[float, float]:
+        shortest, longest = _SHORTEST_S * 1e9, _LONGEST_S * 1e9
         if not self._durations:
-            return _SHORTEST_S * 1e9, _LONGEST_S * 1e9
-        return self._low * self.mean_ns, self._high * self.mean_ns
+            return shortest, longest
+        return max(shortest, self._low * self.mean_ns), min(longest, self._high * self.mean_ns)
 
     def _accept(self, duration_ns: int, time_ns: int) -> None:
         self._durations.append(duration_ns)

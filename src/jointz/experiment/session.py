@@ -228,10 +228,11 @@ class Session:
         left = [pulse for pulse in pulses if pulse.number not in done]
         clock = self._clocks()
         devices = self._rig.open(condition.name, worn=condition.worn, segment=segment, clock=clock)
-        journal.write("segment_started", condition=condition.name, segment=segment)
         with ExitStack() as stack:
+            stack.enter_context(_journaled(journal, condition.name, segment))
             for device in devices.all():
                 stack.callback(device.close)
+            journal.write("segment_started", condition=condition.name, segment=segment)
             gate = self._gate(devices)
             path = log_path(self._plan.folder, condition.name, segment)
             recorder = stack.enter_context(
@@ -246,9 +247,8 @@ class Session:
                 clock=clock,
                 progress=self._told(condition.name, len(done), len(pulses)),
             )
-            with _journaled(journal, condition.name, segment):
-                self._run_trial(self._trial, devices, gate, clock)
-        journal.write("condition_completed", condition=condition.name, segment=segment)
+            self._run_trial(self._trial, devices, gate, clock)
+            journal.write("condition_completed", condition=condition.name, segment=segment)
 
     def _run_trial(
         self, trial: Trial, devices: Devices, gate: SafetyGate | None, clock: Clock

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.clock import RealClock, VirtualClock
+from jointz.core.errors import OutputError
 from jointz.core.protocol import ConditionSpec, Protocol
 from jointz.devices.interface import Rig
 from jointz.experiment.journal import Event, read_journal
@@ -115,12 +116,18 @@ def run_participant(
         progress=progress,
         real_time=settings.clock == "real",
     )
-    with _stopped_by_ctrl_c(session):
-        session.run()
-    report = _write_recordings(rig, settings, folder)
-    partial = report_file.with_suffix(".partial")
-    partial.write_text(json.dumps(report), encoding="utf-8")
-    os.replace(partial, report_file)
+    try:
+        with _stopped_by_ctrl_c(session):
+            session.run()
+        report = _write_recordings(rig, settings, folder)
+        partial = report_file.with_suffix(".partial")
+        partial.write_text(json.dumps(report), encoding="utf-8")
+        os.replace(partial, report_file)
+    except OSError as exc:
+        raise OutputError(
+            f"{exc.filename or folder}: cannot be written ({exc.strerror or exc}). Make room, then "
+            "go on with --resume."
+        ) from exc
     return report
 
 

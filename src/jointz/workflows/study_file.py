@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -61,13 +62,7 @@ def study_toml(
     for person in people:
         lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
     for person in people:
-        for condition in protocol.conditions:
-            lines += ["", "[[recordings]]", f"participant = {_text(person.id)}"]
-            lines += [f'condition = "{condition.condition}"']
-            lines += [f"file = {_text(recording_name(person.id, condition.name))}"]
-            if condition.perturbations is not None:
-                table = pulses_name(person.id, condition.name)
-                lines += [f"perturbations = {_text(table)}"]
+        lines += _recordings(person.id, protocol)
     return "\n".join(lines) + "\n"
 
 
@@ -107,6 +102,20 @@ def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
     known = calibration.model_dump(exclude_none=True)
     if known:
         lines.append("calibration = " + _inline(known))
+    return lines
+
+
+def _recordings(participant: str, protocol: Protocol) -> list[str]:
+    lines = []
+    of_kind = Counter(condition.condition for condition in protocol.conditions)
+    for condition in protocol.conditions:
+        lines += ["", "[[recordings]]", f"participant = {_text(participant)}"]
+        lines += [f'condition = "{condition.condition}"']
+        if of_kind[condition.condition] > 1:
+            lines += [f"session = {_text(condition.name)}"]
+        lines += [f"file = {_text(recording_name(participant, condition.name))}"]
+        if condition.perturbations is not None:
+            lines += [f"perturbations = {_text(pulses_name(participant, condition.name))}"]
     return lines
 
 

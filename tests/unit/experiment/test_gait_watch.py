@@ -22,7 +22,7 @@ def on(time_ns):
 class Walk:
     """Feeds a watch with samples of a switch, tick by tick."""
 
-    def __init__(self, *, sample_ns=PERIOD, clock_ns=0, arrives=lambda tick: True):
+    def __init__(self, *, sample_ns=PERIOD, clock_ns=0, arrives=lambda _: True):
         self.watch = GaitWatch(GAIT)
         self.tick = -1
         self.accepted = []
@@ -31,7 +31,7 @@ class Walk:
         self._queue = []
         self._next_ns = 0
 
-    def until(self, time_ns, switch=on, knee=lambda time: nan):
+    def until(self, time_ns, switch=on, knee=lambda _: nan):
         while (self.tick + 1) * PERIOD <= time_ns:
             self.tick += 1
             slot_ns = self.tick * PERIOD
@@ -152,7 +152,7 @@ def test_a_brush_that_was_no_stride_takes_none_back():
 def test_a_footswitch_that_falls_silent_makes_the_phase_none():
     walk = Walk()
     walk.until(6 * STRIDE)
-    watch = walk.until(8 * STRIDE, lambda time: 0.0)
+    watch = walk.until(8 * STRIDE, lambda _: 0.0)
     assert not watch.steady
     assert isnan(watch.phase_pct)
     assert watch.last_stride_ns == 6 * STRIDE
@@ -167,7 +167,7 @@ def test_without_samples_nothing_changes_but_time():
 
 
 def test_time_without_a_stride_counts_from_the_first_ticks():
-    watch = Walk().until(STRIDE - PERIOD, lambda time: 0.0)
+    watch = Walk().until(STRIDE - PERIOD, lambda _: 0.0)
     assert watch.last_stride_ns <= PERIOD
 
 

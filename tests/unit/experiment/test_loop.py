@@ -2,6 +2,7 @@
 
 import gc
 import os
+from contextlib import nullcontext
 
 import pytest
 from hypothesis import given
@@ -126,12 +127,12 @@ def test_real_ticks_lie_in_their_slots():
 def scheduler(monkeypatch):
     """A scheduler that notes what is asked of it instead of doing it."""
     asked = []
-    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_OTHER)
-    monkeypatch.setattr(os, "sched_getparam", lambda pid: os.sched_param(0))
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: os.SCHED_OTHER)
+    monkeypatch.setattr(os, "sched_getparam", lambda _: os.sched_param(0))
     monkeypatch.setattr(
         os,
         "sched_setscheduler",
-        lambda pid, policy, parameters: asked.append((policy, parameters.sched_priority)),
+        lambda _, policy, parameters: asked.append((policy, parameters.sched_priority)),
     )
     return asked
 
@@ -161,14 +162,12 @@ def test_the_garbage_collector_is_as_it_was_afterwards(scheduler, collecting, fa
     frozen = gc.get_freeze_count()
     try:
         (gc.enable if collecting else gc.disable)()
-        try:
-            with undisturbed():
-                assert not gc.isenabled()
-                assert gc.get_freeze_count() > 0
-                if failing:
-                    raise KeyboardInterrupt
-        except KeyboardInterrupt:
-            pass
+        ended = pytest.raises(KeyboardInterrupt) if failing else nullcontext()
+        with ended, undisturbed():
+            assert not gc.isenabled()
+            assert gc.get_freeze_count() > 0
+            if failing:
+                raise KeyboardInterrupt
         assert gc.isenabled() is collecting
         assert gc.get_freeze_count() <= frozen
     finally:

@@ -105,9 +105,7 @@ def test_the_theory_is_what_independent_strides_do(in_mean, planned):
 
 def test_the_figures_of_two_percent_and_five_strides_are_known():
     wanted = {"LRE": (7.0, 0.15), "TST": (40.5, 0.89), "MSW": (81.0, 1.77)}
-    strides = find_strides(
-        np.cumsum(np.tile([STRIDE_S * 1.02, STRIDE_S * 0.98], 5000)), NO_GAPS
-    )
+    strides = find_strides(np.cumsum(np.tile([STRIDE_S * 1.02, STRIDE_S * 0.98], 5000)), NO_GAPS)
     found = onset_accuracy(
         table(np.array([]), []),
         strides,

@@ -267,12 +267,20 @@ def test_only_time_between_strikes_matters(durations, shift_ns):
 
 
 @given(anything)
-def test_any_history_is_left_behind_after_a_dozen_even_strides(durations):
-    # Half a second may be taken for spurious and two strides for one, but not for ever.
+def test_any_history_is_left_behind_after_16_even_strides(durations):
+    # A strike may be taken for spurious and two strides for one, but not for ever.
     times = strikes(*durations, *[1.1] * 16)
     phase, _ = struck(times)
     assert phase.steady(times[-1])
-    assert phase.mean_ns == pytest.approx(1.1e9, rel=0.35)
+    assert phase.mean_ns == pytest.approx(1.1e9, abs=1)
+
+
+@given(anything)
+def test_no_stride_is_accepted_that_nobody_walks(durations):
+    phase = StridePhase(GAIT)
+    for time in strikes(*durations):
+        if phase.strike(time):
+            assert 0.5e9 <= phase.mean_ns <= 2.5e9
 
 
 # --- the knee -----------------------------------------------------------------------------------
@@ -335,7 +343,7 @@ def test_the_knee_knows_nothing_before_two_swings():
 
 
 def test_missing_samples_of_the_knee_change_nothing():
-    cycles = np.arange(round(20 * 550)) / 550
+    cycles = np.arange(20 * 550) / 550
     whole = knee_rad(cycles)
     holed = whole.copy()
     holed[np.arange(whole.size) % 11 == 5] = nan
@@ -353,7 +361,7 @@ def test_a_knee_that_stays_straight_or_bent_tells_no_phase():
 
 def test_a_pause_of_walking_is_no_stride():
     phase = KneePhase(GAIT)
-    cycles = np.arange(round(6 * 550)) / 550
+    cycles = np.arange(6 * 550) / 550
     angle = np.concatenate([knee_rad(cycles), np.full(5000, 0.1), knee_rad(cycles)])
     for i, value in enumerate(angle.tolist()):
         phase.update(i * 2_000_000, value)
@@ -361,3 +369,12 @@ def test_a_pause_of_walking_is_no_stride():
     assert phase.phase_pct(at_ns) == pytest.approx(100.0, abs=0.5) or phase.phase_pct(
         at_ns
     ) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_second_bend_within_half_a_second_is_no_swing():
+    cycles = np.arange(20 * 550) / 550
+    stumbled = knee_rad(cycles)
+    at = (cycles > 10.95) & (cycles < 11.0)
+    stumbled[at] = 0.8  # the knee gives way a quarter of a second after swing
+    error = knee_error_pct(stumbled, strides=cycles, rate_hz=500.0)
+    assert np.abs(error).max() < 0.3

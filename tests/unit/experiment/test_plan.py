@@ -119,7 +119,7 @@ def test_an_odd_count_leaves_one_direction_one_pulse_ahead():
 def test_shams_come_on_top_and_are_their_share_of_all_pulses(share, shams):
     plan = plan_of(sham_share=share, count_per_point=40)
     by_point = Counter(p.timing_point for p in plan if p.sham)
-    assert by_point == ({name: shams for name in POINTS} if shams else {})
+    assert by_point == (dict.fromkeys(POINTS, shams) if shams else {})
     assert sum(not p.sham for p in plan) == 40 * len(POINTS)
     assert len(plan) == perturbations(sham_share=share, count_per_point=40).total
     assert {p.amplitude_nm for p in plan if p.sham} <= {0.0}

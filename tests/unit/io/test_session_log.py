@@ -104,15 +104,19 @@ def test_bytes_put_in_anywhere_are_noticed(tmp_path_factory, place, junk):
 )
 def test_another_file_is_no_log(path, content):
     path.write_bytes(content)
-    with pytest.raises(DataError, match="expected a log of jointz.*session"):
+    with pytest.raises(DataError, match=r"expected a log of jointz.*session"):
         read_log(path)
 
 
-@pytest.mark.parametrize("change", [{"jointz_log": VERSION + 1}, {"record_bytes": RECORD_BYTES + 8}])
+@pytest.mark.parametrize(
+    "change", [{"jointz_log": VERSION + 1}, {"record_bytes": RECORD_BYTES + 8}]
+)
 def test_a_log_of_another_version_names_both_versions(path, change):
     header = json.loads(encode_header(HEADER)) | change
     path.write_bytes(json.dumps(header).encode() + b"\n")
-    with pytest.raises(DataError, match=rf"this jointz reads version {VERSION} with {RECORD_BYTES}"):
+    with pytest.raises(
+        DataError, match=rf"this jointz reads version {VERSION} with {RECORD_BYTES}"
+    ):
         read_log(path)
 
 
