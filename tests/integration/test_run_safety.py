@@ -3,6 +3,7 @@
 import os
 import signal
 
+import numpy as np
 import pytest
 
 from jointz.core.clock import VirtualClock
@@ -278,7 +279,28 @@ def test_a_lost_footswitch_fires_no_pulse_and_ends_the_trial(rig, spy, protocol,
     assert spy.commands[-1][1] == "stop"
 
 
-def test_a_stumble_in_a_pulse_fades_it_and_it_is_done_again(rig, spy, protocol, tmp_path):
+@pytest.mark.parametrize("factor", [0.55, 1.6])
+def test_after_a_stumble_no_pulse_fires_until_gait_is_steady(rig, spy, protocol, tmp_path, factor):
+    rig.inject.stumbles.update(dict.fromkeys(range(9, 60, 7), factor))
+    session(rig, protocol, tmp_path).run()
+    found = records(tmp_path)
+    steady = (found["flags"] & Flag.STEADY) != 0
+    begins = np.flatnonzero((found["pulse"][1:] > 0) & (found["pulse"][:-1] == 0)) + 1
+    assert (~steady).sum() > 1000
+    assert steady[begins].all()
+    events = read_journal(tmp_path / "journal.jsonl")
+    done = [e["pulse"] for e in events if e["event"] == "pulse_completed"]
+    assert sorted(done) == list(range(1, 13))
+    # A pulse that was on when gait became unsteady is at zero within the fade of the limits.
+    fade_ticks = round(spy.devices.actuator.describe().limits.fade_s / PERIOD_S)
+    lost = np.flatnonzero(steady[:-1] & ~steady[1:] & (found["pulse"][1:] > 0)) + 1
+    for at in lost:
+        after = found["sent_torque"][at : at + fade_ticks + 2]
+        assert after[-1] == 0.0
+        assert (np.diff(np.abs(after)) <= 1e-6).all()
+
+
+def test_double_heel_strikes_in_a_pulse_fade_it_and_it_is_done_again(rig, spy, protocol, tmp_path):
     # Heel strikes in mid-stance all the time: some of them fall into a pulse.
     rig.inject.order("contact", "double", from_s=BEFORE_PULSES_S, until_s=60.0)
     session(rig, protocol, tmp_path).run()
