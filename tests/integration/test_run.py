@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -150,6 +151,14 @@ def test_the_command_runs_a_protocol_of_ones_own_and_prints_json(jointz, tmp_pat
     assert outcome.code == 0
     assert outcome.json["pulses_completed"] == outcome.json["pulses_planned"] == 12
     assert (tmp_path / "s" / "study.toml").is_file()
+
+
+def test_a_bench_protocol_is_refused_before_anything_is_made(jointz, tmp_path):
+    bench = Path(__file__).parent.parent / "unit" / "core" / "protocols" / "sea-bandwidth.toml"
+    outcome = jointz("run", bench, "--out", tmp_path / "s")
+    assert outcome.code == 2
+    assert "a bench protocol" in outcome.err
+    assert not (tmp_path / "s").exists()
 
 
 def test_an_unknown_protocol_and_a_used_folder_are_bad_input(jointz, tmp_path):

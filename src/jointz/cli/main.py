@@ -90,7 +90,7 @@ def run() -> None:
         _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
         sys.exit(_EXIT_BUG)
     if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
-        _report("KeyboardInterrupt", "Stopped. Nothing half-written was left behind.")
+        _report("KeyboardInterrupt", f"Stopped. {_left_behind()}")
     sys.exit(status)
 
 
@@ -106,6 +106,12 @@ def _report(kind: str, message: str) -> None:
     if "--json" in sys.argv:
         _emit_error(kind, message)
     sys.stderr.write(f"jointz: {message}\n")
+
+
+def _left_behind() -> str:
+    if sys.argv[1:2] == ["run"]:
+        return "What was recorded is kept; the same arguments with --resume go on."
+    return "Nothing half-written was left behind."
 
 
 def _emit_error(kind: str, message: str) -> None:

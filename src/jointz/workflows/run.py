@@ -112,6 +112,11 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         When a device failed or the safety gate tripped.
     """
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
+    if spec.kind != "walking":
+        raise DataError(
+            f"{spec.name}: a bench protocol, and there is no bench to run it on yet. Walking "
+            "protocols can be run: jointz protocols lists them."
+        )
     chosen = spec.seed if seed is None else seed
     rig = RigSettings(device, preset, chosen, spec.rates.sample_hz)
     count = spec.participants if participants is None else participants
