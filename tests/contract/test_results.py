@@ -21,9 +21,11 @@ from matplotlib.axes import Axes
 
 import jointz.core
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.bench_fits import FullRecordFit, PulseFit
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
+from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
 from jointz.core.run_report import RunReport
 
 # --- examples ------------------------------------------------------------------------------------
@@ -125,6 +127,42 @@ def run_report() -> RunReport:
     return RunReport("walking", 0, (row,), (gaps,), ({"participant": "S01", "overruns": 0},))
 
 
+def full_record_fit() -> FullRecordFit:
+    return FullRecordFit(
+        parameters=(
+            ParameterEstimate("stiffness", 168.0, 167.0, 169.0, "ok", ci_method="sandwich"),
+            ParameterEstimate("damping", -0.001, -0.02, 0.02, "ok"),
+            ParameterEstimate("inertia", None, None, None, "undecided"),
+            ParameterEstimate("coulomb_friction", 0.03, 0.02, 0.04, "ok"),
+            ParameterEstimate("torque_lag", 0.0022, 0.0021, 0.0023, "ok"),
+        ),
+        lag_model="mixed",
+        filter_time_s=0.001,
+        vaf_pct=99.99,
+        residual_sd_nm=0.02,
+        n_samples=10_800,
+        rate_hz=900.0,
+        condition_number=12.0,
+        covariance=((1.0, 0.0), (0.0, 0.1)),
+        settings={"n_trials": 7, "lag_s": None},
+        warnings=("the kind of lag is not decided",),
+        series=FitSeries((0.0, 0.1), (1.0, 2.0), (1.1, 1.9)),
+    )
+
+
+def pulse_fit() -> PulseFit:
+    fit = full_record_fit()
+    fields = {f.name: getattr(fit, f.name) for f in dataclasses.fields(fit)}
+    return PulseFit(**fields | {"covariance": (), "warnings": (), "series": FitSeries()})
+
+
+def pulse_effects() -> PulseEffects:
+    numbers = (9.0, 1.0, 46.0, 0.004, 0.008, 1.5, 0.5, 2.5, 56, 7)
+    test = PulseTest("1", "A", "stiffness", "type", "mixed", *numbers)
+    mean = PulseMeans("1", "A", "stiffness", 169.0, 167.5, 168.2, None, 56, 0, 0.5, 1.0, None)
+    return PulseEffects((test,), (mean,), notes=("type and direction are confounded",))
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
     "walking": walking_analysis,
     "bench": bench_analysis,
@@ -132,6 +170,10 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "fit": joint_fit,
     "fit without intervals": fit_without_intervals,
     "run": run_report,
+    "full record": full_record_fit,
+    "pulse": pulse_fit,
+    "pulses": pulse_effects,
+    "no pulses": lambda: PulseEffects((), ()),
 }
 
 
@@ -168,7 +210,9 @@ def test_every_result_class_has_an_example():
         value
         for module in modules
         for value in vars(module).values()
-        if dataclasses.is_dataclass(value) and hasattr(value, "to_frame")
+        if dataclasses.is_dataclass(value)
+        and hasattr(value, "to_frame")
+        and not value.__subclasses__()
     }
 
     assert results == {type(make()) for make in EXAMPLES.values()}

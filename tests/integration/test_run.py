@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,7 @@ import pytest
 
 import jointz
 from jointz.core.run_report import RunReport
-from jointz.core.session_log import FIELDS
+from jointz.core.session_log import WALKING
 from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol, protocol_text
 from jointz.io.session_log import read_log
@@ -88,7 +87,7 @@ def test_both_clocks_write_the_same_log_but_for_host_time(tmp_path):
         pytest.skip("the machine was too busy: slots were missed in every attempt")
     assert found.header == virtual.header
     assert (found.records["host_time_ns"] != virtual.records["host_time_ns"]).any()
-    for name in {field.name for field in FIELDS} - HOST_FIELDS:
+    for name in {field.name for field in WALKING.fields} - HOST_FIELDS:
         np.testing.assert_array_equal(
             found.records[name], virtual.records[name], err_msg=f"field {name}"
         )
@@ -153,11 +152,12 @@ def test_the_command_runs_a_protocol_of_ones_own_and_prints_json(jointz, tmp_pat
     assert (tmp_path / "s" / "study.toml").is_file()
 
 
-def test_a_bench_protocol_is_refused_before_anything_is_made(jointz, tmp_path):
-    bench = Path(__file__).parent.parent / "unit" / "core" / "protocols" / "sea-bandwidth.toml"
-    outcome = jointz("run", bench, "--out", tmp_path / "s")
+def test_a_bench_that_is_not_named_is_refused_before_anything_is_made(jointz, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(protocol_text("sea-bandwidth").replace('bench = "series-elastic"', ""))
+    outcome = jointz("run", file, "--out", tmp_path / "s")
     assert outcome.code == 2
-    assert "a bench protocol" in outcome.err
+    assert "bench: missing" in outcome.err
     assert not (tmp_path / "s").exists()
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
-from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,6 +74,8 @@ class StudyAnalysis:
         Means over people.
     pulses, strides, gaps : tuple
         Everything found in the recordings, used or not.
+    single : tuple of PulseEstimate
+        Pulses of a bench, each estimated by itself.
     statistics : mapping
         Descriptive statistics: onset accuracy, strides, VAF.
     settings : mapping
@@ -88,6 +90,7 @@ class StudyAnalysis:
     pulses: tuple[PulseRecord, ...] = ()
     strides: tuple[StrideRecord, ...] = ()
     gaps: tuple[GapRecord, ...] = ()
+    single: tuple[PulseEstimate, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -117,6 +120,11 @@ class StudyAnalysis:
     def pulses_frame(self) -> pd.DataFrame:
         """Return every pulse found, used or not."""
         return pd.DataFrame([asdict(p) for p in self.pulses], columns=list(PulseRecord.__slots__))
+
+    def single_frame(self) -> pd.DataFrame:
+        """Return the pulses of a bench, each estimated by itself."""
+        columns = list(PulseEstimate.__slots__)
+        return pd.DataFrame([asdict(p) for p in self.single], columns=columns)
 
     def excluded_frame(self) -> pd.DataFrame:
         """Return every stride and pulse left out, with its code."""
@@ -188,6 +196,7 @@ class StudyAnalysis:
             "pulses": [asdict(p) for p in self.pulses],
             "strides": [asdict(s) for s in self.strides],
             "gaps": [asdict(g) for g in self.gaps],
+            "single": [asdict(p) for p in self.single],
             "statistics": dict(self.statistics),
             "settings": dict(self.settings),
             "provenance": dict(self.provenance),
@@ -216,6 +225,7 @@ class StudyAnalysis:
             pulses=tuple(PulseRecord(**p) for p in data["pulses"]),
             strides=tuple(StrideRecord(**s) for s in data["strides"]),
             gaps=tuple(GapRecord(**g) for g in data["gaps"]),
+            single=tuple(PulseEstimate(**p) for p in data.get("single", ())),
             statistics=data["statistics"],
             settings=data["settings"],
             provenance=data["provenance"],

@@ -64,7 +64,7 @@ CONDITIONS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-#: Parameter -> unit, as written in ``estimates.csv``.
+#: Parameter -> unit, as written in ``estimates.csv`` and by ``jointz identify``.
 PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
     {
         "stiffness": "N*m/rad",
@@ -72,5 +72,13 @@ PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
         "inertia": "kg*m^2",
         "stiffness_per_mass": "N*m/rad/kg",
         "damping_per_mass": "N*m*s/rad/kg",
+        "bias": "N*m",
+        "torque_constant": "N*m/A",
+        "viscous_friction": "N*m*s/rad",
+        "coulomb_friction": "N*m",
+        "gear_friction": "N*m/A",
+        "rotor_inertia": "kg*m^2",
+        "torque_lag": "s",
+        "bandwidth": "Hz",
     }
 )

@@ -82,3 +82,38 @@ class GapRecord:
     recording: str
     start_s: float
     duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class PulseEstimate:
+    """Impedance from one pulse on a bench, by least squares without bounds (2.2.3).
+
+    Parameters
+    ----------
+    participant, timing_point : str
+        Load, and case or reference.
+    recording, trial : str
+        Where it was found.
+    onset_s : float, s
+        Commanded onset.
+    sign : int
+        +1 or -1, of its torque.
+    direction : str
+        ``with`` or ``against`` the reference at its onset; ``""`` where that is not recorded.
+    stiffness, damping, inertia : float
+        N*m/rad, N*m*s/rad, kg*m^2; the intrinsic impedance is not subtracted.
+    vaf_pct : float
+        Variance accounted for (2.7), %.
+    """
+
+    participant: str
+    timing_point: str
+    recording: str
+    trial: str
+    onset_s: float
+    sign: int
+    direction: str
+    stiffness: float
+    damping: float
+    inertia: float
+    vaf_pct: float

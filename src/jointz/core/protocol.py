@@ -91,8 +91,8 @@ class PerturbationPlan(CheckedModel):
     """Which pulses fire when.
 
     In walking, at timing points of the gait cycle, ``gap_strides`` apart. On a
-    bench, at points of the reference's cycle, at most one a cycle, or at clock
-    times: ``count`` pulses, each after ``pause_s`` of rest.
+    bench, at points of the reference's cycle, each at the first that comes after
+    ``pause_s`` of rest, or at clock times: ``count`` pulses, each after ``pause_s``.
     """
 
     timing_points: dict[Name, float] | None = Field(default=None, min_length=1)
@@ -102,7 +102,7 @@ class PerturbationPlan(CheckedModel):
     count: Count | None = None
     pause_s: Positive | None = None
     sham_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    order: Literal["balanced", "random", "sequential"] = "balanced"
+    order: Literal["balanced", "random", "sequential", "cyclic"] = "balanced"
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds inside the plan."""
@@ -173,11 +173,16 @@ class PerturbationPlan(CheckedModel):
 
 
 class ConditionSpec(CheckedModel):
-    """One stretch of the experiment, done in one go unless it is interrupted."""
+    """One stretch of the experiment, done in one go unless it is interrupted.
+
+    Conditions of one ``session`` belong together: what is unperturbed in it is the
+    baseline of what is perturbed, and on a bench it names the timing point.
+    """
 
     name: Name
     condition: ConditionField
     prompt: str
+    session: Name | None = None
     strides: Count | None = None
     duration_s: Positive | None = None
     trials: Count = 1
@@ -194,6 +199,13 @@ class ConditionSpec(CheckedModel):
     def worn(self) -> bool:
         """Whether the device is worn."""
         return self.condition != "no_device"
+
+    @property
+    def trial_names(self) -> tuple[str, ...]:
+        """Names of its trials: its own where there is one only."""
+        if self.trials == 1:
+            return (self.name,)
+        return tuple(f"{self.name}-{k}" for k in range(1, self.trials + 1))
 
     @property
     def references(self) -> dict[str, Reference]:
@@ -252,16 +264,25 @@ class GaitSpec(CheckedModel):
 
 
 class LoadSpec(CheckedModel):
-    """A known load of a bench, with standard deviations; what it leaves out is zero."""
+    """A known load of a bench, with standard deviations; what it leaves out is zero.
+
+    A load without any is a free output; ``locked`` holds the output instead.
+    """
 
     name: Name
     stiffness: Calibrated | None = None
     damping: Calibrated | None = None
     inertia: Calibrated | None = None
+    locked: bool = False
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds inside the load."""
-        return (partial(_checked_name, self), self._positive)
+        return (partial(_checked_name, self), self._positive, self._nothing_moves_when_locked)
+
+    def _nothing_moves_when_locked(self) -> Iterator[Problem]:
+        for key in ("damping", "inertia"):
+            if self.locked and getattr(self, key) is not None:
+                yield Problem((key,), "a locked output does not move. Remove one of the two.")
 
     def _positive(self) -> Iterator[Problem]:
         for key in ("stiffness", "damping", "inertia"):
@@ -278,6 +299,7 @@ class Protocol(CheckedModel):
     title: str = Field(min_length=1)
     section: str = ""
     kind: Literal["walking", "bench"]
+    bench: Literal["series-elastic", "quasi-direct-drive"] | None = None
     joint: str = Field(min_length=1)
     positive: Direction = "flexion"
     participants: Count = 1

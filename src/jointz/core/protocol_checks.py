@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from jointz.core.bench_timing import onsets_in_cycle
 from jointz.core.checked_model import Problem
 
 if TYPE_CHECKING:
@@ -32,11 +33,21 @@ def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> flo
             return (condition.strides or 0) * ASSUMED_STRIDE_S
         mean_gap = sum(plan.gap_strides) / 2.0
         return (plan.warm_up_strides + plan.total * mean_gap) * ASSUMED_STRIDE_S
-    return condition.trials * (condition.duration_s or _untold_duration_s(protocol, condition))
+    return condition.trials * trial_duration_s(protocol, condition)
 
 
-def _untold_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
-    """Return the duration of a trial on a bench that gives none."""
+def trial_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
+    """Return the duration of one trial on a bench, s.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Whose pulse it is.
+    condition : ConditionSpec
+        One of its conditions; where it gives no duration its references and pulses do.
+    """
+    if condition.duration_s is not None:
+        return condition.duration_s
     cycles = [r.cycle_s or 0.0 for r in condition.references.values() if r.runs_out]
     if condition.perturbations is not None and protocol.pulse is not None:
         cycles.append(_pulses_take_s(condition, condition.perturbations, protocol.pulse))
@@ -46,11 +57,16 @@ def _untold_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> floa
 def _pulses_take_s(
     condition: "ConditionSpec", plan: "PerturbationPlan", pulse: "PulseSpec"
 ) -> float:
-    """Return the shortest time that the pulses of a bench need, s."""
+    """Return the time that the pulses of a bench need at most, s."""
     one = (plan.pause_s or 0.0) + pulse.duration_s
     if plan.timing_points is None:
         return plan.total * one
-    return plan.total * max([one, *_cycles_s(condition)])
+    cycle_s = max(_cycles_s(condition), default=0.0)
+    if plan.order == "cyclic" and cycle_s:
+        rounds = plan.total // len(plan.timing_points)
+        points = list(plan.timing_points.values()) * rounds
+        return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=one)[-1] + pulse.duration_s
+    return plan.total * (one + cycle_s)
 
 
 def _cycles_s(condition: "ConditionSpec") -> list[float]:
@@ -74,11 +90,29 @@ def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
             yield Problem((key,), f"name '{name}' is given {count} times. Names must be unique.")
 
 
+def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
+    first: dict[str, float] = {}
+    for i, condition in enumerate(protocol.conditions):
+        plan = condition.perturbations
+        for name, pct in ((plan and plan.timing_points) or {}).items():
+            if first.setdefault(name, pct) != pct:
+                yield Problem(
+                    ("conditions", i, "perturbations", "timing_points", name),
+                    f"{pct:g} %, and {first[name]:g} % in an earlier condition: the study would "
+                    "pool both. Give one of them another name.",
+                )
+
+
 def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
     if protocol.kind == "walking" and protocol.gait is None:
         yield Problem(("gait",), "missing; walking needs it, at least its speed_m_s.")
     if protocol.kind == "bench" and protocol.gait is not None:
         yield Problem(("gait",), 'a bench does not walk. Remove it, or set kind = "walking".')
+
+
+def _bench_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
+    if protocol.kind == "walking" and protocol.bench is not None:
+        yield Problem(("bench",), 'walking needs none. Remove it, or set kind = "bench".')
 
 
 def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
@@ -140,7 +174,9 @@ def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
 PROTOCOL_CHECKS = (
     _names_unique,
     _loads_unique,
+    _points_mean_one_place,
     _gait_fits_kind,
+    _bench_fits_kind,
     _loads_fit_kind,
     _pulse_is_used,
     _pulse_suits_rate,

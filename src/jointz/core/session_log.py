@@ -31,44 +31,137 @@ class Field(NamedTuple):
     meaning: str
 
 
-#: The order is the order of bytes; what stands first is aligned without padding.
-FIELDS = (
-    Field("host_time_ns", "q", "ns", "when the tick began, by the host's clock"),
-    Field("actuator_time_ns", "q", "ns", "when the actuator measured, by its clock"),
-    Field("angle_sensor_time_ns", "q", "ns", "when the goniometer measured, by its clock"),
-    Field("contact_time_ns", "q", "ns", "when the footswitch measured, by its clock"),
-    Field("motor_angle", "d", "rad", "output angle of the actuator"),
-    Field("angle", "d", "rad", "joint angle of the goniometer"),
-    Field("slot", "I", "1", "number of the tick on the loop's grid"),
-    Field("busy_us", "f", "us", "how long the tick before was at work"),
+_CHECK = struct.Struct("<I")
+
+
+class Layout:
+    """The records of one kind of session: their fields, in the order of their bytes.
+
+    What stands first is aligned without padding; the checksum comes last.
+
+    Parameters
+    ----------
+    name : str
+        ``walking`` or ``bench``.
+    fields : tuple of Field
+        One of them is ``slot`` and one is ``part``.
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+        Of records as an array; its last field is ``crc``.
+    record_bytes : int
+        Size of a record.
+    """
+
+    __slots__ = ("_body", "dtype", "fields", "name", "record_bytes")
+
+    def __init__(self, name: str, fields: tuple[Field, ...]) -> None:
+        self.name = name
+        self.fields = fields
+        self._body = struct.Struct("<" + "".join(field.code for field in fields))
+        self.record_bytes = self._body.size + _CHECK.size
+        self.dtype = np.dtype(
+            [(f.name, "<" + np.dtype(f.code).str[1:]) for f in fields] + [("crc", "<u4")]
+        )
+
+    def pack(self, values: tuple[float, ...]) -> bytes:
+        """Return a record with its checksum.
+
+        Parameters
+        ----------
+        values : tuple
+            One number a field.
+        """
+        body = self._body.pack(*values)
+        return body + _CHECK.pack(zlib.crc32(body))
+
+    def encode_header(self, header: Mapping[str, Any]) -> bytes:
+        """Return the first line of a log.
+
+        Parameters
+        ----------
+        header : mapping
+            What the log is of; version, layout and fields are added.
+        """
+        full = {
+            "jointz_log": VERSION,
+            "layout": self.name,
+            **header,
+            "record_bytes": self.record_bytes,
+            "fields": [field._asdict() for field in self.fields],
+        }
+        return json.dumps(full, ensure_ascii=True).encode("ascii") + b"\n"
+
+
+_MOTOR = (
     Field("motor_velocity", "f", "rad/s", "output velocity of the actuator"),
     Field("current", "f", "A", "motor current"),
     Field("voltage", "f", "V", "supply"),
     Field("temperature_c", "f", "degC", "winding"),
-    Field("contact", "f", "1", "footswitch"),
+)
+_TORQUES = (
     Field("requested_torque", "f", "N*m", "what the controller asked for"),
     Field("sent_torque", "f", "N*m", "what the safety gate let through to the device"),
     Field("command", "f", "N*m", "perturbation torque asked for, 0 outside pulses"),
-    Field("applied_torque", "f", "N*m", "torque on the joint by equation 4.1, online"),
-    Field("phase_pct", "f", "%", "phase of the gait cycle, NaN where there is none"),
-    Field("shadow_phase_pct", "f", "%", "the same from the knee angle, for comparison"),
-    Field("faults", "I", "1", "fault bits of the actuator"),
-    Field("stride", "I", "1", "heel strikes accepted so far"),
-    Field("pulse", "I", "1", "number of the planned pulse that is on, 0 for none"),
-    Field("flags", "H", "1", "state of the tick, bits of Flag"),
-    Field("part", "H", "1", "number of the sample within its tick"),
 )
 
-_BODY = struct.Struct("<" + "".join(field.code for field in FIELDS))
-_CHECK = struct.Struct("<I")
-RECORD_BYTES = _BODY.size + _CHECK.size
+WALKING = Layout(
+    "walking",
+    (
+        Field("host_time_ns", "q", "ns", "when the tick began, by the host's clock"),
+        Field("actuator_time_ns", "q", "ns", "when the actuator measured, by its clock"),
+        Field("angle_sensor_time_ns", "q", "ns", "when the goniometer measured, by its clock"),
+        Field("contact_time_ns", "q", "ns", "when the footswitch measured, by its clock"),
+        Field("motor_angle", "d", "rad", "output angle of the actuator"),
+        Field("angle", "d", "rad", "joint angle of the goniometer"),
+        Field("slot", "I", "1", "number of the tick on the loop's grid"),
+        Field("busy_us", "f", "us", "how long the tick before was at work"),
+        *_MOTOR,
+        Field("contact", "f", "1", "footswitch"),
+        *_TORQUES,
+        Field("applied_torque", "f", "N*m", "torque on the joint by equation 4.1, online"),
+        Field("phase_pct", "f", "%", "phase of the gait cycle, NaN where there is none"),
+        Field("shadow_phase_pct", "f", "%", "the same from the knee angle, for comparison"),
+        Field("faults", "I", "1", "fault bits of the actuator"),
+        Field("stride", "I", "1", "heel strikes accepted so far"),
+        Field("pulse", "I", "1", "number of the planned pulse that is on, 0 for none"),
+        Field("flags", "H", "1", "state of the tick, bits of Flag"),
+        Field("part", "H", "1", "number of the sample within its tick"),
+    ),
+)
 
-#: Records as an array of numpy.
-DTYPE = np.dtype([(f.name, "<" + np.dtype(f.code).str[1:]) for f in FIELDS] + [("crc", "<u4")])
+BENCH = Layout(
+    "bench",
+    (
+        Field("host_time_ns", "q", "ns", "when the tick began, by the host's clock"),
+        Field("actuator_time_ns", "q", "ns", "when the actuator measured, by its clock"),
+        Field("angle_sensor_time_ns", "q", "ns", "when the encoder at the output measured"),
+        Field("torque_sensor_time_ns", "q", "ns", "when the torque sensor measured"),
+        Field("positioner_time_ns", "q", "ns", "when the positioner measured, by its clock"),
+        Field("motor_angle", "d", "rad", "output angle of the actuator"),
+        Field("angle", "d", "rad", "angle of the output"),
+        Field("position", "d", "rad", "angle of the far side"),
+        Field("measured_torque", "d", "N*m", "torque sensor"),
+        Field("slot", "I", "1", "number of the tick on the loop's grid"),
+        Field("busy_us", "f", "us", "how long the tick before was at work"),
+        *_MOTOR,
+        *_TORQUES,
+        Field("reference_torque", "f", "N*m", "torque asked for besides the pulses"),
+        Field("reference_position", "d", "rad", "angle asked for of the far side"),
+        Field("faults", "I", "1", "fault bits of the actuator"),
+        Field("pulse", "I", "1", "number of the planned pulse that is on, 0 for none"),
+        Field("flags", "H", "1", "state of the tick, bits of Flag"),
+        Field("part", "H", "1", "number of the sample within its tick"),
+    ),
+)
+
+#: Name -> layout.
+LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH)}
 
 
 class Flag(IntFlag):
-    """State of a tick."""
+    """State of a tick; ``LEAD``: a bench is led to its reference, or back from it."""
 
     STEADY = 1
     SHAM = 2
@@ -76,32 +169,4 @@ class Flag(IntFlag):
     FADING = 8
     TRIPPED = 16
     OVERRUN = 32
-
-
-def pack(values: tuple[float, ...]) -> bytes:
-    """Return a record with its checksum.
-
-    Parameters
-    ----------
-    values : tuple
-        One number a field, in the order of :data:`FIELDS`.
-    """
-    body = _BODY.pack(*values)
-    return body + _CHECK.pack(zlib.crc32(body))
-
-
-def encode_header(header: Mapping[str, Any]) -> bytes:
-    """Return the first line of a log.
-
-    Parameters
-    ----------
-    header : mapping
-        What the log is of; version and fields are added.
-    """
-    full = {
-        "jointz_log": VERSION,
-        **header,
-        "record_bytes": RECORD_BYTES,
-        "fields": [field._asdict() for field in FIELDS],
-    }
-    return json.dumps(full, ensure_ascii=True).encode("ascii") + b"\n"
+    LEAD = 64

@@ -246,34 +246,120 @@ class Sensor(Device, Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Devices:
-    """The devices of one condition of an experiment.
+class PositionerDescription:
+    """What a motor that moves the far side of a bench says about itself.
 
     Parameters
     ----------
-    angle, contact : Sensor
-        Goniometer and footswitch.
-    actuator : Actuator, optional
-        None where the participant does not wear the device.
+    name, model, serial : str
+        Which device it is.
+    channel : str
+        What its angle is: ``position`` of the far side, or ``motor_angle`` of a
+        series-elastic actuator, before its spring.
+    sample_rate_hz : float, Hz
+        How many samples it queues a second.
+    command_timeout_s : float, s
+        Without a command for so long it stops moving by itself.
+    angle_min_rad, angle_max_rad : float, rad
+        Where it may be sent; infinite where it may turn for ever.
+    velocity_rad_s : float, rad/s
+        How fast.
     """
 
-    angle: Sensor
-    contact: Sensor
+    name: str
+    model: str
+    serial: str
+    channel: str
+    sample_rate_hz: float
+    command_timeout_s: float
+    angle_min_rad: float
+    angle_max_rad: float
+    velocity_rad_s: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as plain values."""
+        return asdict(self)
+
+
+@runtime_checkable
+class Positioner(Device, Protocol):
+    """A motor in position control: it moves the far side of a bench, whatever the torque.
+
+    Active and without a command it holds still where it is.
+    """
+
+    def describe(self) -> PositionerDescription:
+        """Return what the positioner says about itself; in any state."""
+        ...
+
+    def read(self) -> list[SensorSample]:
+        """Return all angles (rad) queued since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        ...
+
+    def command_position(self, angle_rad: float) -> None:
+        """Ask for an angle of the output, held until the next command.
+
+        Parameters
+        ----------
+        angle_rad : float, rad
+            Wanted angle, positive in the study's direction.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """The devices of one condition of an experiment; None for what there is not.
+
+    Parameters
+    ----------
+    angle : Sensor, optional
+        Goniometer of a wearer, encoder at the output of a bench. Without it the
+        actuator's own angle is the joint's.
+    contact : Sensor, optional
+        Footswitch.
+    actuator : Actuator, optional
+        None where the participant does not wear the device.
+    torque : Sensor, optional
+        Of a bench: torque sensor, or the deflection of a spring read as torque.
+    positioner : Positioner, optional
+        Of a bench: what moves the far side. A series-elastic actuator under position
+        control is its own.
+    """
+
+    angle: Sensor | None = None
+    contact: Sensor | None = None
     actuator: Actuator | None = None
+    torque: Sensor | None = None
+    positioner: Positioner | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the devices say about themselves, as plain values."""
-        actuator = None if self.actuator is None else self.actuator.describe().to_dict()
+        named = {name: getattr(self, name) for name in self.__slots__}
         return {
-            "actuator": actuator,
-            "angle": self.angle.describe().to_dict(),
-            "contact": self.contact.describe().to_dict(),
+            name: None if device is None else device.describe().to_dict()
+            for name, device in named.items()
         }
 
     def all(self) -> tuple[Device, ...]:
         """Return every device, the actuator first: it is the first to be stopped."""
-        sensors: tuple[Device, ...] = (self.angle, self.contact)
-        return sensors if self.actuator is None else (self.actuator, *sensors)
+        ordered = (self.actuator, self.positioner, self.angle, self.contact, self.torque)
+        return tuple(device for device in ordered if device is not None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +377,24 @@ class Wearer:
     id: str
     mass_kg: float | None = None
     height_m: float | None = None
+
+
+class Stretch(NamedTuple):
+    """One uninterrupted stretch of a recording.
+
+    Parameters
+    ----------
+    segment : int
+        Its number in the session.
+    offset_s : float, s
+        What was added to the devices' time.
+    end_s : float, s
+        Of its last sample, by the devices' clock.
+    """
+
+    segment: int
+    offset_s: float
+    end_s: float
 
 
 class Rig(Protocol):

@@ -110,6 +110,23 @@ def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
     }
 
 
+def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
+    """Return the numbers of the pulses of a condition that began, once for every time.
+
+    Parameters
+    ----------
+    events : iterable of Event
+        Of the journal.
+    condition : str
+        Name of the condition.
+    """
+    return [
+        event["pulse"]
+        for event in events
+        if event["event"] == "pulse_started" and event["condition"] == condition
+    ]
+
+
 def segments_begun(events: Iterable[Event], condition: str) -> int:
     """Return how many times a condition was begun or taken up again.
 

@@ -65,7 +65,8 @@ def make_plan(
 
     ``balanced`` shuffles rounds in which every timing point occurs once, so that the
     plan is balanced wherever it is broken off; ``random`` shuffles all pulses;
-    ``sequential`` takes one timing point after the other. Where pulses go both ways,
+    ``sequential`` takes one timing point after the other; ``cyclic`` takes them round
+    after round as the protocol lists them. Where pulses go both ways,
     every other round turns the directions of the one before, which are drawn for each
     timing point: nobody can tell them in advance. A round of shams is one of all
     timing points, too.
@@ -96,17 +97,7 @@ def make_plan(
     ['LRE', 'MSW']
     """
     points = perturbations.timing_points or {}
-    count = perturbations.count_per_point or 0
-    amplitudes = _amplitudes(pulse, count, len(points), rng)
-    amplitudes = _spread_shams(amplitudes, perturbations.shams(count), rng)
-    rounds = [list(zip(points, row, strict=True)) for row in amplitudes]
-    if perturbations.order == "sequential":
-        order = [entry for column in zip(*rounds, strict=True) for entry in column]
-    elif perturbations.order == "random":
-        entries = [entry for row in rounds for entry in row]
-        order = [entries[i] for i in rng.permutation(len(entries))]
-    else:
-        order = [row[i] for row in rounds for i in rng.permutation(len(row))]
+    order = ordered_pulses(perturbations, pulse, rng)
     fewest, most = perturbations.gap_strides or (1, 1)
     gaps = rng.integers(fewest, most + 1, size=len(order))
     return tuple(
@@ -115,16 +106,58 @@ def make_plan(
     )
 
 
+def ordered_pulses(
+    perturbations: PerturbationPlan, pulse: PulseSpec, rng: np.random.Generator
+) -> list[tuple[str, float]]:
+    """Return timing point and signed amplitude of every pulse, in their order.
+
+    Parameters
+    ----------
+    perturbations : PerturbationPlan
+        Timing points, counts, order.
+    pulse : PulseSpec
+        Amplitude and direction.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    list of tuple
+        Timing point ("" where the plan has none) and N*m; 0 N*m is a sham.
+    """
+    points = list(perturbations.timing_points or {"": 0.0})
+    count = perturbations.count_per_point or perturbations.count or 0
+    cyclic = perturbations.order == "cyclic"
+    amplitudes = _amplitudes(pulse, count, len(points), rng, alternating=cyclic)
+    amplitudes = _spread_shams(amplitudes, perturbations.shams(count), rng)
+    rounds = [list(zip(points, row, strict=True)) for row in amplitudes]
+    if perturbations.order == "sequential":
+        return [entry for column in zip(*rounds, strict=True) for entry in column]
+    if perturbations.order == "random":
+        entries = [entry for row in rounds for entry in row]
+        return [entries[i] for i in rng.permutation(len(entries))]
+    if cyclic:
+        return [entry for row in rounds for entry in row]
+    return [row[i] for row in rounds for i in rng.permutation(len(row))]
+
+
 def _amplitudes(
-    pulse: PulseSpec, rounds: int, points: int, rng: np.random.Generator
+    pulse: PulseSpec,
+    rounds: int,
+    points: int,
+    rng: np.random.Generator,
+    *,
+    alternating: bool,
 ) -> list[list[float]]:
     """Return the signed amplitudes of every round, a number a timing point."""
     if pulse.direction != "both":
         sign = 1.0 if pulse.direction == "positive" else -1.0
         return [[sign * pulse.amplitude_nm] * points for _ in range(rounds)]
-    rows = []
+    rows: list[list[float]] = []
+    row = np.zeros(points)
     for _ in range(0, rounds, 2):
-        row = pulse.amplitude_nm * rng.choice((1.0, -1.0), size=points)
+        if not (alternating and rows):
+            row = pulse.amplitude_nm * rng.choice((1.0, -1.0), size=points)
         rows += [row.tolist(), (-row).tolist()]
     return rows[:rounds]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from jointz.core.session_log import encode_header, pack
+from jointz.core.session_log import Layout
 
 
 class Recorder:
@@ -19,6 +19,8 @@ class Recorder:
         A file that does not exist yet.
     header : mapping
         What the log is of.
+    layout : Layout
+        Of the records.
 
     Raises
     ------
@@ -26,8 +28,9 @@ class Recorder:
         When the file exists, or the disk does not take the header.
     """
 
-    def __init__(self, path: Path, header: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, header: Mapping[str, Any], layout: Layout) -> None:
         self._path = path
+        self._pack = layout.pack
         if path.exists():
             raise FileExistsError(EEXIST, "a log is never written over", str(path))
         # A name of its own at first: a log without its header, left by a crash or a full disk,
@@ -35,7 +38,7 @@ class Recorder:
         partial = path.with_name(f"{path.name}.partial")
         self._fd = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
         try:
-            self._write_all(encode_header(header))
+            self._write_all(layout.encode_header(header))
             os.rename(partial, path)
         except OSError:
             os.close(self._fd)
@@ -59,13 +62,14 @@ class Recorder:
         Parameters
         ----------
         *records : tuple
-            One number a field of :data:`jointz.core.session_log.FIELDS`.
+            One number a field of the layout.
 
         Raises
         ------
         OSError
             When the disk does not take them whole.
         """
+        pack = self._pack
         self._write_all(
             pack(records[0]) if len(records) == 1 else b"".join(pack(r) for r in records)
         )

@@ -27,6 +27,8 @@ _START_S = 1.0
 _MOVING_RAD_S = 0.5
 #: and so is an encoder that does while the goniometer moves by more than this.
 _MOVED_RAD = 0.1
+#: A request this large is no torque; neither is one that is not a number.
+_NO_TORQUE_NM = 1e9
 
 
 class SafetyGate:
@@ -40,6 +42,8 @@ class SafetyGate:
         Of the loop.
     torque_per_ampere : float, N*m/A
         Of the actuator, for the limit of the current.
+    pulses_before : int
+        Pulses of the condition that began in earlier stretches: they count.
 
     Attributes
     ----------
@@ -84,7 +88,12 @@ class SafetyGate:
     )
 
     def __init__(
-        self, limits: SafetyLimits, *, control_period_s: float, torque_per_ampere: float
+        self,
+        limits: SafetyLimits,
+        *,
+        control_period_s: float,
+        torque_per_ampere: float,
+        pulses_before: int = 0,
     ) -> None:
         self._limits = limits
         self._largest = min(limits.torque_nm, limits.current_a * torque_per_ampere)
@@ -95,7 +104,8 @@ class SafetyGate:
         # One byte a tick of the last ten seconds: 1 where a pulse was on.
         self._window = bytearray(max(1, round(_DUTY_WINDOW_S / control_period_s)))
         self._most_pulse_ticks = limits.pulse_duty * len(self._window)
-        self._place = self._pulse_ticks = self._pulses = self._waited = 0
+        self._place = self._pulse_ticks = self._waited = 0
+        self._pulses = pulses_before
         self._repeated_ticks = self._stopped_ticks = self._overruns = 0
         self._last_time_ns = -1
         self._goniometer = self._encoder = self._encoder_from = nan
@@ -170,7 +180,7 @@ class SafetyGate:
             if age_s == inf:
                 return self._held()
             self._check_sensors(sample, angle, age_s)
-            if not isfinite(requested_nm):
+            if not abs(requested_nm) < _NO_TORQUE_NM:
                 self.trip(Trip.REQUEST_NOT_FINITE, f"{requested_nm} N*m")
             self._check_pulse(pulse_active=pulse_active, steady=steady)
         if self.tripped is not None:

@@ -5,8 +5,9 @@ from collections.abc import Iterable
 
 from jointz.experiment.plan import PlannedPulse
 
-#: A pulse whose timing point has passed by more than this is missed, % of the cycle.
-_LATE_PCT = 1.0
+#: A pulse whose timing point has passed by more than this is missed, % of the cycle; a slow
+#: loop needs the phase that passes from tick to tick.
+LATE_PCT = 1.0
 
 
 class Scheduler:
@@ -23,6 +24,8 @@ class Scheduler:
         Those still to be done, in order.
     warm_up_strides : int
         Accepted strides before the first.
+    late_pct : float, % of the cycle
+        How far past its timing point a pulse may still begin.
 
     Attributes
     ----------
@@ -30,9 +33,16 @@ class Scheduler:
         What is still to be done.
     """
 
-    __slots__ = ("_due", "_since", "queue")
+    __slots__ = ("_due", "_late_pct", "_since", "queue")
 
-    def __init__(self, pulses: Iterable[PlannedPulse], *, warm_up_strides: int) -> None:
+    def __init__(
+        self,
+        pulses: Iterable[PlannedPulse],
+        *,
+        warm_up_strides: int,
+        late_pct: float = LATE_PCT,
+    ) -> None:
+        self._late_pct = late_pct
         self.queue = deque(pulses)
         self._due = False
         # The first gap counts from the end of the warm-up.
@@ -67,7 +77,7 @@ class Scheduler:
         if not self._due:
             return None
         late = phase_pct - self.queue[0].gait_pct
-        if not 0.0 <= late <= _LATE_PCT:
+        if not 0.0 <= late <= self._late_pct:
             return None
         self._due = False
         self._since = 0

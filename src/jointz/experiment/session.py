@@ -14,7 +14,7 @@ stretch with the pulses that the journal does not count as done.
 import json
 import os
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,31 +23,33 @@ from typing import Any, Protocol
 import numpy as np
 
 from jointz.core.clock import Clock
-from jointz.core.errors import DeviceError, OutputError, ProtocolError, SafetyStop
+from jointz.core.errors import DeviceError, OutputError, SafetyStop
 from jointz.core.limits import tightened
-from jointz.core.protocol import ConditionSpec, GaitSpec
+from jointz.core.protocol import ConditionSpec
 from jointz.core.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
+from jointz.core.session_log import BENCH, WALKING
 from jointz.devices.interface import Devices, Rig
+from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
 from jointz.experiment.journal import (
     Event,
     Journal,
     is_completed,
+    pulses_begun,
     pulses_done,
     read_journal,
     segments_begun,
 )
 from jointz.experiment.loop import ControlLoop, undisturbed
 from jointz.experiment.plan import PlannedPulse, make_plan
-from jointz.experiment.pulse_runner import PulseRunner
 from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
-from jointz.experiment.scheduler import Scheduler
-from jointz.experiment.trial import Course, Motor, Trial, TrialProgress
+from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
 
 SESSION_FILE, PLAN_FILE, JOURNAL_FILE = "session.json", "plan.json", "journal.jsonl"
 
-#: Called with the condition, accepted strides, completed pulses and planned pulses.
+#: Called with the trial and how far it is: of walking accepted strides, completed pulses and
+#: planned pulses; of a bench trial seconds done, the same again and seconds in all.
 Progress = Callable[[str, int, int, int], None]
 
 
@@ -88,12 +90,16 @@ class SessionPlan:
         """Period of the loop, ns."""
         return round(1e9 / self.protocol.rates.control_hz)
 
-    @property
-    def gait(self) -> GaitSpec:
-        """How the participant walks."""
-        if self.protocol.gait is None:
-            raise ProtocolError(self.protocol.name, ["gait: missing; a walking session needs it."])
-        return self.protocol.gait
+    def stream(self, wearer: str, purpose: str) -> np.random.Generator:
+        """Return the random numbers of one purpose of a wearer; nothing else draws from them.
+
+        Parameters
+        ----------
+        wearer, purpose : str
+            Whose, and what they are for; "" is the plan of all conditions.
+        """
+        key = (zlib.crc32(wearer.encode()), *((zlib.crc32(purpose.encode()),) if purpose else ()))
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
 def log_path(folder: Path, condition: str, segment: int) -> Path:
@@ -112,18 +118,38 @@ def log_path(folder: Path, condition: str, segment: int) -> Path:
 
 
 def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
-    """Return the plan that a session wrote down, condition by condition.
+    """Return the plan that a walking session wrote down, condition by condition.
 
     Parameters
     ----------
     folder : pathlib.Path
         Of the session.
     """
-    written = json.loads((folder / PLAN_FILE).read_text(encoding="utf-8"))
     return {
         name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in written.items()
+        for name, pulses in _written_plan(folder).items()
     }
+
+
+def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
+    """Return the plan that a session on a bench wrote down, trial by trial.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    """
+    return {
+        name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
+        for name, pulses in _written_plan(folder).items()
+    }
+
+
+def _written_plan(folder: Path) -> dict[str, list[dict[str, Any]]]:
+    plan: dict[str, list[dict[str, Any]]] = json.loads(
+        (folder / PLAN_FILE).read_text(encoding="utf-8")
+    )
+    return plan
 
 
 class Session:
@@ -161,7 +187,7 @@ class Session:
         self._operator = operator
         self._progress = progress
         self._real_time = real_time
-        self._trial: Trial | None = None
+        self._trial: AnyTrial | None = None
         self._stop_requested = False
 
     def request_stop(self) -> None:
@@ -185,26 +211,19 @@ class Session:
         folder = self._plan.folder
         (folder / "logs").mkdir(parents=True, exist_ok=True)
         self._write_down_once()
-        journal_file = folder / JOURNAL_FILE
-        pulses = plan_of(folder)
-        with Journal(journal_file) as journal:
+        with Journal(folder / JOURNAL_FILE) as journal:
             for condition in self._plan.protocol.conditions:
-                events = read_journal(journal_file)
-                if not is_completed(events, condition.name):
+                events = read_journal(folder / JOURNAL_FILE)
+                left = [name for name in condition.trial_names if not is_completed(events, name)]
+                if left:
                     self._operator.prompt(condition.prompt)
-                    self._run_condition(condition, pulses.get(condition.name, ()), events, journal)
+                for name in left:
+                    self._run_trial_of(condition, name, events, journal)
 
     def _write_down_once(self) -> None:
         """Write the plan and what the session is of; an interrupted session has them already."""
         folder, protocol = self._plan.folder, self._plan.protocol
-        name_hash = zlib.crc32(self._rig.wearer.id.encode())
-        rng = np.random.default_rng(np.random.SeedSequence(self._plan.seed, spawn_key=(name_hash,)))
-        plans = {}
-        for condition in protocol.conditions:
-            if condition.perturbations is not None and protocol.pulse is not None:
-                made = make_plan(condition.perturbations, protocol.pulse, rng)
-                plans[condition.name] = [pulse.to_dict() for pulse in made]
-        _write_json_once(folder / PLAN_FILE, plans)
+        _write_json_once(folder / PLAN_FILE, self._make_plans())
         wearer = self._rig.wearer
         about = {
             "wearer": {"id": wearer.id, "mass_kg": wearer.mass_kg, "height_m": wearer.height_m},
@@ -216,42 +235,80 @@ class Session:
         }
         _write_json_once(folder / SESSION_FILE, about)
 
-    def _run_condition(
-        self,
-        condition: ConditionSpec,
-        pulses: tuple[PlannedPulse, ...],
-        events: list[Event],
-        journal: Journal,
+    def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the pulses of every trial that has some."""
+        plan, wearer = self._plan, self._rig.wearer.id
+        pulse, bench = plan.protocol.pulse, plan.protocol.kind == "bench"
+        rng = plan.stream(wearer, "")
+        plans = {}
+        for condition in plan.protocol.conditions:
+            if condition.perturbations is None or pulse is None:
+                continue
+            for name in condition.trial_names:
+                made: Sequence[TimedPulse | PlannedPulse] = (
+                    make_bench_plan(condition, pulse, rng)
+                    if bench
+                    else make_plan(condition.perturbations, pulse, rng)
+                )
+                plans[name] = [one.to_dict() for one in made]
+        return plans
+
+    def _run_trial_of(
+        self, condition: ConditionSpec, name: str, events: list[Event], journal: Journal
     ) -> None:
-        segment = segments_begun(events, condition.name)
-        done = pulses_done(events, condition.name)
-        left = [pulse for pulse in pulses if pulse.number not in done]
+        protocol, segment = self._plan.protocol, segments_begun(events, name)
         clock = self._clocks()
-        devices = self._rig.open(condition.name, worn=condition.worn, segment=segment, clock=clock)
+        devices = self._rig.open(name, worn=condition.worn, segment=segment, clock=clock)
+        walking = protocol.kind == "walking"
         with ExitStack() as stack:
-            stack.enter_context(_journaled(journal, condition.name, segment))
+            stack.enter_context(_journaled(journal, name, segment))
             for device in devices.all():
                 stack.callback(device.close)
-            journal.write("segment_started", condition=condition.name, segment=segment)
-            gate = self._gate(devices)
-            path = log_path(self._plan.folder, condition.name, segment)
+            journal.write("segment_started", condition=name, segment=segment)
+            gate = self._gate(devices, self._felt(events, name) if walking else 0)
             recorder = stack.enter_context(
-                Recorder(path, self._header(condition, segment, devices))
+                Recorder(
+                    log_path(self._plan.folder, name, segment),
+                    self._header(condition, name, segment, devices),
+                    WALKING if walking else BENCH,
+                )
             )
-            self._trial = Trial(
-                Course(self._plan.gait, self._plan.period_ns, condition.strides or 0),
+            setup = TrialSetup(
+                protocol=protocol,
+                condition=condition,
+                name=name,
+                segment=segment,
                 devices=devices,
-                motor=None if gate is None else Motor(devices, gate),
-                pulses=self._pulse_runner(condition, segment, left, journal),
+                gate=gate,
                 recorder=recorder,
                 clock=clock,
-                progress=self._told(condition.name, len(done), len(pulses)),
             )
+            if walking:
+                self._trial = self._walking(setup, events, journal)
+            else:
+                self._trial = bench_trial(
+                    setup,
+                    bench_plan_of(self._plan.folder).get(name, ()),
+                    rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
+                    progress=lambda done, total: self._progress(name, done, done, total),
+                )
             self._run_trial(self._trial, devices, gate, clock)
-            journal.write("condition_completed", condition=condition.name, segment=segment)
+            journal.write("condition_completed", condition=name, segment=segment)
+
+    def _walking(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
+        pulses = plan_of(self._plan.folder).get(setup.name, ())
+        done = pulses_done(events, setup.name)
+        return walking_trial(
+            setup,
+            [pulse for pulse in pulses if pulse.number not in done],
+            journal=journal,
+            progress=lambda strides, completed: self._progress(
+                setup.name, strides, len(done) + completed, len(pulses)
+            ),
+        )
 
     def _run_trial(
-        self, trial: Trial, devices: Devices, gate: SafetyGate | None, clock: Clock
+        self, trial: AnyTrial, devices: Devices, gate: SafetyGate | None, clock: Clock
     ) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
         if self._stop_requested:
@@ -271,7 +328,12 @@ class Session:
         if self._stop_requested:
             raise KeyboardInterrupt
 
-    def _gate(self, devices: Devices) -> SafetyGate | None:
+    def _felt(self, events: list[Event], name: str) -> int:
+        """Return how many pulses the wearer felt in earlier stretches of a condition."""
+        shams = {p.number for p in plan_of(self._plan.folder).get(name, ()) if p.sham}
+        return sum(number not in shams for number in pulses_begun(events, name))
+
+    def _gate(self, devices: Devices, pulses_before: int) -> SafetyGate | None:
         if devices.actuator is None:
             return None
         described = devices.actuator.describe()
@@ -280,41 +342,20 @@ class Session:
             tightened(described.limits, self._plan.protocol.safety),
             control_period_s=self._plan.period_ns * 1e-9,
             torque_per_ampere=abs(model.gear_ratio * model.torque_constant),
+            pulses_before=pulses_before,
         )
 
-    def _pulse_runner(
-        self,
-        condition: ConditionSpec,
-        segment: int,
-        left: list[PlannedPulse],
-        journal: Journal,
-    ) -> PulseRunner | None:
-        plan, pulse = condition.perturbations, self._plan.protocol.pulse
-        if plan is None or pulse is None:
-            return None
-        return PulseRunner(
-            condition.name,
-            segment,
-            pulse,
-            Scheduler(left, warm_up_strides=plan.warm_up_strides),
-            journal=journal,
-            period_ns=self._plan.period_ns,
-        )
-
-    def _header(self, condition: ConditionSpec, segment: int, devices: Devices) -> dict[str, Any]:
+    def _header(
+        self, condition: ConditionSpec, name: str, segment: int, devices: Devices
+    ) -> dict[str, Any]:
         return {
             "participant": self._rig.wearer.id,
-            "condition": condition.name,
+            "condition": name,
+            "of_condition": condition.name,
             "segment": segment,
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
-
-    def _told(self, condition: str, done: int, planned: int) -> TrialProgress:
-        def told(strides: int, completed: int) -> None:
-            self._progress(condition, strides, done + completed, planned)
-
-        return told
 
 
 @contextmanager

@@ -39,6 +39,8 @@ class Streams:
     )
 
     def __init__(self, devices: Devices) -> None:
+        if devices.angle is None or devices.contact is None:
+            raise ValueError("expected devices with a goniometer and a footswitch.")
         self._read_actuator = devices.actuator.read if devices.actuator else None
         self._read_angle = devices.angle.read
         self._read_contact = devices.contact.read

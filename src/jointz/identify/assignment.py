@@ -172,7 +172,8 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     if group is not None:
         return _group_labels(source, group, settings)
     attrs = source.given.recording.attrs
-    case = attrs["trial"] or attrs["session"] or "all_pulses"
+    # Trials of one session are repetitions of one case.
+    case = attrs["session"] or attrs["trial"] or "all_pulses"
     labels = []
     for pulse, pct in zip(source.pulses, phase_pct, strict=True):
         measured = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)

@@ -8,7 +8,7 @@ import numpy as np
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate
-from jointz.core.events import PulseRecord
+from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.identify import baselines
 from jointz.identify.assignment import Candidate
 from jointz.identify.baselines import Baseline, StridePool
@@ -21,6 +21,7 @@ from jointz.identify.cells import (
     fit_cell,
 )
 from jointz.identify.conditioning import ANGLE
+from jointz.identify.pulse_estimates import pulse_estimates
 from jointz.identify.sources import ParticipantSettings, Source, most_alike
 
 
@@ -52,11 +53,17 @@ class CellEstimator:
         self._settings = settings
         self._baseline = settings.perturbations.baseline or method.baseline
         self._pools: dict[tuple[int, ...], StridePool] = {}
+        self._single: list[PulseEstimate] = []
 
     @property
     def baseline(self) -> str:
         """What is subtracted: as the study asks, else the method's own."""
         return self._baseline
+
+    @property
+    def single(self) -> tuple[PulseEstimate, ...]:
+        """Pulses of a bench that were estimated so far, each by itself."""
+        return tuple(self._single)
 
     def run(
         self, candidates: Sequence[Candidate]
@@ -105,6 +112,9 @@ class CellEstimator:
         baseline: Baseline,
         n_pulses: int,
     ) -> CellEstimate:
+        if not self._settings.walking:
+            responses = windows - baseline.mean()
+            self._single += pulse_estimates(self._participant, used, responses, self._sources)
         letter = self._method.name == "dissertation" and self._baseline == self._method.baseline
         fit = fit_cell(
             windows,
@@ -120,6 +130,7 @@ class CellEstimator:
                 ),
                 mass_kg=self._settings.mass_kg,
                 wants_per_mass=self._settings.walking,
+                bounded=self._settings.walking,
             ),
         )
         return CellEstimate(

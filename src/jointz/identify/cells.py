@@ -62,7 +62,10 @@ METHODS = {
     "dissertation": Method("dissertation", "unperturbed_mean"),
     "pre_pulse": Method("pre_pulse", "pre_pulse"),
     "matched_strides": Method("matched_strides", "matched_strides"),
+    "full_record": Method("full_record", "none"),
 }
+#: Those that only a bench can be estimated by.
+BENCH_ONLY = ("full_record",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,8 @@ class FitSettings:
         For values per kg.
     wants_per_mass : bool
         Whether values per kg are expected even when the mass is missing.
+    bounded : bool
+        Whether K, B, J >= 0 is asked for, as in 4.2.3; 2.2.3 does not.
     """
 
     n_resamples: int
@@ -98,6 +103,7 @@ class FitSettings:
     calibration: CalibrationSpec
     mass_kg: float | None = None
     wants_per_mass: bool = True
+    bounded: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,14 +182,17 @@ def fit_cell(
         averages = _averages(weights, responses, turned, baseline, settings, rng=rng)
         replicates = _fit_averages(averages)
     replicates = replicates.decided()
-    point = replicates.bounded.mean(axis=0) if settings.letter else plug_in[0][0]
+    estimate, held = plug_in[0][0], int(plug_in[1][0])
+    if not settings.bounded:
+        replicates, estimate, held = replicates.freed(), unbounded, 0
+    point = replicates.bounded.mean(axis=0) if settings.letter else estimate
     point = np.where(np.abs(point) < _dust(average), 0.0, point)
     fitted = point @ average[:TORQUE]
     parameters = _parameters(
         replicates,
         settings,
         point=point,
-        held=int(plug_in[1][0]),
+        held=held,
         unbounded=unbounded,
         only_pulses=only_pulses,
         rng=rng,
@@ -214,6 +223,10 @@ class _Replicates:
         if not fine.any():
             raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
         return _Replicates(self.bounded[fine], self.unbounded[fine], self.active[fine])
+
+    def freed(self) -> "_Replicates":
+        """Forget the bounds."""
+        return _Replicates(self.unbounded, self.unbounded, np.zeros_like(self.active))
 
 
 def dead_signals(windows: np.ndarray) -> list[str]:

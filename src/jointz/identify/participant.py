@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 from jointz.core.codes import Exclusion
 from jointz.core.estimates import CellEstimate
-from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.assignment import assign_pulses
+from jointz.identify.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.bench_cells import FullRecordEstimator
 from jointz.identify.cell_estimator import CellEstimator
 from jointz.identify.cells import METHODS
 from jointz.identify.sources import ParticipantSettings, RecordingInput, Source, prepare_sources
@@ -21,11 +23,14 @@ class ParticipantResult:
     ----------
     cells : mapping of str to tuple of CellEstimate
         Method -> cells.
+    single : tuple of PulseEstimate
+        Pulses of a bench, each by itself.
     pulses, strides, gaps : tuple
         Every one found.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
+    single: tuple[PulseEstimate, ...]
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
@@ -58,12 +63,19 @@ def analyze_participant(
     sources = prepare_sources(recordings, settings)
     cells: dict[str, tuple[CellEstimate, ...]] = {}
     pulses: dict[str, list[PulseRecord]] = {}
+    single: tuple[PulseEstimate, ...] = ()
     for name in settings.methods:
-        estimator = CellEstimator(participant, METHODS[name], sources, settings)
+        estimator = (
+            FullRecordEstimator(participant, sources, settings)
+            if name == FULL_RECORD
+            else CellEstimator(participant, METHODS[name], sources, settings)
+        )
         candidates = assign_pulses(participant, sources, settings, baseline=estimator.baseline)
         cells[name], pulses[name] = estimator.run(candidates)
+        single = single or estimator.single
     return ParticipantResult(
         cells=cells,
+        single=single,
         pulses=tuple(pulses[settings.methods[0]]),
         strides=tuple(_stride_records(participant, sources, settings)),
         gaps=tuple(_gap_records(participant, sources)),

@@ -24,7 +24,7 @@ def builtin_protocols() -> Mapping[str, str]:
 
     Examples
     --------
-    >>> list(builtin_protocols())
+    >>> list(builtin_protocols())[-2:]
     ['walking', 'walking-pilot']
     """
     folder = files("jointz.io") / "protocols_builtin"

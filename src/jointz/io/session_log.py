@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.session_log import DTYPE, RECORD_BYTES, VERSION
+from jointz.core.session_log import LAYOUTS, VERSION, Layout
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +21,7 @@ class SessionLog:
     header : dict
         Its first line.
     records : (n,) structured array
-        Fields of :data:`jointz.core.session_log.FIELDS`.
+        Fields of the layout of :mod:`jointz.core.session_log` that the header names.
     torn_bytes : int
         Bytes of a last record that was cut off.
     """
@@ -51,40 +51,38 @@ def read_log(path: Path) -> SessionLog:
         is damaged.
     """
     line, _, body = path.read_bytes().partition(b"\n")
-    header = _header(path, line)
-    whole = len(body) // RECORD_BYTES
-    records = np.frombuffer(body, dtype=DTYPE, count=whole)
-    _check(path, body, records["crc"])
-    return SessionLog(header, records, len(body) - whole * RECORD_BYTES)
+    header, layout = _header(path, line)
+    whole = len(body) // layout.record_bytes
+    records = np.frombuffer(body, dtype=layout.dtype, count=whole)
+    _check(path, body, records["crc"], size=layout.record_bytes)
+    return SessionLog(header, records, len(body) - whole * layout.record_bytes)
 
 
-def _header(path: Path, line: bytes) -> dict[str, Any]:
+def _header(path: Path, line: bytes) -> tuple[dict[str, Any], Layout]:
     try:
         header = json.loads(line)
         version, size = header["jointz_log"], header["record_bytes"]
+        layout = LAYOUTS[header.get("layout", "walking")]  # early logs name none
     except (ValueError, KeyError, TypeError) as exc:
         raise DataError(
             f"{path}: expected a log of jointz, whose first line is JSON with 'jointz_log'. "
             "Give a .jzlog file of a session.",
             path=str(path),
         ) from exc
-    if (version, size) != (VERSION, RECORD_BYTES):
+    if (version, size) != (VERSION, layout.record_bytes):
         raise DataError(
             f"{path}: a log of version {version} with records of {size} bytes; this jointz reads "
-            f"version {VERSION} with {RECORD_BYTES}. Read it with the jointz that wrote it.",
+            f"version {VERSION} with {layout.record_bytes}. Read it with the jointz that wrote it.",
             path=str(path),
         )
-    return dict(header)
+    return dict(header), layout
 
 
-def _check(path: Path, body: bytes, expected: np.ndarray) -> None:
+def _check(path: Path, body: bytes, expected: np.ndarray, *, size: int) -> None:
     view = memoryview(body)
     crc32 = zlib.crc32
     found = np.fromiter(
-        (
-            crc32(view[at : at + RECORD_BYTES - 4])
-            for at in range(0, expected.size * RECORD_BYTES, RECORD_BYTES)
-        ),
+        (crc32(view[at : at + size - 4]) for at in range(0, expected.size * size, size)),
         dtype=np.uint32,
         count=expected.size,
     )

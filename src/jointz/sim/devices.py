@@ -1,23 +1,20 @@
-"""The simulated devices: three faces of one running plant."""
+"""The simulated devices: faces of one running plant."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.core.limits import SafetyLimits
-from jointz.core.study import TorqueModelSpec
 from jointz.devices.interface import (
     ActuatorDescription,
     ActuatorSample,
     Lifecycle,
+    PositionerDescription,
     SensorDescription,
     SensorSample,
 )
-from jointz.sim.injection import DeviceName, Injection, Misbehaviour
-from jointz.sim.layout import Fault
-from jointz.sim.plant_build import PlantBuild
+from jointz.sim.injection import DeviceName, Injection, Kind, Misbehaviour
 from jointz.sim.running_plant import RunningPlant, Sample
 
 _NAN = float("nan")
@@ -26,21 +23,91 @@ _DOUBLE_CYCLES = (0.25, 0.35)
 
 _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40 ns a time
 
-#: What the simulated actuator may be asked for and must not reach.
-SIMULATED_LIMITS = SafetyLimits(
-    torque_nm=25.0,
-    torque_rate_nm_s=40000.0,
-    current_a=30.0,
-    angle_min_rad=-0.6,
-    angle_max_rad=2.4,
-    velocity_rad_s=25.0,
-    temperature_c=90.0,
-    sensor_age_s=0.02,
-    pulse_count=2000,
-    pulse_duty=0.3,
-    consecutive_overruns=5,
-    fade_s=0.05,
-)
+
+class Running(Protocol):
+    """A plant that runs on the time of a clock, as far as somebody looks at it."""
+
+    @property
+    def samples(self) -> int:
+        """Computed so far."""
+        ...
+
+    @property
+    def due_ns(self) -> int:
+        """When, by the host's clock, the next sample comes."""
+        ...
+
+    def queue(self) -> list[Sample]:
+        """Return a new list to which every sample from now on is appended."""
+        ...
+
+    def forget(self, queue: list[Sample]) -> None:
+        """Append no more to a list.
+
+        Parameters
+        ----------
+        queue : list of Sample
+            From :meth:`queue`.
+        """
+        ...
+
+    def look(self, now_ns: int) -> None:
+        """Compute all samples up to a time of the host.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        ...
+
+    def command(self, torque_nm: float, now_ns: int) -> None:
+        """Ask the actuator for a torque.
+
+        Parameters
+        ----------
+        torque_nm : float, N*m
+            Wanted.
+        now_ns : int, ns
+            By the clock.
+        """
+        ...
+
+    def fail(self, bits: int) -> None:
+        """Set fault bits of the actuator.
+
+        Parameters
+        ----------
+        bits : int
+            See :class:`jointz.sim.layout.Fault`.
+        """
+        ...
+
+
+class Moving(Running, Protocol):
+    """A plant with a far side that is moved."""
+
+    def move_to(self, angle_rad: float, now_ns: int) -> None:
+        """Ask the positioner for an angle.
+
+        Parameters
+        ----------
+        angle_rad : float, rad
+            Wanted.
+        now_ns : int, ns
+            By the clock.
+        """
+        ...
+
+    def hold_still(self, now_ns: int) -> None:
+        """Let the positioner stay where it is.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +116,7 @@ class Wiring:
 
     Parameters
     ----------
-    build : PlantBuild
-        The constants.
-    plant : RunningPlant
+    plant : Running
         The physics.
     clock : Clock
         The host's.
@@ -59,8 +124,7 @@ class Wiring:
         What is to go wrong.
     """
 
-    build: PlantBuild
-    plant: RunningPlant
+    plant: Running
     clock: Clock
     inject: Injection
 
@@ -73,7 +137,7 @@ class _SimulatedDevice:
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
         self._now_ns: Callable[[], int] = wiring.clock.now_ns
-        self._plant = wiring.plant
+        self._plant: Running = wiring.plant
         self._orders = wiring.inject.orders
         self._state = Lifecycle.UNCONFIGURED
         self._queue: list[Sample] = []
@@ -130,40 +194,26 @@ class _SimulatedDevice:
 
 
 class SimulatedActuator(_SimulatedDevice):
-    """The exoskeleton's quasi-direct-drive actuator.
+    """An actuator: of an exoskeleton, or on a bench.
 
     Parameters
     ----------
     wiring : Wiring
         Shared with the other devices.
+    description : ActuatorDescription
+        What it says about itself.
     """
 
     _device: DeviceName = "actuator"
 
-    def __init__(self, wiring: Wiring) -> None:
+    def __init__(self, wiring: Wiring, description: ActuatorDescription) -> None:
         super().__init__(wiring)
+        self._description = description
         self._frozen: ActuatorSample | None = None
 
     def describe(self) -> ActuatorDescription:
         """Return what the actuator says about itself."""
-        settings = self._wiring.build.preset.actuator
-        return ActuatorDescription(
-            name="actuator",
-            model="jointz simulated quasi-direct drive",
-            serial=self._wiring.build.person.id,
-            firmware="1",
-            sample_rate_hz=self._wiring.build.grid.sample_rate_hz,
-            command_timeout_s=settings.command_timeout_s,
-            limits=SIMULATED_LIMITS,
-            torque_model=TorqueModelSpec(
-                gear_ratio=settings.gear_ratio,
-                torque_constant=settings.torque_constant,
-                coulomb_friction=settings.coulomb_friction,
-                gear_friction=settings.gear_friction,
-                rotor_inertia=settings.rotor_inertia,
-            ),
-            fault_names={int(fault): fault.name.lower() for fault in Fault},
-        )
+        return self._description
 
     def read(self) -> list[ActuatorSample]:
         """Return all samples queued since the last read, oldest first.
@@ -262,7 +312,7 @@ class SimulatedActuator(_SimulatedDevice):
 
 
 class _SimulatedSensor(_SimulatedDevice):
-    """A device that only measures."""
+    """A device that measures one value."""
 
     _place: Literal[2, 3]  # of its value in a sample of the plant
 
@@ -313,43 +363,42 @@ class _SimulatedSensor(_SimulatedDevice):
                 value = self._frozen
             if "nan" in kinds:
                 value = _NAN
-            if "double" in kinds and self._mid_stance(sample):
-                value = 0.0
+            value = self._doubled(value, sample, kinds)
             self._frozen = value
             samples.append(SensorSample(sample[0], now, value))
         self._last_ns = self._queue[-1][0]
         self._queue.clear()
         return samples
 
-    def _mid_stance(self, sample: Sample) -> bool:
-        stride = self._plant.stride
-        share = (sample[0] * 1e-9 - stride.start_s) / stride.duration_s
-        low, high = _DOUBLE_CYCLES
-        return low <= share < high
+    def _doubled(self, value: float, sample: Sample, kinds: set[Kind]) -> float:
+        """Return a contact that opens once more than the foot does."""
+        del sample, kinds
+        return value
 
 
-class SimulatedGoniometer(_SimulatedSensor):
-    """The electrogoniometer across the knee.
+class SimulatedSensor(_SimulatedSensor):
+    """A goniometer, or a torque sensor of a bench.
 
     Parameters
     ----------
     wiring : Wiring
         Shared with the other devices.
+    device : str
+        ``angle`` or ``torque``, for what is ordered to go wrong.
+    description : SensorDescription
+        What it says about itself.
     """
 
-    _device: DeviceName = "angle"
     _place = 2
 
+    def __init__(self, wiring: Wiring, device: DeviceName, description: SensorDescription) -> None:
+        super().__init__(wiring)
+        self._device = device
+        self._description = description
+
     def describe(self) -> SensorDescription:
-        """Return what the goniometer says about itself."""
-        return SensorDescription(
-            name="goniometer",
-            model="jointz simulated electrogoniometer",
-            serial=self._wiring.build.person.id,
-            channel="angle",
-            unit="rad",
-            sample_rate_hz=self._wiring.build.grid.sample_rate_hz,
-        )
+        """Return what the sensor says about itself."""
+        return self._description
 
 
 class SimulatedFootswitch(_SimulatedSensor):
@@ -359,19 +408,81 @@ class SimulatedFootswitch(_SimulatedSensor):
     ----------
     wiring : Wiring
         Shared with the other devices.
+    plant : RunningPlant
+        That walks.
+    description : SensorDescription
+        What it says about itself.
     """
 
     _device: DeviceName = "contact"
     _place = 3
 
+    def __init__(self, wiring: Wiring, plant: RunningPlant, description: SensorDescription) -> None:
+        super().__init__(wiring)
+        self._walking = plant
+        self._description = description
+
     def describe(self) -> SensorDescription:
         """Return what the footswitch says about itself."""
-        return SensorDescription(
-            name="footswitch",
-            model="jointz simulated heel switch",
-            serial=self._wiring.build.person.id,
-            channel="contact",
-            unit="1",
-            sample_rate_hz=self._wiring.build.grid.sample_rate_hz,
-            kind="contact",
-        )
+        return self._description
+
+    def _doubled(self, value: float, sample: Sample, kinds: set[Kind]) -> float:
+        stride = self._walking.stride
+        share = (sample[0] * 1e-9 - stride.start_s) / stride.duration_s
+        low, high = _DOUBLE_CYCLES
+        return 0.0 if "double" in kinds and low <= share < high else value
+
+
+class SimulatedPositioner(_SimulatedSensor):
+    """The motor that moves the far side of a bench.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        Shared with the other devices.
+    plant : Moving
+        That it moves.
+    description : PositionerDescription
+        What it says about itself.
+    """
+
+    _device: DeviceName = "positioner"
+    _place = 3
+
+    def __init__(self, wiring: Wiring, plant: Moving, description: PositionerDescription) -> None:
+        super().__init__(wiring)
+        self._moved = plant
+        self._description = description
+
+    def describe(self) -> PositionerDescription:
+        """Return what the positioner says about itself."""
+        return self._description
+
+    def command_position(self, angle_rad: float) -> None:
+        """Ask for an angle of the far side.
+
+        Parameters
+        ----------
+        angle_rad : float, rad
+            Wanted angle.
+
+        Raises
+        ------
+        DeviceError
+            When the positioner is not ``ACTIVE``; a request that is not finite is refused too.
+        NotConnectedError
+            When a disconnection was ordered.
+        """
+        if self._state is not _ACTIVE:
+            self._require(_ACTIVE, "commanded")
+        if self._orders:
+            self._check_connected()
+        if not -1e9 < angle_rad < 1e9:
+            raise DeviceError(self._device, f"expected a finite angle, got {angle_rad}.")
+        self._moved.move_to(angle_rad, self._now_ns())
+
+    def stop(self) -> None:
+        """Hold still and go to ``INACTIVE``; never raises."""
+        if self._state is _ACTIVE:
+            self._moved.hold_still(self._now_ns())
+        super().stop()

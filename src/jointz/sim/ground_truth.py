@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.protocol import PulseSpec
+from jointz.devices.interface import Stretch
 from jointz.sim.curves import impedance_over_cycle, leg_of
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.joint import knee_angle, respond
@@ -16,7 +18,7 @@ from jointz.sim.plant_build import PlantBuild
 
 _RATE_HZ = 2000.0  # of the model response that weighs K, B and J
 _CURVE_POINTS = 101
-_BEYOND_S = 2.0  # strides are laid out so far past the last pulse where the length is unknown
+_BEYOND_S = 2.0  # strides are laid out so far past the end: a window may reach there
 _PARAMETERS = ("stiffness", "damping", "inertia")
 
 
@@ -24,9 +26,9 @@ def condition_truth(
     build: PlantBuild,
     *,
     motions: Sequence[GaitMotion],
-    offsets_s: Sequence[float],
-    lengths_s: Sequence[float | None],
+    stretches: Sequence[Stretch],
     pulses: pd.DataFrame,
+    shape: PulseSpec | None,
     window_s: float,
 ) -> dict[str, Any]:
     """Return heel strikes, the truth of every pulse, curves and instruments.
@@ -37,26 +39,24 @@ def condition_truth(
         Of the condition.
     motions : sequence of GaitMotion
         Of each stretch, at its beginning.
-    offsets_s, lengths_s : sequence of float, s
-        What was added to the devices' time of each stretch; how long it was, None where
-        another process ran it.
+    stretches : sequence of Stretch
+        Offset and end of each.
     pulses : pandas.DataFrame
-        Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point``.
+        Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``.
+    shape : PulseSpec or None
+        Ramps of the pulses; steps without it.
     window_s : float, s
         From the onset.
     """
     strikes: list[float] = []
     rows: list[dict[str, Any]] = []
-    borders = [*offsets_s[1:], np.inf]
-    for motion, offset, border, length in zip(motions, offsets_s, borders, lengths_s, strict=True):
-        here = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] < border)]
-        end_s = _end_s(here, offset=offset, border=border, length_s=length)
+    for motion, (_, offset, end_s) in zip(motions, stretches, strict=True):
+        here = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] <= offset + end_s)]
         strides = _strides(motion, end_s)
-        begun = [s.start_s + offset for s in strides if 0.0 <= s.start_s < end_s]
-        strikes += begun
+        strikes += [s.start_s + offset for s in strides if 0.0 <= s.start_s <= end_s]
         rows += [
-            _pulse_truth(build, strides, pulse, offset_s=offset, window_s=window_s)
-            for pulse in here.to_dict("records")
+            _pulse_truth(build, strides, pulse, shape, offset_s=offset, window_s=window_s)
+            for pulse in here[here["completed"].astype(bool)].to_dict("records")
         ]
     return {
         "heel_strike_s": strikes,
@@ -69,16 +69,6 @@ def condition_truth(
         "settings": asdict(build.preset),
         "plant": describe(build.params),
     }
-
-
-def _end_s(pulses: pd.DataFrame, *, offset: float, border: float, length_s: float | None) -> float:
-    """Return how long a stretch was, on the devices' clock, or at least needs to be."""
-    if length_s is not None:
-        return length_s
-    if np.isfinite(border):
-        return border - offset
-    last = float(pulses["onset_s"].max()) - offset if len(pulses) else 0.0
-    return last + _BEYOND_S
 
 
 def _strides(motion: GaitMotion, end_s: float) -> list[Stride]:
@@ -102,6 +92,7 @@ def _pulse_truth(
     build: PlantBuild,
     strides: list[Stride],
     pulse: dict[Any, Any],
+    shape: PulseSpec | None,
     *,
     offset_s: float,
     window_s: float,
@@ -115,7 +106,7 @@ def _pulse_truth(
     since = np.arange(round(window_s * _RATE_HZ) + 1) / _RATE_HZ
     phase = _phase(strides, onset_s + since)
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
-    torque = _torque(build, since, pulse)
+    torque = _torque(build, since, pulse, shape)
     moved = J + build.params[Param.EXO_INERTIA]
     x, v = respond(torque, K, B, moved, rate_hz=_RATE_HZ)
     softening = build.params[Param.SOFTENING]
@@ -142,16 +133,33 @@ def _weighted(values: np.ndarray, signal: np.ndarray) -> float:
     return float((weights * values).sum() / weights.sum())
 
 
-def _torque(build: PlantBuild, since: np.ndarray, pulse: dict[Any, Any]) -> np.ndarray:
-    """Return the torque of a rectangular pulse behind delay and current loop, N*m."""
+def _torque(
+    build: PlantBuild, since: np.ndarray, pulse: dict[Any, Any], shape: PulseSpec | None
+) -> np.ndarray:
+    """Return the torque of a pulse behind delay and current loop, N*m."""
     settings = build.preset.actuator
-    late = since - settings.delay_s
+    late = np.maximum(since - settings.delay_s, 0.0)
+    up_s = shape.ramp_up_s if shape else 0.0
+    down_s = shape.ramp_down_s if shape else 0.0
+    full_s = float(pulse["duration_s"]) - down_s
 
-    def risen(time: np.ndarray) -> np.ndarray:
-        return np.asarray(-np.expm1(-np.maximum(time, 0.0) / settings.time_constant_s))
+    def after(change: float, time: np.ndarray, ramp_s: float) -> np.ndarray:
+        """Return what a ramp (or a step) of the command becomes behind the current loop."""
+        return change * _lagged_ramp(np.maximum(time, 0.0), ramp_s, settings.time_constant_s)
 
-    shape = risen(late) - risen(late - float(pulse["duration_s"]))
-    return np.asarray(float(pulse["amplitude_nm"]) * shape)
+    asked = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
+    return np.asarray(float(pulse["amplitude_nm"]) * asked)
+
+
+def _lagged_ramp(time: np.ndarray, ramp_s: float, lag_s: float) -> np.ndarray:
+    """Return the first-order response to a ramp from 0 to 1 that begins at time 0."""
+    if ramp_s == 0.0:
+        return np.asarray(-np.expm1(-time / lag_s))
+
+    def rising(since: np.ndarray) -> np.ndarray:
+        return np.asarray(since + lag_s * np.expm1(-since / lag_s))
+
+    return np.asarray((rising(time) - rising(np.maximum(time - ramp_s, 0.0))) / ramp_s)
 
 
 def _gravity_stiffness(build: PlantBuild, phase: np.ndarray) -> np.ndarray:

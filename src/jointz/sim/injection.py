@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Literal, get_args
 
-DeviceName = Literal["actuator", "angle", "contact"]
+DeviceName = Literal["actuator", "angle", "contact", "torque", "positioner"]
 Kind = Literal["freeze", "silence", "nan", "disconnect", "fault", "heat", "double"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -15,7 +15,7 @@ class Misbehaviour:
 
     Parameters
     ----------
-    device : {"actuator", "angle", "contact"}
+    device : {"actuator", "angle", "contact", "torque", "positioner"}
         Which device.
     kind : str
         ``freeze``: samples come, their values stand still. ``silence``: no samples come.

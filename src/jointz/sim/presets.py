@@ -285,6 +285,8 @@ _CLEAN = Preset(
         gain_error_sd=0.0,
         friction_error_sd=0.0,
         torque_error_sd_nm=0.0,
+        # As near to the sign of equation 4.1 as the steps of the physics stay exact to 1e-6 rad.
+        sign_velocity_rad_s=0.02,
         angle_step_rad=0.0,
         velocity_step_rad_s=0.0,
         current_step_a=0.0,

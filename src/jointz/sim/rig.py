@@ -1,15 +1,17 @@
 """A simulated person in a simulated exoskeleton, as an experiment is handed it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import pandas as pd
 
 from jointz.core.clock import Clock
+from jointz.core.protocol import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.devices.interface import Devices, Wearer
-from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedGoniometer, Wiring
+from jointz.devices.interface import Devices, Stretch, Wearer
+from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
+from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedSensor, Wiring
 from jointz.sim.footswitch import ContactMaker
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift
 from jointz.sim.ground_truth import condition_truth
@@ -19,6 +21,9 @@ from jointz.sim.plant_build import Grid, PlantBuild, build_plant
 from jointz.sim.presets import Preset
 from jointz.sim.presets import preset as preset_named
 from jointz.sim.running_plant import RunningPlant
+
+#: A lab weighs the frame and measures where its centre is.
+_FRAME_SD = 0.1
 
 
 class SimulatedRig:
@@ -47,7 +52,6 @@ class SimulatedRig:
         self.preset = preset
         self.grid = grid or Grid()
         self.inject = Injection()
-        self._opened: dict[tuple[str, int], RunningPlant] = {}
 
     @property
     def wearer(self) -> Wearer:
@@ -56,14 +60,17 @@ class SimulatedRig:
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What a lab knows: gains with their sd; no lag, which nobody has measured."""
-        known = {
+        """What a lab knows: gains and the frame's inertia with their sd; nobody measured a lag."""
+        gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,
         }
-        return CalibrationSpec(
-            **{name: Calibrated(value=1.0, sd=sd) for name, sd in known.items() if sd > 0.0}
-        )
+        known = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
+        body = self.preset.body
+        if body is not None:
+            frame = body.frame_mass_kg * body.frame_distance_m**2
+            known["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
+        return CalibrationSpec(**known)
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
@@ -90,12 +97,11 @@ class SimulatedRig:
             ),
             noise=self.person.stream(f"noise {condition}", segment),
         )
-        self._opened[condition, segment] = running
-        wiring = Wiring(build, running, clock, self.inject)
+        wiring = Wiring(running, clock, self.inject)
         return Devices(
-            angle=SimulatedGoniometer(wiring),
-            contact=SimulatedFootswitch(wiring),
-            actuator=SimulatedActuator(wiring) if build.worn else None,
+            angle=SimulatedSensor(wiring, "angle", goniometer(build)),
+            contact=SimulatedFootswitch(wiring, running, footswitch(build)),
+            actuator=SimulatedActuator(wiring, exoskeleton(build)) if build.worn else None,
         )
 
     def notes(self) -> Mapping[str, Any]:
@@ -112,8 +118,9 @@ class SimulatedRig:
         condition: str,
         *,
         worn: bool,
-        offsets_s: tuple[float, ...],
+        stretches: Sequence[Stretch],
         pulses: pd.DataFrame,
+        shape: PulseSpec | None = None,
         window_s: float = 0.1,
     ) -> dict[str, Any]:
         """Return the truth about a condition, ready for JSON.
@@ -124,24 +131,22 @@ class SimulatedRig:
             Name of the protocol's condition.
         worn : bool
             Whether the exoskeleton was worn.
-        offsets_s : tuple of float, s
-            What was added to the devices' time, stretch by stretch.
+        stretches : sequence of Stretch
+            Number, offset and end of each that was recorded.
         pulses : pandas.DataFrame
-            Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point``; times with
-            the offset added.
+            Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``;
+            times with the offset added.
+        shape : PulseSpec, optional
+            Ramps of the pulses; steps without it.
         window_s : float, s
             From the onset: over which stiffness, damping and inertia are averaged.
         """
-        lengths = [
-            plant.samples * self.grid.period_s if plant is not None else None
-            for plant in (self._opened.get((condition, i)) for i in range(len(offsets_s)))
-        ]
         return condition_truth(
             self._build(worn=worn),
-            motions=[self.motion(condition, segment) for segment in range(len(offsets_s))],
-            offsets_s=offsets_s,
-            lengths_s=lengths,
+            motions=[self.motion(condition, stretch.segment) for stretch in stretches],
+            stretches=stretches,
             pulses=pulses,
+            shape=shape,
             window_s=window_s,
         )
 

@@ -76,6 +76,7 @@ class RunningPlant:
         self.samples = 0
         self._load_stride()
         plant.begin(self._params, self._state, self.stride.row, self._history)
+        self._compile()
 
     def queue(self) -> list[Sample]:
         """Return a new list to which every sample from now on is appended."""
@@ -133,6 +134,19 @@ class RunningPlant:
             See :class:`jointz.sim.layout.Fault`.
         """
         self._state[State.FAULT] = float(int(self._state[State.FAULT]) | bits)
+
+    def _compile(self) -> None:
+        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
+        plant.advance(
+            self._params,
+            self._state.copy(),
+            self._curves,
+            self._history.copy(),
+            self._row,
+            self._noise,
+            1,
+            0.0,
+        )
 
     def _step(self) -> None:
         sample = self.samples

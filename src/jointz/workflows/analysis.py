@@ -15,11 +15,12 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, StudyError
 from jointz.core.estimates import CellEstimate
+from jointz.core.events import PulseEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.recording import history_of
 from jointz.core.study import RecordingSpec, Study
 from jointz.identify.assignment import group_names
-from jointz.identify.cells import METHODS, failed_parameters
+from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.pulse_tables import share_table
 from jointz.identify.sources import SAME_TIME_S, ParticipantSettings, RecordingInput
@@ -27,9 +28,8 @@ from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file, open_study
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.population import population_means
+from jointz.stats.pulse_effects import pulse_effects
 
-#: What ``recommended`` stands for until a better estimator lands.
-RECOMMENDED = "dissertation"
 DEFAULT_RESAMPLES = 1000
 
 Progress = Callable[[int, int, str], None]
@@ -74,7 +74,7 @@ def analyze(
         For an unknown method or fewer than 2 resamples.
     """
     opened = study if isinstance(study, Study) else open_study(study)
-    name = check_method(method)
+    name = _chosen(opened, check_method(method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     results: dict[str, ParticipantResult] = {}
@@ -118,7 +118,7 @@ def _give_back_memory() -> None:
 
 
 def check_method(method: str) -> str:
-    """Return the name of the method that ``--method`` asks for.
+    """Return a method if there is one of that name.
 
     Parameters
     ----------
@@ -130,11 +130,22 @@ def check_method(method: str) -> str:
     ValueError
         When there is no such method.
     """
-    name = RECOMMENDED if method == "recommended" else method
-    if name not in METHODS:
-        known = ", ".join(["recommended", *METHODS])
-        raise ValueError(f"method: expected one of {known}; got {method!r}.")
-    return name
+    known = ["recommended", *METHODS]
+    if method not in known:
+        raise ValueError(f"method: expected one of {', '.join(known)}; got {method!r}.")
+    return method
+
+
+def _chosen(study: Study, method: str) -> str:
+    """Return the method by its name; what is recommended depends on the study."""
+    walking, perturbations = study.spec.kind == "walking", study.spec.perturbations
+    if method == "recommended":
+        # A load that torque moves is one system; groups, and steps of the angle, are not.
+        torque = perturbations.group is None and perturbations.source != "angle"
+        return "full_record" if torque and not walking else "dissertation"
+    if walking and method in BENCH_ONLY:
+        raise ValueError(f"method: {method} is for bench studies; this study walks.")
+    return method
 
 
 def _settings(
@@ -143,7 +154,8 @@ def _settings(
     spec = study.spec
     walking = spec.kind == "walking"
     # The level before a pulse is no baseline for a joint that moves: never beside the others.
-    others = [m for m in METHODS if m not in (method, "pre_pulse")] if walking else []
+    beside = ("dissertation", "matched_strides") if walking else ("dissertation",)
+    others = [m for m in beside if m != method and (walking or method == "full_record")]
     own = spec.perturbations.baseline is None
     return ParticipantSettings(
         walking=walking,
@@ -224,6 +236,7 @@ def _assembled(
     pulses = tuple(p for r in results.values() for p in r.pulses)
     strides = tuple(s for r in results.values() for s in r.strides)
     gaps = tuple(g for r in results.values() for g in r.gaps)
+    single = tuple(p for r in results.values() for p in r.single)
     return StudyAnalysis(
         cells=tuple(cells),
         comparison=tuple(comparison),
@@ -231,10 +244,12 @@ def _assembled(
         pulses=pulses,
         strides=strides,
         gaps=gaps,
+        single=single,
         statistics={
             "onset_accuracy": onset_accuracy(pulses),
             "strides": stride_summary(strides, gaps),
             "vaf": vaf_summary(cells),
+            **_pulse_effects(single),
             "notes": _notes(study, pulses, strides) + _sign_notes(cells),
         },
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
@@ -247,6 +262,25 @@ def _assembled(
             "seed": seed,
         },
     )
+
+
+def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
+    """Return the statistics of 2.2.4, where pulses of a bench went both ways."""
+    rows = [p for p in single if p.direction]
+    if len({p.sign for p in rows}) < 2:
+        return {}
+    table = pd.DataFrame(
+        {
+            "case": [p.participant for p in rows],
+            "trajectory": [p.timing_point for p in rows],
+            "trial": [p.trial for p in rows],
+            "sign": [p.sign for p in rows],
+            "direction": [p.direction for p in rows],
+            "stiffness": [p.stiffness for p in rows],
+            "inertia": [p.inertia for p in rows],
+        }
+    )
+    return {"pulse_effects": pulse_effects(table).to_dict()}
 
 
 def _completed(

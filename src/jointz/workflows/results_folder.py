@@ -233,6 +233,8 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         "pulses": analysis.pulses_frame(),
         "strides": analysis.strides_frame(),
     }
+    if analysis.single:
+        tables["single_pulses"] = analysis.single_frame()
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
 

@@ -15,8 +15,8 @@ from jointz.core.study import TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.experiment.session import Operator
 from jointz.io.protocols import load_protocol
-from jointz.workflows.participant_run import RunSettings
-from jointz.workflows.rigs import RigSettings, open_rig
+from jointz.workflows.rigs import RigSettings, open_rig, rig_settings
+from jointz.workflows.run_settings import RunSettings
 from jointz.workflows.study_file import exclusions_csv, study_toml
 from jointz.workflows.worker_pool import RunProgress, run_people
 
@@ -112,14 +112,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         When a device failed or the safety gate tripped.
     """
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
-    if spec.kind != "walking":
-        raise DataError(
-            f"{spec.name}: a bench protocol, and there is no bench to run it on yet. Walking "
-            "protocols can be run: jointz protocols lists them."
-        )
     chosen = spec.seed if seed is None else seed
-    rig = RigSettings(device, preset, chosen, spec.rates.sample_hz)
-    count = spec.participants if participants is None else participants
+    rig = rig_settings(spec, device, preset, chosen)
+    count = _count(spec, participants)
     if count < 1 or workers < 1:
         raise DataError(f"expected at least one participant and worker, got {count}, {workers}.")
     study = Path(out)
@@ -136,12 +131,22 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     return _finish(settings, rig, reports)
 
 
+def _count(protocol: Protocol, participants: int | None) -> int:
+    """Return how many wearers or loads there are."""
+    if protocol.kind == "walking":
+        return protocol.participants if participants is None else participants
+    if participants is not None:
+        raise DataError(f"{protocol.name}: a bench has loads, not participants. Leave them out.")
+    return max(1, len(protocol.loads))
+
+
 def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any]:
     """Return what makes a run the same run."""
-    protocol = settings.protocol.model_dump(mode="json")
+    # Without defaults: a key that a later version adds does not make it another protocol.
+    protocol = settings.protocol.model_dump(mode="json", exclude_defaults=True)
     text = json.dumps(protocol, sort_keys=True)
     return {
-        "protocol": protocol["name"],
+        "protocol": settings.protocol.name,
         "protocol_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "seed": rig.seed,
         "device": rig.device,
@@ -201,6 +206,7 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         people,
         {one.wearer.id: one.calibration for one in rigs},
         TorqueModelSpec.model_validate(models[0]) if models else None,
+        devices=next((r["devices"] for r in reports if "devices" in r), None),
     )
     if not (study / "study.toml").exists():
         _write_whole(study / "study.toml", text)

@@ -11,19 +11,24 @@ import xarray as xr
 
 from jointz.core.protocol import ConditionSpec, Protocol
 from jointz.core.recording import build_recording
-from jointz.core.session_log import NO_SAMPLE, Flag
+from jointz.core.session_log import Flag
+from jointz.devices.interface import Stretch
 from jointz.experiment.journal import Event, pulses_done, segments_begun
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.session import log_path
 from jointz.io.session_log import SessionLog, read_log
+from jointz.workflows.stream_alignment import clock_notes, fresh, onto
 
 #: Channel of the recording -> field of the log; the same name and unit in both.
-_MOTOR_FIELDS = ("motor_angle", "motor_velocity", "current", "applied_torque", "command")
+_MOTOR_FIELDS = ("motor_angle", "motor_velocity", "current", "applied_torque")
 _MOTOR_UNITS = {"applied_torque": "N*m"}
 #: Between two stretches of a recording: a hole that nobody takes for walking.
-_PAUSE_S = 10.0
-#: A stream is not filled over a hole of more than this many of its own sample periods.
-_HOLE_PERIODS = 1.5
+PAUSE_S = 10.0
+_CLOCKS = {
+    "actuator": "actuator_time_ns",
+    "angle": "angle_sensor_time_ns",
+    "contact": "contact_time_ns",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,15 +42,15 @@ class ConditionRecord:
     pulses : pandas.DataFrame
         ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``, one row
         a pulse that began, shams left out.
-    offsets_s : tuple of float
-        What was added to the time of each log's samples (device time, s).
+    stretches : tuple of Stretch
+        Number, offset and end of each log.
     logs : tuple of SessionLog
         The logs of the stretches.
     """
 
     recording: xr.Dataset
     pulses: pd.DataFrame
-    offsets_s: tuple[float, ...]
+    stretches: tuple[Stretch, ...]
     logs: tuple[SessionLog, ...]
 
 
@@ -90,17 +95,16 @@ def condition_record(
     ]
     logs = [read_log(path) for path in paths]
     worn = condition.worn
-    pieces, tables, offsets, end_s = [], [], [], -_PAUSE_S
+    pieces, tables, stretches, end_s = [], [], [], -PAUSE_S
     done = pulses_done(events, condition.name)
     for log in logs:
         time, channels = _aligned(log.records, worn=worn)
         if time.size == 0:
-            offsets.append(end_s + _PAUSE_S)
             continue
-        offset_s = end_s + _PAUSE_S - float(time[0])
+        offset_s = end_s + PAUSE_S - float(time[0])
         pieces.append((time + offset_s, channels))
-        offsets.append(offset_s)
-        tables.append(_pulses(log, time + offset_s, plan, done))
+        stretches.append(Stretch(int(log.header["segment"]), offset_s, float(time[-1])))
+        tables.append(_pulses(log, time + offset_s, plan, done, worn=worn))
         end_s = float(time[-1]) + offset_s
     hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
     recording = build_recording(
@@ -115,6 +119,7 @@ def condition_record(
                 "step": "converted from the session's logs",
                 "logs": [path.name for path in paths],
                 "sha256": hashes,
+                "clocks": [clock_notes(log.records, _CLOCKS) for log in logs],
             },
         ),
         participant=participant,
@@ -124,57 +129,61 @@ def condition_record(
     return ConditionRecord(
         recording=recording,
         pulses=pd.concat(tables, ignore_index=True),
-        offsets_s=tuple(offsets),
+        stretches=tuple(stretches),
         logs=tuple(logs),
     )
 
 
 def _aligned(records: np.ndarray, *, worn: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Bring all streams to the time of the actuator's samples, or the goniometer's without it."""
-    master = "actuator_time_ns" if worn else "angle_sensor_time_ns"
-    rows = records[records[master] != NO_SAMPLE]
+    master = _master(worn=worn)
+    rows = records[fresh(records, master)]
     time_ns = rows[master]
     channels = {
-        "angle": _onto(time_ns, records, master=master, clock="angle_sensor_time_ns"),
-        "contact": _onto(time_ns, records, master=master, clock="contact_time_ns"),
+        "angle": onto(records, "angle", clock="angle_sensor_time_ns", master=master),
+        "contact": onto(
+            records, "contact", clock="contact_time_ns", master=master, interpolated=False
+        ),
     }
     if worn:
         channels |= {name: rows[name].astype(float) for name in _MOTOR_FIELDS}
+        channels["command"] = command_at_samples(records, fresh(records, master))
     return time_ns * 1e-9, channels
 
 
-_SENSOR_FIELD = {"angle_sensor_time_ns": "angle", "contact_time_ns": "contact"}
+def _master(*, worn: bool) -> str:
+    return _CLOCKS["actuator" if worn else "angle"]
 
 
-def _onto(time_ns: np.ndarray, records: np.ndarray, *, master: str, clock: str) -> np.ndarray:
-    """Return a sensor's samples at the master's times.
+def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return the pulse torque that was asked for when each sample was taken, N*m.
 
-    Devices sampled in step share their times and are taken as they are. Others
-    are placed by the shortest way of a sample to the host, and interpolated: the
-    angle by straight lines, the contact by its last value; NaN over holes.
+    Of several samples that came with a tick all but the last were taken before its
+    command was given.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    new : (n,) bool
+        Which records hold a sample of the actuator.
     """
-    rows = records[records[clock] != NO_SAMPLE]
-    values = rows[_SENSOR_FIELD[clock]].astype(float)
-    own_ns = rows[clock] + _way(records, clock) - _way(records, master)
-    if own_ns.size == time_ns.size and (own_ns == time_ns).all():
-        return np.asarray(values)
-    if own_ns.size < 2:
-        return np.full(time_ns.size, np.nan)
-    after = np.searchsorted(own_ns, time_ns, side="right").clip(1, own_ns.size - 1)
-    hole = np.diff(own_ns) > _HOLE_PERIODS * np.median(np.diff(own_ns))
-    inside = (time_ns > own_ns[after - 1]) & (time_ns < own_ns[after])
-    outside = (time_ns < own_ns[0]) | (time_ns > own_ns[-1])
-    if clock == "contact_time_ns":
-        placed = values[after - (time_ns < own_ns[after])]
-    else:
-        placed = np.interp(time_ns, own_ns, values)
-    return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
+    ticks = records[records["part"] == 0]
+    before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
+    rows = records[new]
+    last = np.append(rows["slot"][1:] != rows["slot"][:-1], True)[: rows.size]
+    tick = np.searchsorted(ticks["slot"], rows["slot"])
+    return np.asarray(np.where(last, rows["command"].astype(float), before[tick]))
 
 
-def _way(records: np.ndarray, clock: str) -> int:
-    """Return host time minus device time of the sample that came fastest, ns."""
-    rows = records[records[clock] != NO_SAMPLE]
-    return int((rows["host_time_ns"] - rows[clock]).min()) if rows.size else 0
+def _tick_times(log: SessionLog, time_s: np.ndarray, *, worn: bool) -> np.ndarray:
+    """Return when each tick was, by the time of the newest sample read by then, s."""
+    records = log.records
+    ticks = records[records["part"] == 0]["slot"].astype(np.int64)
+    sampled = records["slot"][fresh(records, _master(worn=worn))].astype(np.int64)
+    newest = (np.searchsorted(sampled, ticks, side="right") - 1).clip(0)
+    late = (ticks - sampled[newest]) / float(log.header["control_hz"])
+    return np.asarray(time_s[newest] + late)
 
 
 def _pulses(
@@ -182,6 +191,8 @@ def _pulses(
     time_s: np.ndarray,
     plan: Sequence[PlannedPulse],
     done: Mapping[int, Event],
+    *,
+    worn: bool,
 ) -> pd.DataFrame:
     """Return the pulses of a stretch as the log shows them."""
     records, segment = log.records, log.header["segment"]
@@ -189,9 +200,7 @@ def _pulses(
     number = np.where(ticks["flags"] & Flag.SHAM, 0, ticks["pulse"]).astype(int)
     begins = np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0))
     changes = np.flatnonzero(np.diff(number)) + 1
-    # A command given at a tick follows the newest of the samples read by then.
-    sampled = records["slot"][records["actuator_time_ns"] != NO_SAMPLE]
-    newest = (np.searchsorted(sampled, ticks["slot"], side="right") - 1).clip(0)
+    at_s = _tick_times(log, time_s, worn=worn)
     table = []
     for start in begins:
         pulse = plan[number[start] - 1]
@@ -202,12 +211,12 @@ def _pulses(
             and event["segment"] == segment
             and event["onset_slot"] == int(ticks["slot"][start])
         )
-        onset_s = time_s[newest[start]]
+        onset_s = at_s[start]
         table.append(
             {
                 "pulse": pulse.number,
                 "onset_s": onset_s,
-                "duration_s": time_s[newest[stop]] - onset_s,
+                "duration_s": at_s[stop] - onset_s,
                 "amplitude_nm": pulse.amplitude_nm,
                 "timing_point": pulse.timing_point,
                 "completed": completed,

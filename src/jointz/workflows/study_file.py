@@ -10,9 +10,9 @@ from typing import Any
 from jointz.core.protocol import Protocol
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
-from jointz.workflows.participant_run import pulses_name, recording_name
+from jointz.workflows.run_settings import pulses_name, recording_name
 
-_UNITS = {
+_WALKING_UNITS = {
     "time": "s",
     "angle": "rad",
     "current": "A",
@@ -21,6 +21,17 @@ _UNITS = {
     "command": "N*m",
     "applied_torque": "N*m",
 }
+_BENCH_UNITS = {
+    "time": "s",
+    "angle": "rad",
+    "current": "A",
+    "motor_angle": "rad",
+    "motor_velocity": "rad/s",
+    "command": "N*m",
+    "reference": "N*m",
+}
+#: Chapter II states no filter; this one takes away encoder noise and leaves loads alone.
+_BENCH_CUTOFF_HZ = 100.0
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason", "time")
 
 
@@ -29,6 +40,8 @@ def study_toml(
     people: Sequence[Wearer],
     calibrations: Mapping[str, CalibrationSpec],
     torque_model: TorqueModelSpec | None,
+    *,
+    devices: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the text of ``study.toml``.
 
@@ -42,6 +55,8 @@ def study_toml(
         Participant -> what is known about the instruments.
     torque_model : TorqueModelSpec or None
         The actuator's equation 4.1; torque is computed from the current with it.
+    devices : mapping, optional
+        What the devices say about themselves; on a bench they tell the channels.
     """
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
@@ -51,13 +66,20 @@ def study_toml(
         f"positive = {_text(protocol.positive)}",
         'torque_acts_on = "joint"',
     ]
-    for name, unit in _UNITS.items():
+    bench = protocol.kind == "bench"
+    units = _bench_units(devices or {}) if bench else _WALKING_UNITS
+    for name, unit in units.items():
         lines += ["", f"[channels.{name}]", f'column = "{name}"', f'unit = "{unit}"']
-    lines += ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
-    if torque_model is not None:
+    if any(condition.trials > 1 for condition in protocol.conditions):
+        lines += ["", "[channels.trial]", 'column = "trial"']
+    if not bench:
+        lines += ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
+    if torque_model is not None and "torque" not in units:
         lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
     points = _timing_points(protocol)
-    if points:
+    if bench:
+        lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
+    elif points:
         lines += ["", "[perturbations]", f"timing_points = {_inline(points)}"]
     for person in people:
         lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
@@ -93,6 +115,17 @@ def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
     return text.getvalue()
 
 
+def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
+    units = dict(_BENCH_UNITS)
+    sensor = devices.get("torque")
+    if sensor is not None:
+        units[sensor["channel"]] = sensor["unit"]
+    mover = devices.get("positioner")
+    if mover is not None:
+        units |= {mover["channel"]: "rad", "reference_position": "rad"}
+    return units
+
+
 def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
     lines = [f"id = {_text(person.id)}"]
     if person.mass_kg is not None:
@@ -111,10 +144,10 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
     for condition in protocol.conditions:
         lines += ["", "[[recordings]]", f"participant = {_text(participant)}"]
         lines += [f'condition = "{condition.condition}"']
-        if of_kind[condition.condition] > 1:
-            lines += [f"session = {_text(condition.name)}"]
+        if condition.session is not None or of_kind[condition.condition] > 1:
+            lines += [f"session = {_text(condition.session or condition.name)}"]
         lines += [f"file = {_text(recording_name(participant, condition.name))}"]
-        if condition.perturbations is not None:
+        if condition.perturbations is not None and protocol.kind == "walking":
             lines += [f"perturbations = {_text(pulses_name(participant, condition.name))}"]
     return lines
 

@@ -9,8 +9,9 @@ from typing import Any
 
 from jointz.core.errors import DeviceError
 from jointz.experiment.session import Operator
-from jointz.workflows.participant_run import RunSettings, run_participant
+from jointz.workflows.participant_run import run_participant
 from jointz.workflows.rigs import RigSettings, open_rig
+from jointz.workflows.run_settings import RunSettings
 
 #: Called with participant, condition, strides, pulses done, pulses planned.
 RunProgress = Callable[[str, str, int, int, int], None]

@@ -10,16 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.session_log import (
-    DTYPE,
-    FIELDS,
-    NO_SAMPLE,
-    RECORD_BYTES,
-    VERSION,
-    Flag,
-    encode_header,
-    pack,
-)
+from jointz.core.session_log import NO_SAMPLE, VERSION, WALKING, Flag
 
 RANGES = {"q": (-(2**63), 2**63 - 1), "I": (0, 2**32 - 1), "H": (0, 2**16 - 1)}
 
@@ -30,44 +21,44 @@ def values_of(field):
     return st.integers(*RANGES[field.code])
 
 
-records = st.tuples(*[values_of(field) for field in FIELDS])
+records = st.tuples(*[values_of(field) for field in WALKING.fields])
 
 
 @given(records)
 def test_every_field_survives_packing(values):
-    (found,) = np.frombuffer(pack(values), dtype=DTYPE)
-    for field, value in zip(FIELDS, values, strict=True):
+    (found,) = np.frombuffer(WALKING.pack(values), dtype=WALKING.dtype)
+    for field, value in zip(WALKING.fields, values, strict=True):
         read = found[field.name].item()
         assert read == value or (math.isnan(read) and math.isnan(value)), field.name
 
 
 @given(records)
 def test_a_record_ends_with_the_checksum_of_the_rest(values):
-    packed = pack(values)
-    assert len(packed) == RECORD_BYTES
+    packed = WALKING.pack(values)
+    assert len(packed) == WALKING.record_bytes
     assert struct.unpack("<I", packed[-4:]) == (zlib.crc32(packed[:-4]),)
 
 
 def test_every_field_lies_on_a_multiple_of_its_own_size():
-    for field in FIELDS:
-        dtype, offset = DTYPE.fields[field.name][:2]
+    for field in WALKING.fields:
+        dtype, offset = WALKING.dtype.fields[field.name][:2]
         assert offset % dtype.itemsize == 0, field.name
-    assert DTYPE.itemsize == RECORD_BYTES
+    assert WALKING.dtype.itemsize == WALKING.record_bytes
 
 
 def test_numbers_are_little_endian_on_any_machine():
-    assert pack((1,) + (0,) * (len(FIELDS) - 1))[:8] == b"\x01" + bytes(7)
+    assert WALKING.pack((1,) + (0,) * (len(WALKING.fields) - 1))[:8] == b"\x01" + bytes(7)
 
 
 def test_names_are_unique_and_every_field_says_what_it_means():
-    assert len({field.name for field in FIELDS}) == len(FIELDS)
-    assert all(field.unit and field.meaning for field in FIELDS)
+    assert len({field.name for field in WALKING.fields}) == len(WALKING.fields)
+    assert all(field.unit and field.meaning for field in WALKING.fields)
 
 
-@pytest.mark.parametrize("count", [len(FIELDS) - 1, len(FIELDS) + 1])
+@pytest.mark.parametrize("count", [len(WALKING.fields) - 1, len(WALKING.fields) + 1])
 def test_a_record_with_too_few_or_too_many_values_is_refused(count):
-    with pytest.raises(struct.error, match=f"expected {len(FIELDS)} items"):
-        pack((0,) * count)
+    with pytest.raises(struct.error, match=f"expected {len(WALKING.fields)} items"):
+        WALKING.pack((0,) * count)
 
 
 def test_flags_are_bits_that_fit_their_field():
@@ -80,16 +71,19 @@ def test_no_sample_is_no_time_of_a_device():
 
 
 def test_the_header_is_one_line_of_ascii_and_says_how_to_read_the_rest():
-    line = encode_header({"participant": "Jörg\nS01", "segment": 2})
+    line = WALKING.encode_header({"participant": "Jörg\nS01", "segment": 2})
     assert line.endswith(b"\n")
     assert line.count(b"\n") == 1
     assert line.isascii()
     header = json.loads(line)
     assert (header["participant"], header["segment"]) == ("Jörg\nS01", 2)
-    assert (header["jointz_log"], header["record_bytes"]) == (VERSION, RECORD_BYTES)
+    assert (header["jointz_log"], header["record_bytes"]) == (VERSION, WALKING.record_bytes)
     format_ = "<" + "".join(field["code"] for field in header["fields"])
     assert struct.calcsize(format_) == header["record_bytes"] - 4
 
 
 def test_a_header_cannot_give_a_size_of_its_own():
-    assert json.loads(encode_header({"record_bytes": 1}))["record_bytes"] == RECORD_BYTES
+    assert (
+        json.loads(WALKING.encode_header({"record_bytes": 1}))["record_bytes"]
+        == WALKING.record_bytes
+    )

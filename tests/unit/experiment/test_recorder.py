@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from jointz.core.session_log import FIELDS, RECORD_BYTES
+from jointz.core.session_log import WALKING
 from jointz.experiment.recorder import Recorder
 from jointz.io.session_log import read_log
 
@@ -13,7 +13,10 @@ HEADER = {"participant": "S01", "segment": 0}
 
 
 def record(slot, part=0):
-    values = dict.fromkeys((field.name for field in FIELDS), 0) | {"slot": slot, "part": part}
+    values = dict.fromkeys((field.name for field in WALKING.fields), 0) | {
+        "slot": slot,
+        "part": part,
+    }
     return tuple(values.values())
 
 
@@ -27,7 +30,7 @@ def slots(path):
 
 
 def test_what_is_written_is_on_disk_at_once(path):
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         assert slots(path) == []
         for slot in range(5):
             recorder.write(record(slot))
@@ -42,19 +45,19 @@ def test_the_records_of_a_tick_are_one_write(path, monkeypatch):
         sizes.append(len(data))
         return real(fd, data)
 
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         monkeypatch.setattr(os, "write", write)
         recorder.write(record(0))
         recorder.write(record(1), record(1, 1), record(1, 2))
-    assert sizes == [RECORD_BYTES, 3 * RECORD_BYTES]
+    assert sizes == [WALKING.record_bytes, 3 * WALKING.record_bytes]
     assert read_log(path).records["part"].tolist() == [0, 0, 1, 2]
 
 
 def test_a_log_is_never_written_over(path):
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(1))
     with pytest.raises(FileExistsError):
-        Recorder(path, HEADER)
+        Recorder(path, HEADER, WALKING)
     assert slots(path) == [1]
 
 
@@ -62,10 +65,12 @@ def test_a_disk_that_takes_a_part_of_a_record_is_an_error_and_the_rest_can_be_re
     path, monkeypatch
 ):
     real = os.write
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(1))
         monkeypatch.setattr(os, "write", lambda fd, data: real(fd, data[:40]))
-        with pytest.raises(OSError, match=rf"walk-0.jzlog: the disk took 40 of {RECORD_BYTES}"):
+        with pytest.raises(
+            OSError, match=rf"walk-0.jzlog: the disk took 40 of {WALKING.record_bytes}"
+        ):
             recorder.write(record(2))
     assert slots(path) == [1]
     assert read_log(path).torn_bytes == 40
@@ -84,9 +89,9 @@ def test_a_log_whose_header_found_no_room_does_not_exist(path, monkeypatch, disk
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", disk)
         with pytest.raises(OSError, match=r"No space|the disk took"):
-            Recorder(path, HEADER)
+            Recorder(path, HEADER, WALKING)
     assert list(path.parent.iterdir()) == []
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(3))
     assert slots(path) == [3]
 
@@ -94,13 +99,13 @@ def test_a_log_whose_header_found_no_room_does_not_exist(path, monkeypatch, disk
 def test_a_crash_before_the_header_was_whole_leaves_no_log_and_does_not_bar_the_next(path):
     path.with_name("walk-0.jzlog.partial").write_bytes(b'{"jointz_log"')
     assert not path.exists()
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(3))
     assert slots(path) == [3]
 
 
 def test_a_log_is_let_go_of(path):
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         pass
     with pytest.raises(OSError, match="Bad file descriptor"):
         recorder.write(record(0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.core.session_log import DTYPE
+from jointz.core.session_log import WALKING
 from jointz.experiment.timing import timing_report
 
 PERIOD = 2_000_000
@@ -12,7 +12,7 @@ PERIOD = 2_000_000
 def ticks(slots, late_ns=0, *, busy_us=10.0, first=7, parts=1):
     """Return records of ticks in given slots that begin late."""
     slots = np.asarray(slots)
-    records = np.zeros(slots.size * parts, DTYPE)
+    records = np.zeros(slots.size * parts, WALKING.dtype)
     records["slot"] = np.repeat(slots, parts)
     records["host_time_ns"] = np.repeat((slots + first) * PERIOD + late_ns, parts)
     records["busy_us"] = np.repeat(np.broadcast_to(busy_us, slots.shape), parts)

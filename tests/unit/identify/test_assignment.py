@@ -213,7 +213,7 @@ def test_a_group_channel_without_a_number_is_outside_all_groups():
     [
         ({"trial": "A3"}, "A3"),
         ({"session": "1A"}, "1A"),
-        ({"trial": "A3", "session": "1A"}, "A3"),
+        ({"trial": "A3", "session": "1A"}, "1A"),
         ({}, "all_pulses"),
     ],
 )

@@ -115,7 +115,10 @@ def test_every_problem_of_a_file_comes_in_one_error(own):
     ("name", "told"),
     [
         ("wallking", "Did you mean 'walking'"),
-        ("nothing-like-it", r"neither a protocol of jointz \(walking, walking-pilot\) nor a file"),
+        (
+            "nothing-like-it",
+            r"neither a protocol of jointz \(qdd-.*, walking, walking-pilot\) nor a file",
+        ),
         ("", "nor a file"),
         ("no\0name", "nor a file"),
         (os.curdir, "nor a file"),

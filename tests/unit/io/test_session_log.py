@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
-from jointz.core.session_log import DTYPE, FIELDS, RECORD_BYTES, VERSION, encode_header, pack
+from jointz.core.session_log import VERSION, WALKING
 from jointz.experiment.recorder import Recorder
 from jointz.io.session_log import read_log
 
@@ -27,11 +27,11 @@ def records(count, seed=1):
         "I": lambda: int(rng.integers(0, 2**32)),
         "H": lambda: int(rng.integers(0, 2**16)),
     }
-    return [tuple(kinds[field.code]() for field in FIELDS) for _ in range(count)]
+    return [tuple(kinds[field.code]() for field in WALKING.fields) for _ in range(count)]
 
 
 def log_bytes(rows, **header):
-    return encode_header({**HEADER, **header}) + b"".join(pack(row) for row in rows)
+    return WALKING.encode_header({**HEADER, **header}) + b"".join(WALKING.pack(row) for row in rows)
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def path(tmp_path):
 
 def test_every_field_of_every_record_comes_back(path):
     rows = records(20)
-    with Recorder(path, HEADER) as recorder:
+    with Recorder(path, HEADER, WALKING) as recorder:
         for row in rows:
             recorder.write(row)
     log = read_log(path)
@@ -58,18 +58,18 @@ def test_a_log_without_records_is_empty(path):
 def test_a_record_cut_off_at_any_byte_is_left_out_and_told_of(path):
     rows = records(3)
     whole = log_bytes(rows)
-    for missing in range(1, RECORD_BYTES + 1):
+    for missing in range(1, WALKING.record_bytes + 1):
         path.write_bytes(whole[:-missing])
         log = read_log(path)
         assert log.records.size == 2
         assert [tuple(found)[:-1] for found in log.records.tolist()] == rows[:2]
-        assert log.torn_bytes == (RECORD_BYTES - missing)
+        assert log.torn_bytes == (WALKING.record_bytes - missing)
 
 
 def test_every_flipped_bit_of_a_record_is_noticed(path):
     whole = log_bytes(records(3))
-    start = len(whole) - 2 * RECORD_BYTES
-    for at in range(RECORD_BYTES):
+    start = len(whole) - 2 * WALKING.record_bytes
+    for at in range(WALKING.record_bytes):
         for bit in range(8):
             spoilt = bytearray(whole)
             spoilt[start + at] ^= 1 << bit
@@ -81,19 +81,19 @@ def test_every_flipped_bit_of_a_record_is_noticed(path):
 def test_damage_is_counted_and_its_first_place_named(path):
     spoilt = bytearray(log_bytes(records(10)))
     for record in (4, 7):
-        spoilt[len(spoilt) - (10 - record) * RECORD_BYTES - 1] ^= 1
+        spoilt[len(spoilt) - (10 - record) * WALKING.record_bytes - 1] ^= 1
     path.write_bytes(spoilt)
     with pytest.raises(DataError, match=r"record 4 of 10 is damaged \(2 in all\).*copy") as caught:
         read_log(path)
     assert (caught.value.path, caught.value.row) == (str(path), 4)
 
 
-@given(st.integers(0, 4), st.binary(min_size=1, max_size=RECORD_BYTES))
+@given(st.integers(0, 4), st.binary(min_size=1, max_size=WALKING.record_bytes))
 def test_bytes_put_in_anywhere_are_noticed(tmp_path_factory, place, junk):
-    rows = [pack(row) for row in records(5)]
+    rows = [WALKING.pack(row) for row in records(5)]
     rows.insert(place, junk)
     path = tmp_path_factory.mktemp("log") / "log"
-    path.write_bytes(encode_header(HEADER) + b"".join(rows))
+    path.write_bytes(WALKING.encode_header(HEADER) + b"".join(rows))
     with pytest.raises(DataError, match="is damaged"):
         read_log(path)
 
@@ -109,23 +109,23 @@ def test_another_file_is_no_log(path, content):
 
 
 @pytest.mark.parametrize(
-    "change", [{"jointz_log": VERSION + 1}, {"record_bytes": RECORD_BYTES + 8}]
+    "change", [{"jointz_log": VERSION + 1}, {"record_bytes": WALKING.record_bytes + 8}]
 )
 def test_a_log_of_another_version_names_both_versions(path, change):
-    header = json.loads(encode_header(HEADER)) | change
+    header = json.loads(WALKING.encode_header(HEADER)) | change
     path.write_bytes(json.dumps(header).encode() + b"\n")
     with pytest.raises(
-        DataError, match=rf"this jointz reads version {VERSION} with {RECORD_BYTES}"
+        DataError, match=rf"this jointz reads version {VERSION} with {WALKING.record_bytes}"
     ):
         read_log(path)
 
 
 def test_reading_eight_hundred_thousand_records_takes_a_few_seconds(path):
-    bodies = np.zeros(800_000, DTYPE)
+    bodies = np.zeros(800_000, WALKING.dtype)
     bodies["slot"] = np.arange(bodies.size)
-    raw = bodies.view(np.uint8).reshape(bodies.size, RECORD_BYTES)
+    raw = bodies.view(np.uint8).reshape(bodies.size, WALKING.record_bytes)
     bodies["crc"] = [zlib.crc32(row[:-4]) for row in raw]
-    path.write_bytes(encode_header(HEADER) + bodies.tobytes())
+    path.write_bytes(WALKING.encode_header(HEADER) + bodies.tobytes())
     begun = time.perf_counter()
     log = read_log(path)
     print(f"{log.records.size} records read in {time.perf_counter() - begun:.2f} s")  # noqa: T201

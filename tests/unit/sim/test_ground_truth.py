@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.clock import VirtualClock
+from jointz.core.protocol import PulseSpec
+from jointz.devices.interface import Stretch
 from jointz.sim.people import draw_person
 from jointz.sim.presets import JointSettings, preset
 from jointz.sim.rig import SimulatedRig, simulated_rig
 
-COLUMNS = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point"]
+COLUMNS = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point", "completed"]
+WHOLE = (Stretch(0, 0.0, 30.0),)
 PARAMETERS = ("stiffness", "damping", "inertia")
 
 
@@ -25,32 +27,57 @@ def pulses_at(rig, share, *, offset_s=0.0, strides=(3, 7), segment=0, amplitude_
         fine = np.linspace(0.0, walk[i].duration_s, 20001)
         into = np.interp(share, walk[i].cycles(walk[i].start_s + fine), fine)
         onset = walk[i].start_s + into + offset_s
-        rows.append((number, onset, 0.25, amplitude_nm, "LRE"))
+        rows.append((number, onset, 0.25, amplitude_nm, "LRE", True))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def test_heel_strikes_are_those_that_were_walked_with_the_offset_added():
     rig = simulated_rig(0)
-    clock = VirtualClock()
-    devices = rig.open("perturbed", worn=True, segment=0, clock=clock)
-    devices.angle.configure()
-    devices.angle.activate()
-    devices.angle.read()
-    clock.wait_until_ns(20_000_000_000)
-    devices.angle.read()
-    truth = rig.truth(
-        "perturbed", worn=True, offsets_s=(5.0,), pulses=pd.DataFrame(columns=COLUMNS)
-    )
+    nothing = pd.DataFrame(columns=COLUMNS)
+    stretches = (Stretch(0, 5.0, 20.0),)
+    truth = rig.truth("perturbed", worn=True, stretches=stretches, pulses=nothing)
     motion = rig.motion("perturbed", 0)
     starts = np.array([motion.next().start_s for _ in range(40)])
-    expected = starts[(starts >= 0) & (starts < 20.002)] + 5.0
+    expected = starts[(starts >= 0) & (starts <= 20.0)] + 5.0
     np.testing.assert_allclose(truth["heel_strike_s"], expected, rtol=0, atol=1e-12)
     assert truth["pulses"] == []
 
 
+def test_a_stretch_that_left_no_log_moves_no_strike_of_the_next():
+    rig = simulated_rig(0)
+    nothing = pd.DataFrame(columns=COLUMNS)
+    second = rig.truth("perturbed", worn=True, stretches=(Stretch(1, 0.0, 20.0),), pulses=nothing)
+    motion = rig.motion("perturbed", 1)
+    starts = np.array([motion.next().start_s for _ in range(40)])
+    expected = starts[(starts >= 0) & (starts <= 20.0)]
+    np.testing.assert_allclose(second["heel_strike_s"], expected, rtol=0, atol=1e-12)
+
+
+def test_a_pulse_that_was_broken_off_is_no_truth():
+    rig = simulated_rig(2)
+    pulses = pulses_at(rig, 0.07)
+    pulses.loc[0, "completed"] = False
+    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses)
+    assert [row["pulse"] for row in truth["pulses"]] == [2]
+
+
+def test_ramps_delay_the_response_that_weighs():
+    rig = simulated_rig(2)
+    shape = PulseSpec(
+        amplitude_nm=17.0, duration_s=0.25, ramp_up_s=0.075, hold_s=0.1, ramp_down_s=0.075
+    )
+    step, ramp = (
+        rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.73), shape=s)
+        for s in (None, shape)
+    )
+    for a, b in zip(step["pulses"], ramp["pulses"], strict=True):
+        assert abs(b["displacement_rad"]) < 0.8 * abs(a["displacement_rad"])
+        assert b["stiffness"] != pytest.approx(a["stiffness"], rel=1e-3)
+
+
 def test_truth_on_a_plateau_is_the_persons_value():
     rig = simulated_rig(2)
-    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
     person = rig.person
     assert len(truth["pulses"]) == 2
     for row in truth["pulses"]:
@@ -65,9 +92,9 @@ def test_truth_on_a_plateau_is_the_persons_value():
 def test_values_that_vary_are_weighted_by_the_response():
     rig = SimulatedRig(draw_person(2, seed=1), preset("hard"))
     # Across the step of stiffness between loading response and mid-stance: 18 to 21 %.
-    row = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.14))[
-        "pulses"
-    ][0]
+    row = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.14))["pulses"][
+        0
+    ]
     person = rig.person
     before, after = (person.mass_kg * person.stiffness_per_mass[p] for p in ("LRE", "MST"))
     assert min(before, after) < row["stiffness"] < max(before, after)
@@ -81,7 +108,7 @@ def test_truth_does_not_depend_on_the_sign_or_the_size_of_a_pulse():
     rig = simulated_rig(2, preset="hard")
     rows = [
         rig.truth(
-            "perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.5, amplitude_nm=a)
+            "perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.5, amplitude_nm=a)
         )
         for a in (17.0, -5.0)
     ]
@@ -95,7 +122,7 @@ def test_a_softening_joint_is_truly_softer_for_larger_pulses():
     rig = SimulatedRig(draw_person(2, seed=1), soft)
     small, large = (
         rig.truth(
-            "perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07, amplitude_nm=a)
+            "perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07, amplitude_nm=a)
         )
         for a in (0.1, 17.0)
     )
@@ -107,13 +134,14 @@ def test_a_softening_joint_is_truly_softer_for_larger_pulses():
 def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them():
     rig = simulated_rig(1)
     offsets = (0.0, 60.0)
+    stretches = tuple(Stretch(i, offset, 50.0) for i, offset in enumerate(offsets))
     pulses = pd.concat(
         [
             pulses_at(rig, 0.07, strides=(4,)),
             pulses_at(rig, 0.07, strides=(4,), segment=1, offset_s=60.0),
         ]
     )
-    truth = rig.truth("perturbed", worn=True, offsets_s=offsets, pulses=pulses)
+    truth = rig.truth("perturbed", worn=True, stretches=stretches, pulses=pulses)
     strikes = np.array(truth["heel_strike_s"])
     assert [row["onset_gait_pct"] for row in truth["pulses"]] == pytest.approx([7.0, 7.0], abs=1e-4)
     for segment, offset in enumerate(offsets):
@@ -125,17 +153,17 @@ def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them(
 
 def test_gravity_adds_to_the_stiffness_of_an_anthropometric_leg_only():
     rig = simulated_rig(0, preset="anthropometric")
-    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
     # SCIENCE 3.8: about 11 N*m/rad for shank and exoskeleton.
     assert truth["pulses"][0]["gravity_stiffness"] == pytest.approx(11.0, rel=0.35)
     rigid = simulated_rig(0)
-    truth = rigid.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rigid, 0.07))
+    truth = rigid.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rigid, 0.07))
     assert truth["pulses"][0]["gravity_stiffness"] == 0.0
 
 
 def test_truth_is_ready_for_json_and_names_everything():
     rig = simulated_rig(0, preset="anthropometric")
-    truth = rig.truth("perturbed", worn=True, offsets_s=(0.0,), pulses=pulses_at(rig, 0.07))
+    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
     again = json.loads(json.dumps(truth))
     assert json.dumps(again) == json.dumps(truth)
     assert len(again["curves"]["stiffness"]) == len(again["curves"]["gait_pct"]) == 101

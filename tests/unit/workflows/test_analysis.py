@@ -19,7 +19,7 @@ def whole(small_study_source):
 
 
 def test_names_of_methods_are_checked():
-    assert check_method("recommended") == "dissertation"
+    assert check_method("recommended") == "recommended"
     assert check_method("pre_pulse") == "pre_pulse"
     with pytest.raises(ValueError, match=r"one of recommended, dissertation, .*'nope'"):
         check_method("nope")

@@ -16,7 +16,7 @@ from jointz.devices.interface import Wearer
 from jointz.io.netcdf import write_recording
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
-from jointz.workflows.participant_run import pulses_name, recording_name
+from jointz.workflows.run_settings import pulses_name, recording_name
 from jointz.workflows.study_file import exclusions_csv, study_toml
 
 WALKING = load_protocol("walking")

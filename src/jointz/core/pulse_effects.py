@@ -1,0 +1,355 @@
+"""What the sign of a pulse, and its direction against the trajectory, do to the estimates."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.PulseEffects/1"
+
+_RESPONSE_SYMBOLS = {"stiffness": "K", "inertia": "J"}
+_EFFECT_MARKERS = {"type": "o", "direction": "s", "type:direction": "^", "joint": "D"}
+_RESPONSE_COLOURS = {"stiffness": "C0", "inertia": "C1"}
+_SMALLEST_DRAWN_P = 1e-16
+
+
+class Undecided(StrEnum):
+    """Why a test of pulses has no answer; part of the file format."""
+
+    TOO_FEW_PULSES = "too_few_pulses"
+    ONE_LEVEL = "one_level"
+    NO_VARIATION = "no_variation"
+    CONFOUNDED = "confounded"
+    MISSING_COMBINATION = "missing_combination"
+    TOO_FEW_TRIALS = "too_few_trials"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and tooltips."""
+        return _MEANING[self]
+
+
+_MEANING = {
+    Undecided.TOO_FEW_PULSES: "fewer pulses with a finite estimate than the test needs",
+    Undecided.ONE_LEVEL: "every pulse has the same level: nothing to compare",
+    Undecided.NO_VARIATION: "the estimates do not vary, or not inside the trials",
+    Undecided.CONFOUNDED: "type and direction go together: only their joint effect can be told",
+    Undecided.MISSING_COMBINATION: "a combination of type and direction has no pulse",
+    Undecided.TOO_FEW_TRIALS: "too few trials to tell the effects from differences between trials",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PulseTest:
+    """One test of one effect on one parameter, in one case and trajectory.
+
+    Parameters
+    ----------
+    case, trajectory : str
+        The load and the reference.
+    response : str
+        ``stiffness`` or ``inertia``.
+    effect : str
+        ``type`` (sign of the pulse), ``direction`` (with or against the trajectory),
+        ``type:direction``, or ``joint``: any of them, where they cannot be told apart.
+    analysis : str
+        ``one_way``: as printed, pulses taken as independent; ``mixed``: trial as a random
+        factor.
+    statistic, df_num, df_den, p : float or None
+        The F test; None where undecided. An infinite F is given as None beside p = 0.
+    p_holm : float or None
+        Adjusted over the family of the analysis, see :class:`PulseEffects`.
+    difference, ci_low, ci_high : float or None
+        Positive minus negative, with minus against; N*m/rad or kg*m^2. None for effects
+        that are not one difference. The interval is of the mixed model, at
+        ``1 - PulseEffects.alpha``.
+    n_pulses, n_trials : int
+        What entered.
+    status : str
+        ``ok`` or ``undecided``.
+    code : str
+        Why undecided, see :class:`Undecided`; empty where ``ok``.
+    """
+
+    case: str
+    trajectory: str
+    response: str
+    effect: str
+    analysis: str
+    statistic: float | None
+    df_num: float | None
+    df_den: float | None
+    p: float | None
+    p_holm: float | None
+    difference: float | None
+    ci_low: float | None
+    ci_high: float | None
+    n_pulses: int
+    n_trials: int
+    status: str = "ok"
+    code: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PulseMeans:
+    """Means of one parameter in one case and trajectory.
+
+    Parameters
+    ----------
+    case, trajectory, response : str
+        As in :class:`PulseTest`.
+    positive, negative, along, against : float or None
+        Mean over the pulses of that type or direction; None where there is none.
+    n_used, n_excluded : int
+        Pulses; those without a finite estimate, a sign or a direction are excluded.
+    trial_sd, residual_sd : float or None
+        Between and inside trials, of the mixed model.
+    confounding : float or None
+        Correlation of type and direction over the pulses, -1..1; None where one of them
+        does not vary.
+    """
+
+    case: str
+    trajectory: str
+    response: str
+    positive: float | None
+    negative: float | None
+    along: float | None
+    against: float | None
+    n_used: int
+    n_excluded: int
+    trial_sd: float | None
+    residual_sd: float | None
+    confounding: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCount:
+    """A count as section 2.4.2 of the dissertation gives them.
+
+    Parameters
+    ----------
+    claim : str
+        ``significant`` (p < alpha), ``positive_larger`` or ``with_larger``.
+    analysis : str
+        ``one_way`` or ``mixed`` for tests, ``means`` for comparisons of means.
+    response, effect : str
+        What it is about; ``all`` over both parameters or effects.
+    count, of : int
+        How many of how many; undecided ones count in neither.
+    """
+
+    claim: str
+    analysis: str
+    response: str
+    effect: str
+    count: int
+    of: int
+
+    @property
+    def share_pct(self) -> float | None:
+        """``count`` in percent of ``of``; None of none."""
+        return 100.0 * self.count / self.of if self.of else None
+
+
+@dataclass(frozen=True, slots=True)
+class PulseEffects:
+    """Effects of pulse type and direction over the cases and trajectories of a study.
+
+    Parameters
+    ----------
+    tests : tuple of PulseTest
+        Both analyses, undecided tests included. Holm's correction runs over two families:
+        all decided ``one_way`` tests of the study, and all decided ``mixed`` ones.
+    means : tuple of PulseMeans
+        One a case, trajectory and parameter.
+    alpha : float
+        Level of the counts and, as ``1 - alpha``, of the intervals.
+    notes : tuple of str
+        What a reader must know, such as the confounded trajectories.
+    """
+
+    tests: tuple[PulseTest, ...]
+    means: tuple[PulseMeans, ...]
+    alpha: float = 0.05
+    notes: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> tuple[PulseCount, ...]:
+        """The counts of 2.4.2, for each analysis, parameter and effect."""
+        return (*self._significant(), *self._larger())
+
+    def count(self, claim: str, analysis: str, response: str, effect: str) -> PulseCount:
+        """Return one of :attr:`counts`.
+
+        Parameters
+        ----------
+        claim, analysis, response, effect : str
+            As in :class:`PulseCount`.
+
+        Raises
+        ------
+        KeyError
+            When there is no such count.
+        """
+        key = (claim, analysis, response, effect)
+        for c in self.counts:
+            if (c.claim, c.analysis, c.response, c.effect) == key:
+                return c
+        raise KeyError(f"no count {key}; PulseEffects.counts lists them")
+
+    def _significant(self) -> Iterable[PulseCount]:
+        every = ("stiffness", "inertia", "all")
+        for analysis in ("one_way", "mixed"):
+            for effect in ("type", "direction", "all", "joint", "type:direction"):
+                wanted = ("type", "direction") if effect == "all" else (effect,)
+                for response in every:
+                    p = [
+                        t.p
+                        for t in self.tests
+                        if t.analysis == analysis
+                        and t.effect in wanted
+                        and response in (t.response, "all")
+                        and t.p is not None
+                    ]
+                    if p or effect in ("type", "direction", "all"):
+                        n = sum(value < self.alpha for value in p)
+                        yield PulseCount("significant", analysis, response, effect, n, len(p))
+
+    def _larger(self) -> Iterable[PulseCount]:
+        for response in _RESPONSE_SYMBOLS:
+            means = [m for m in self.means if m.response == response]
+            for claim, effect, pairs in (
+                ("positive_larger", "type", [(m.positive, m.negative) for m in means]),
+                ("with_larger", "direction", [(m.along, m.against) for m in means]),
+            ):
+                known = [(a, b) for a, b in pairs if a is not None and b is not None]
+                larger = sum(a > b for a, b in known)
+                yield PulseCount(claim, "means", response, effect, larger, len(known))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the tests as a table, one row a test."""
+        columns = [f.name for f in fields(PulseTest)]
+        return pd.DataFrame([asdict(test) for test in self.tests], columns=columns)
+
+    def means_frame(self) -> pd.DataFrame:
+        """Return the means as a table, one row a case, trajectory and parameter."""
+        columns = [f.name for f in fields(PulseMeans)]
+        return pd.DataFrame([asdict(mean) for mean in self.means], columns=columns)
+
+    def counts_frame(self) -> pd.DataFrame:
+        """Return the counts as a table, with their share in percent."""
+        columns = [f.name for f in fields(PulseCount)]
+        rows = [asdict(c) | {"share_pct": c.share_pct} for c in self.counts]
+        return pd.DataFrame(rows, columns=[*columns, "share_pct"])
+
+    def summary(self) -> str:
+        """Return a short text: the counts of both analyses, and the notes."""
+        cells = {(m.case, m.trajectory) for m in self.means}
+        lines = [f"Pulse type and direction in {len(cells)} case-trajectory pairs"]
+        lines += [f"  {_sentence(c, self.alpha)}" for c in self.counts if c.of]
+        undecided = sum(t.status != "ok" for t in self.tests)
+        lines.append(f"  {undecided} of {len(self.tests)} tests undecided")
+        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the p-values of the mixed model, one column a case and trajectory.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+        names = list(dict.fromkeys(f"{m.case}{m.trajectory}" for m in self.means))
+        for effect, marker in _EFFECT_MARKERS.items():
+            for response, symbol in _RESPONSE_SYMBOLS.items():
+                shown = [
+                    (names.index(f"{t.case}{t.trajectory}"), max(t.p, _SMALLEST_DRAWN_P))
+                    for t in self.tests
+                    if t.analysis == "mixed"
+                    and t.p is not None
+                    and (t.effect, t.response) == (effect, response)
+                ]
+                if shown:
+                    x, p = zip(*shown, strict=True)
+                    label, colour = f"{symbol}, {effect}", _RESPONSE_COLOURS[response]
+                    axes.plot(x, p, marker, color=colour, label=label, alpha=0.8)
+        axes.axhline(self.alpha, color="0.4", linestyle=":", label=f"{self.alpha:g}")
+        axes.set_yscale("log")
+        axes.set_xticks(range(len(names)), names)
+        axes.set_xlabel("case and trajectory")
+        axes.set_ylabel("p, trial as a random factor")
+        axes.legend(fontsize="small", ncols=2)
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": SCHEMA,
+            "tests": [asdict(test) for test in self.tests],
+            "means": [asdict(mean) for mean in self.means],
+            "counts": [asdict(c) | {"share_pct": c.share_pct} for c in self.counts],
+            "alpha": self.alpha,
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "PulseEffects":
+        """Rebuild from :meth:`to_dict`; the counts are made anew.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
+        return cls(
+            tests=tuple(PulseTest(**test) for test in data["tests"]),
+            means=tuple(PulseMeans(**mean) for mean in data["means"]),
+            alpha=data["alpha"],
+            notes=tuple(data["notes"]),
+        )
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a plain float, None for one that JSON cannot hold.
+
+    Parameters
+    ----------
+    value : float
+        Any.
+    """
+    return float(value) if isfinite(value) else None
+
+
+def _sentence(c: PulseCount, alpha: float) -> str:
+    share = f"{c.count} of {c.of} ({c.share_pct:.1f} %)"
+    if c.claim == "significant":
+        what = "type or direction" if c.effect == "all" else c.effect
+        where = "stiffness and inertia" if c.response == "all" else c.response
+        return f"{c.analysis}: {what} has p < {alpha:g} for {where} in {share}"
+    first, second = {
+        "positive_larger": ("positive", "negative"),
+        "with_larger": ("with the trajectory", "against it"),
+    }[c.claim]
+    return f"mean {c.response} of pulses {first} larger than {second} in {share}"

@@ -1,0 +1,162 @@
+"""Put a trial together: of walking, or on a bench."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from jointz.core.clock import Clock
+from jointz.core.errors import ProtocolError
+from jointz.core.protocol import ConditionSpec
+from jointz.core.protocol import Protocol as ProtocolSpec
+from jointz.core.protocol_checks import trial_duration_s
+from jointz.devices.interface import Devices
+from jointz.experiment.bench_plan import TimedPulse, bench_course
+from jointz.experiment.bench_trial import BenchProgress, BenchTrial
+from jointz.experiment.journal import Journal
+from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.pulse_runner import PulseRunner
+from jointz.experiment.recorder import Recorder
+from jointz.experiment.safety import SafetyGate
+from jointz.experiment.scheduler import LATE_PCT, Scheduler
+from jointz.experiment.trial import Course, Motor, Trial, TrialProgress
+
+
+class AnyTrial(Protocol):
+    """What a session runs."""
+
+    @property
+    def tick(self) -> Callable[[int, int, int], bool]:
+        """Called in every slot; False when the trial is over."""
+        ...
+
+    def request_stop(self) -> None:
+        """End the trial soon; torque is faded out first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetup:
+    """What every trial is made of.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Of the experiment.
+    condition : ConditionSpec
+        Of the trial.
+    name, segment : str, int
+        Of the trial, and which stretch of it.
+    devices : Devices
+        Not yet active.
+    gate : SafetyGate or None
+        None without an actuator.
+    recorder : Recorder
+        The log.
+    clock : Clock
+        The host's.
+    """
+
+    protocol: ProtocolSpec
+    condition: ConditionSpec
+    name: str
+    segment: int
+    devices: Devices
+    gate: SafetyGate | None
+    recorder: Recorder
+    clock: Clock
+
+    @property
+    def period_ns(self) -> int:
+        """Period of the loop, ns."""
+        return round(1e9 / self.protocol.rates.control_hz)
+
+
+def walking_trial(
+    setup: TrialSetup,
+    left: Sequence[PlannedPulse],
+    *,
+    journal: Journal,
+    progress: TrialProgress,
+) -> Trial:
+    """Return a stretch of a walking condition.
+
+    Parameters
+    ----------
+    setup : TrialSetup
+        Devices and log.
+    left : sequence of PlannedPulse
+        Pulses still to be done.
+    journal : Journal
+        Told of every pulse.
+    progress : callable
+        Told after every accepted stride.
+    """
+    protocol, condition = setup.protocol, setup.condition
+    if protocol.gait is None:
+        raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
+    pulses = None
+    if condition.perturbations is not None and protocol.pulse is not None:
+        pulses = PulseRunner(
+            setup.name,
+            setup.segment,
+            protocol.pulse,
+            Scheduler(
+                left,
+                warm_up_strides=condition.perturbations.warm_up_strides,
+                late_pct=max(LATE_PCT, setup.period_ns * 1e-7 / protocol.gait.shortest_stride_s),
+            ),
+            journal=journal,
+            period_ns=setup.period_ns,
+        )
+    return Trial(
+        Course(protocol.gait, setup.period_ns, condition.strides or 0),
+        devices=setup.devices,
+        motor=None if setup.gate is None else Motor(setup.devices, setup.gate),
+        pulses=pulses,
+        recorder=setup.recorder,
+        clock=setup.clock,
+        progress=progress,
+    )
+
+
+def bench_trial(
+    setup: TrialSetup,
+    pulses: Sequence[TimedPulse],
+    *,
+    rng: np.random.Generator,
+    progress: BenchProgress,
+) -> BenchTrial:
+    """Return a trial on a bench.
+
+    Parameters
+    ----------
+    setup : TrialSetup
+        Devices and log.
+    pulses : sequence of TimedPulse
+        Of the trial.
+    rng : numpy.random.Generator
+        For references that are noise.
+    progress : callable
+        Told every second.
+    """
+    if setup.gate is None:
+        raise ProtocolError(setup.protocol.name, ["a bench needs an actuator; the rig has none."])
+    course = bench_course(
+        setup.condition,
+        pulses,
+        setup.protocol.pulse,
+        duration_s=trial_duration_s(setup.protocol, setup.condition),
+        rate_hz=setup.protocol.rates.control_hz,
+        rng=rng,
+    )
+    return BenchTrial(
+        course,
+        period_ns=setup.period_ns,
+        devices=setup.devices,
+        gate=setup.gate,
+        recorder=setup.recorder,
+        clock=setup.clock,
+        progress=progress,
+    )

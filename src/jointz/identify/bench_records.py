@@ -1,0 +1,192 @@
+"""Angle and torque of a load on a bench: checked, evenly sampled, and how noisy they are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
+
+#: Fewest samples of a record that a fit can use.
+FEWEST_SAMPLES = 50
+#: A step this many times the usual one is a gap, not jitter.
+_GAP = 3.0
+#: Two trials whose sampling steps differ by more than this share were sampled differently.
+_SAME_RATE = 0.01
+#: Sum of squares of the coefficients of the fourth difference of white noise.
+_FOURTH_DIFFERENCE = 70.0
+_TRUSTED_SHARE = 0.98
+#: Mean of the smallest 98 % of squares over the mean of all, for normal noise.
+_TRUSTED_POWER = 0.8697
+
+
+@dataclass(frozen=True, slots=True)
+class BenchTrial:
+    """One trial of a load: torque applied, angle and torque recorded on one clock.
+
+    Parameters
+    ----------
+    time_s : (n,) float, s
+        True time stamps; jitter is allowed.
+    angle : (n,) float, rad
+        Angle of the load.
+    torque : (n,) float, N*m
+        Measured torque on the load.
+    """
+
+    time_s: np.ndarray
+    angle: np.ndarray
+    torque: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class EvenRecord:
+    """A trial on an even grid.
+
+    Parameters
+    ----------
+    step_s : float
+        Time between samples.
+    time_s : (n,) float, s
+        The grid.
+    angle : (n,) float, rad
+        Angle, as measured.
+    torque : (n,) float, N*m
+        Torque, as measured.
+    """
+
+    step_s: float
+    time_s: np.ndarray
+    angle: np.ndarray
+    torque: np.ndarray
+
+
+def even_records(trials: Sequence[BenchTrial]) -> tuple[EvenRecord, ...]:
+    """Return trials on even grids, by linear interpolation between true time stamps.
+
+    Parameters
+    ----------
+    trials : sequence of BenchTrial
+        Of one load; at least one.
+
+    Raises
+    ------
+    DataError
+        When there are none, lengths differ, values are missing, time does not increase,
+        a gap is found, a record is too short, or trials have different rates.
+    EstimationError
+        ``constant_angle`` or ``constant_torque`` where a record stands still.
+
+    Notes
+    -----
+    The step is the mean step of a trial, so that the grid stays on the samples and
+    interpolation changes their noise little. It is linear, for both records alike: a
+    spline overshoots where stamps lie close together, and its errors would differ
+    between a smooth angle and a noisy torque.
+    """
+    if not trials:
+        raise DataError("bench: expected at least one trial, got none. Give the recorded trials.")
+    checked = [_checked(trial, f"bench trial {i + 1}") for i, trial in enumerate(trials)]
+    records = tuple(_resampled(trial) for trial in checked)
+    for i, record in enumerate(records):
+        if abs(record.step_s - records[0].step_s) > _SAME_RATE * records[0].step_s:
+            raise DataError(
+                f"bench trial {i + 1}: expected {1 / records[0].step_s:.5g} Hz as in the first "
+                f"trial, got {1 / record.step_s:.5g} Hz. Fit trials of one sampling rate at a time."
+            )
+    return records
+
+
+def _checked(trial: BenchTrial, where: str) -> BenchTrial:
+    time, angle, torque = (
+        np.asarray(x, dtype=float) for x in (trial.time_s, trial.angle, trial.torque)
+    )
+    if (
+        not time.ndim == angle.ndim == torque.ndim == 1
+        or not time.size == angle.size == torque.size
+    ):
+        raise DataError(
+            f"{where}: expected time, angle and torque of one length, got shapes {time.shape}, "
+            f"{angle.shape} and {torque.shape}. Give one value a sample."
+        )
+    if time.size < FEWEST_SAMPLES:
+        raise DataError(
+            f"{where}: expected at least {FEWEST_SAMPLES} samples, got {time.size}. Record longer."
+        )
+    for name, values in (("time", time), ("angle", angle), ("torque", torque)):
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise DataError(
+                f"{where}: expected numbers, got {values[bad[0]]} in {name} at sample "
+                f"{bad[0] + 1}. Cut the trial before it, or leave the trial out.",
+                channel=name,
+            )
+    _check_time(time, where)
+    for name, values in (("angle", angle), ("torque", torque)):
+        if np.ptp(values) == 0.0:
+            code = Failure.CONSTANT_ANGLE if name == "angle" else Failure.CONSTANT_TORQUE
+            raise EstimationError(
+                code,
+                f"{where}: the {name} is {values[0]:g} throughout. Look for a dead sensor, a "
+                "locked output or a missing perturbation.",
+            )
+    return BenchTrial(time, angle, torque)
+
+
+def _check_time(time: np.ndarray, where: str) -> None:
+    steps = np.diff(time)
+    backward = np.flatnonzero(steps <= 0)
+    if backward.size:
+        raise DataError(
+            f"{where}: expected time to increase, got {time[backward[0] + 1]:.6g} s after "
+            f"{time[backward[0]]:.6g} s at sample {backward[0] + 2}. Sort or separate the trials.",
+            channel="time",
+        )
+    gap = int(np.argmax(steps))
+    if steps[gap] > _GAP * np.median(steps):
+        raise DataError(
+            f"{where}: expected no gaps, got {steps[gap]:.4g} s without samples after "
+            f"{time[gap]:.6g} s. Split the trial there.",
+            channel="time",
+        )
+
+
+def _resampled(trial: BenchTrial) -> EvenRecord:
+    count = trial.time_s.size
+    step = float((trial.time_s[-1] - trial.time_s[0]) / (count - 1))
+    # A grid in the middle of the jitter: it falls on the samples where the clock is even.
+    start = float(np.median(trial.time_s - step * np.arange(count)))
+    grid = start + step * np.arange(count)
+    grid = grid[(grid >= trial.time_s[0]) & (grid <= trial.time_s[-1])]
+    return EvenRecord(
+        step_s=step,
+        time_s=grid,
+        angle=np.interp(grid, trial.time_s, trial.angle),
+        torque=np.interp(grid, trial.time_s, trial.torque),
+    )
+
+
+def white_noise_sd(values: np.ndarray) -> float:
+    """Return the sd of the white noise on a smooth record, out of its fourth differences.
+
+    Parameters
+    ----------
+    values : (n,) float
+        An evenly sampled record, n >= 10.
+
+    Notes
+    -----
+    The largest 2 % of the squared differences are left out, and made up for: corners of
+    a pulse and spikes are no noise. Slow noise reads low; signals above a sixth of the
+    sampling rate read as noise.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).normal(scale=0.1, size=20_000)
+    >>> round(white_noise_sd(noise + np.sin(np.arange(20_000) / 50.0)), 2)
+    0.1
+    """
+    squares = np.sort(np.diff(values, n=4) ** 2)
+    trusted = squares[: max(1, int(_TRUSTED_SHARE * squares.size))]
+    return float(np.sqrt(trusted.mean() / (_TRUSTED_POWER * _FOURTH_DIFFERENCE)))

@@ -1,0 +1,134 @@
+"""Printed numbers of chapter III: the quasi-direct-drive actuator on the bench."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from jointz.reference import OtherDevice, Printed
+
+_TABLE = "Table 3.1"
+
+
+def _parameters(**values: Printed) -> Mapping[str, Printed]:
+    return MappingProxyType(values)
+
+
+#: Table 3.1 by number of the torque model's equation: 3.1, 3.2, 3.3.
+TORQUE_MODELS: Final[Mapping[str, Mapping[str, Printed]]] = MappingProxyType(
+    {
+        "3.1": _parameters(
+            bias=Printed(-0.58, None, "N*m", _TABLE),
+            gear_ratio=Printed(9.0, None, "", _TABLE),
+            torque_constant=Printed(0.11, None, "N*m/A", _TABLE),
+        ),
+        "3.2": _parameters(
+            bias=Printed(-0.57, None, "N*m", _TABLE),
+            gear_ratio=Printed(9.0, None, "", _TABLE),
+            torque_constant=Printed(0.11, None, "N*m/A", _TABLE),
+            viscous_friction=Printed(37e-4, None, "N*m*s/rad", _TABLE),
+            rotor_inertia=Printed(
+                0.22, None, "kg*m^2", _TABLE, "not physical beside 92e-4 of model 3.3; as printed"
+            ),
+        ),
+        "3.3": _parameters(
+            bias=Printed(-0.58, None, "N*m", _TABLE, "the torque sensor's; 4.1 leaves it out"),
+            gear_ratio=Printed(9.0, None, "", _TABLE),
+            torque_constant=Printed(0.11, None, "N*m/A", _TABLE),
+            coulomb_friction=Printed(0.38, None, "N*m", _TABLE),
+            gear_friction=Printed(0.09, None, "N*m/A", _TABLE),
+            rotor_inertia=Printed(
+                92e-4, None, "kg*m^2", _TABLE, "not fitted: from earlier work [72]; at the output"
+            ),
+        ),
+    }
+)
+#: Table 3.1, RMS torque error of each model.
+TORQUE_RMS: Final[Mapping[str, Printed]] = MappingProxyType(
+    {
+        "3.1": Printed(0.88, None, "N*m", _TABLE),
+        "3.2": Printed(0.44, None, "N*m", _TABLE),
+        "3.3": Printed(0.38, None, "N*m", _TABLE),
+    }
+)
+CHIRP_RMS: Final = Printed(0.33, None, "N*m", "3.3.1", "model 3.3")
+TORQUE_ERROR_LIMIT: Final = Printed(0.5, None, "N*m", "3.4", "torque tracking error less than this")
+
+# --- 3.3.2 and 3.3.3: stiffness of the bench -----------------------------------------------------
+
+STATIC_STIFFNESS_ERROR: Final = Printed(0.81, None, "%", "3.3.2", "'sub one percent'")
+DITHER_STIFFNESS: Final = Printed(
+    146.39,
+    None,
+    "N*m/rad",
+    "3.3.3",
+    "3.2 says two springs of 150 N*m/rad in parallel, which would be 300",
+)
+POSITIVE_PULSE_STIFFNESS: Final = Printed(145.13, 2.45, "N*m/rad", "3.3.3")
+NEGATIVE_PULSE_STIFFNESS: Final = Printed(162.57, 2.96, "N*m/rad", "3.3.3")
+DYNAMIC_STIFFNESS_ERROR: Final = Printed(
+    5.29,
+    None,
+    "%",
+    "3.3.3",
+    "the printed stiffnesses give 5.10 % (signed errors averaged) or 5.96 % (absolute ones)",
+)
+DYNAMIC_STIFFNESS_ERROR_ROUNDED: Final = Printed(5.0, None, "%", "3.3.3", "'approximately'")
+
+# --- 3.3.4: the pilot ----------------------------------------------------------------------------
+
+PILOT_VAF: Final[Mapping[str, Printed]] = MappingProxyType(
+    {
+        "1": Printed(97.83, None, "%", "3.3.4"),
+        "2": Printed(84.84, None, "%", "3.3.4"),
+        "mean": Printed(91.3, None, "%", "3.3.4", "3.4 rounds to about 91 %"),
+    }
+)
+#: Largest and smallest average over the timing points.
+PILOT_RANGES: Final[Mapping[str, tuple[Printed, Printed]]] = MappingProxyType(
+    {
+        "stiffness_per_mass": (
+            Printed(2.99, None, "N*m/rad/kg", "3.3.4"),
+            Printed(0.11, None, "N*m/rad/kg", "3.3.4"),
+        ),
+        "damping_per_mass": (
+            Printed(0.06, None, "N*m*s/rad/kg", "3.3.4"),
+            Printed(0.04, None, "N*m*s/rad/kg", "3.3.4"),
+        ),
+        "inertia": (
+            Printed(0.05, None, "kg*m^2", "3.3.4"),
+            Printed(0.01, None, "kg*m^2", "3.3.4"),
+        ),
+    }
+)
+
+# --- 3.4: other devices --------------------------------------------------------------------------
+
+OTHER_DEVICES: Final = (
+    OtherDevice(
+        "torque error", 0.0, 1.0, "N*m", (77,), "3.4", "MIT Anklebot, 'sub one Nm'; ours 0.33"
+    ),
+    OtherDevice(
+        "stiffness error",
+        1.68,
+        15.0,
+        "%",
+        (34, 78, 30),
+        "3.4",
+        "perturbations in the sagittal plane; static or quasi-static tests",
+    ),
+    OtherDevice(
+        "stiffness error",
+        0.15,
+        0.15,
+        "%",
+        (78,),
+        "3.4",
+        "the lowest found: Ficanha, frontal plane; static or quasi-static tests",
+    ),
+)
+#: 3.4 explains the larger damping of the pilot by these two: window and VAF of others.
+OTHER_WINDOW: Final = Printed(275.0, None, "ms", "3.4", "ours 100 ms")
+OTHER_VAF: Final = Printed(72.0, None, "%", "3.4", "about; ours about 91 %")
+SECOND_ORDER_VAF: Final = Printed(
+    97.0, None, "%", "3.4.1", "more than this in earlier work [67]: second order, time invariant"
+)

@@ -1,0 +1,127 @@
+"""From the raw logs of a session on a bench to the recordings of a study."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.protocol import ConditionSpec, Protocol
+from jointz.core.recording import build_recording
+from jointz.core.session_log import Flag
+from jointz.experiment.journal import Event, segments_begun
+from jointz.experiment.session import log_path
+from jointz.io.session_log import SessionLog, read_log
+from jointz.workflows.session_recordings import PAUSE_S, command_at_samples
+from jointz.workflows.stream_alignment import clock_notes, fresh, onto
+
+_CLOCKS = {
+    "actuator": "actuator_time_ns",
+    "angle": "angle_sensor_time_ns",
+    "torque": "torque_sensor_time_ns",
+    "positioner": "positioner_time_ns",
+}
+_MASTER = _CLOCKS["actuator"]
+#: Channel of the recording -> field of the log.
+_ACTUATOR_FIELDS = {
+    "motor_angle": "motor_angle",
+    "motor_velocity": "motor_velocity",
+    "current": "current",
+    "reference": "reference_torque",
+}
+#: Units of channels that no schema knows, or that may have several.
+_UNITS = {"reference": "N*m", "position": "rad", "reference_position": "rad", "trial": "1"}
+
+
+def bench_record(
+    folder: Path,
+    condition: ConditionSpec,
+    *,
+    events: Sequence[Event],
+    file: str,
+    participant: str,
+    protocol: Protocol,
+) -> tuple[xr.Dataset, tuple[SessionLog, ...]]:
+    """Put the trials of a condition together, one after the other.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    condition : ConditionSpec
+        Which.
+    events : sequence of Event
+        The session's journal; every trial is completed.
+    file : str
+        Name of the recording's file in the study.
+    participant : str
+        The load.
+    protocol : Protocol
+        For joint and positive direction.
+
+    Returns
+    -------
+    recording : xarray.Dataset
+        From where the reference began to where it ended, with a channel ``trial``
+        (1, 2, ...) where the protocol has several of any condition.
+    logs : tuple of SessionLog
+        Of the trials that were completed.
+    """
+    paths = [
+        log_path(folder, name, segments_begun(events, name) - 1) for name in condition.trial_names
+    ]
+    logs = tuple(read_log(path) for path in paths)
+    repeated = any(one.trials > 1 for one in protocol.conditions)
+    pieces, end_s = [], -PAUSE_S
+    for number, log in enumerate(logs, start=1):
+        time, channels = _trial(log)
+        time = time + (end_s + PAUSE_S - time[0])
+        if repeated:
+            channels["trial"] = np.full(time.size, float(number))
+        pieces.append((time, channels))
+        end_s = float(time[-1])
+    recording = build_recording(
+        np.concatenate([time for time, _ in pieces]),
+        {name: np.concatenate([c[name] for _, c in pieces]) for name in pieces[0][1]},
+        units={name: unit for name, unit in _UNITS.items() if name in pieces[0][1]},
+        condition=condition.condition,
+        file=file,
+        contact_kind="",
+        history=(
+            {
+                "step": "converted from the session's logs",
+                "logs": [path.name for path in paths],
+                "sha256": [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths],
+                "clocks": [clock_notes(log.records, _CLOCKS) for log in logs],
+            },
+        ),
+        participant=participant,
+        joint=protocol.joint,
+        positive=protocol.positive,
+    )
+    return recording, logs
+
+
+def _trial(log: SessionLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return time and channels of a trial, while its reference was followed."""
+    records, devices = log.records, log.header["devices"]
+    new = fresh(records, _MASTER)
+    rows = records[new]
+    channels = {name: rows[field].astype(float) for name, field in _ACTUATOR_FIELDS.items()}
+    channels["command"] = command_at_samples(records, new)
+    channels["angle"] = channels["motor_angle"]
+    if devices["angle"] is not None:
+        channels["angle"] = onto(records, "angle", clock="angle_sensor_time_ns", master=_MASTER)
+    if devices["torque"] is not None:
+        name = devices["torque"]["channel"]
+        channels[name] = onto(
+            records, "measured_torque", clock="torque_sensor_time_ns", master=_MASTER
+        )
+    if devices["positioner"] is not None:
+        name = devices["positioner"]["channel"]
+        channels[name] = onto(records, "position", clock="positioner_time_ns", master=_MASTER)
+        channels["reference_position"] = rows["reference_position"].astype(float)
+    counts = (rows["flags"] & Flag.LEAD) == 0
+    time_s = rows[_MASTER] * 1e-9
+    return time_s[counts], {name: values[counts] for name, values in channels.items()}

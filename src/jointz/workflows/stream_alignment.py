@@ -1,0 +1,182 @@
+"""Bring the streams of a log, each by the clock of its device, to the times of one of them.
+
+Clocks of devices tell other times than the host's and run at other rates: 50 parts in
+a million are 85 ms in half an hour. When a sample was taken by the host's clock is
+told by those that came fastest: nothing arrives before it was measured.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.session_log import NO_SAMPLE
+
+#: A stream is not filled over a hole of more than this many of its own sample periods.
+_HOLE_PERIODS = 1.5
+#: The fastest sample of every block of so long tells the way; a line goes through three or more.
+_BLOCK_NS = 10_000_000_000
+_FEWEST_BLOCKS = 3
+_NEVER = np.iinfo(np.int64).min
+
+
+@dataclass(frozen=True, slots=True)
+class ClockFit:
+    """A device's clock against the host's.
+
+    Parameters
+    ----------
+    start_ns : int, ns
+        Device time of the first sample.
+    way_ns : int, ns
+        Host time less device time there.
+    drift : float
+        How much faster the host's clock runs, share; 0 for a short record.
+    residual_ms : float, ms
+        Farthest of the blocks' fastest samples from the line.
+    """
+
+    start_ns: int
+    way_ns: int
+    drift: float
+    residual_ms: float
+
+    def place(self, device_ns: np.ndarray, master: "ClockFit") -> np.ndarray:
+        """Return device times by another device's clock, since its start, ns.
+
+        Parameters
+        ----------
+        device_ns : (n,) int, ns
+            By this device's clock.
+        master : ClockFit
+            Of the other device.
+        """
+        # Whole numbers, as long as they are large: a float holds 2**53 ns, a hundred days.
+        later = (self.start_ns + self.way_ns) - (master.start_ns + master.way_ns)
+        since = (device_ns - self.start_ns).astype(float)
+        return np.asarray((later + since * (1.0 + self.drift)) / (1.0 + master.drift))
+
+
+def fresh(records: np.ndarray, clock: str) -> np.ndarray:
+    """Tell which records hold a sample of a device that is newer than all before it.
+
+    A clock that stands still or jumps back measures nothing that could be placed.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    clock : str
+        Field of the device's times (ns).
+
+    Returns
+    -------
+    (n,) bool
+        One value a record.
+    """
+    times = records[clock]
+    sampled = times != NO_SAMPLE
+    newest = np.maximum.accumulate(np.where(sampled, times, _NEVER))
+    before = np.concatenate([[_NEVER], newest[:-1]])
+    return np.asarray(sampled & (times > before))
+
+
+def fit_clock(records: np.ndarray, clock: str) -> ClockFit:
+    """Fit a device's clock to the host's.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log; with samples of the device.
+    clock : str
+        Field of the device's times (ns).
+    """
+    rows = records[fresh(records, clock)]
+    times = rows[clock]
+    way = (rows["host_time_ns"] - times).astype(np.int64)
+    first = int(times[0])
+    block = (times - first) // _BLOCK_NS
+    edges = np.flatnonzero(np.diff(block, prepend=-1))
+    fastest = np.array([a + int(np.argmin(way[a:b])) for a, b in _blocks(edges, way.size)])
+    least = int(way.min())
+    if fastest.size < _FEWEST_BLOCKS:
+        return ClockFit(first, least, 0.0, 0.0)
+    since = (times[fastest] - first).astype(float)
+    later = (way[fastest] - least).astype(float)
+    drift, at_start = np.polyfit(since, later, 1) if np.ptp(later) else (0.0, 0.0)
+    residual = later - (at_start + drift * since)
+    return ClockFit(
+        first, least + round(at_start), float(drift), float(np.abs(residual).max()) * 1e-6
+    )
+
+
+def _blocks(edges: np.ndarray, n: int) -> list[tuple[int, int]]:
+    return list(zip(edges.tolist(), [*edges[1:].tolist(), n], strict=True))
+
+
+def onto(
+    records: np.ndarray, field: str, *, clock: str, master: str, interpolated: bool = True
+) -> np.ndarray:
+    """Return what a device measured at the times of the master's samples.
+
+    Devices sampled in step share their times and are taken as they are. Others
+    are placed by the host's clock (:func:`fit_clock`) and interpolated.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    field : str
+        Which measurement.
+    clock, master : str
+        Fields of the times (ns) of its device, and of the master.
+    interpolated : bool
+        By straight lines; else the last value holds, as a contact does.
+
+    Returns
+    -------
+    (m,) float
+        One value a fresh sample of the master; NaN over holes and outside.
+    """
+    time_ns = records[master][fresh(records, master)]
+    rows = records[fresh(records, clock)]
+    values = rows[field].astype(float)
+    if rows.size == time_ns.size and (rows[clock] == time_ns).all():
+        return np.asarray(values)
+    if rows.size < 2 or time_ns.size == 0:
+        return np.full(time_ns.size, np.nan)
+    masters, own = fit_clock(records, master), fit_clock(records, clock)
+    place = (time_ns - masters.start_ns).astype(float)
+    own_place = own.place(rows[clock], masters)
+    after = np.searchsorted(own_place, place, side="right").clip(1, own_place.size - 1)
+    hole = np.diff(own_place) > _HOLE_PERIODS * np.median(np.diff(own_place))
+    inside = (place > own_place[after - 1]) & (place < own_place[after])
+    outside = (place < own_place[0]) | (place > own_place[-1])
+    if interpolated:
+        placed = np.interp(place, own_place, values)
+    else:
+        placed = values[after - (place < own_place[after])]
+    return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
+
+
+def clock_notes(records: np.ndarray, clocks: dict[str, str]) -> dict[str, dict[str, float]]:
+    """Return, for the history of a recording, how each device's clock ran.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    clocks : dict of str to str
+        Device -> field of its times.
+    """
+    notes = {}
+    for device, clock in clocks.items():
+        new = fresh(records, clock)
+        if not new.any():
+            continue
+        fit = fit_clock(records, clock)
+        notes[device] = {
+            "drift_ppm": round(fit.drift * 1e6, 3),
+            "residual_ms": round(fit.residual_ms, 3),
+            "repeated_samples": int((records[clock] != NO_SAMPLE).sum() - new.sum()),
+        }
+    return notes

@@ -1,0 +1,106 @@
+"""Settings of the series-elastic bench."""
+
+from dataclasses import asdict, fields
+from math import pi
+
+import numpy as np
+import pytest
+
+from jointz.core.errors import DataError
+from jointz.sim.bench_load import BenchLoad
+from jointz.sim.sea import SEA_PRESETS, SeaErrors, SeaMachine, sea_preset
+from jointz.sim.sea_pack import SeaParam, pack_sea
+
+BENDS = {"friction_velocity_rad_s"}  # shapes of a mechanism, not mechanisms
+
+
+def test_clean_bench_has_no_error_at_all():
+    assert sea_preset("clean").errors == SeaErrors()
+    off = {"clock_stretch": 1.0, "true_stamps": True}
+    for name, value in asdict(SeaErrors()).items():
+        assert name in BENDS or value == off.get(name, 0.0)
+
+
+def test_hard_bench_is_nowhere_better_than_the_nominal_one():
+    def badness(name):
+        errors = asdict(sea_preset(name).errors)
+        errors["clock_stretch"] -= 1.0
+        errors["true_stamps"] = not errors["true_stamps"]
+        # A lower corner is worse.
+        hz = errors.pop("torque_filter_hz")
+        errors["torque_filter_s"] = 1.0 / hz if hz else 0.0
+        return {key: abs(value) for key, value in errors.items()}
+
+    clean, nominal, hard = (badness(name) for name in ("clean", "nominal", "hard"))
+    assert all(clean[key] <= nominal[key] <= hard[key] for key in clean)
+    assert nominal != clean
+    assert hard != nominal
+
+
+def test_presets_share_machine_and_loop():
+    for settings in SEA_PRESETS.values():
+        assert settings.machine == sea_preset("clean").machine
+        assert settings.control == sea_preset("clean").control
+
+
+def test_printed_constants_of_the_machine_are_the_defaults():
+    machine = SeaMachine()
+    printed = (machine.beam_stiffness, machine.belt_ratio, machine.screw_lead_m)
+    assert printed == (274e3, 2.0, 0.0025)
+    assert (machine.stiffness, machine.damping, machine.inertia) == (0.388, 0.163, 0.001)
+    assert machine.nut_travel_m == pytest.approx(0.0025 / (4.0 * pi))
+
+
+def test_drive_can_hold_the_largest_torque_of_the_protocols():
+    machine = SeaMachine()
+    turns = machine.lever_m / machine.nut_travel_m
+    held = machine.current_max_a * machine.torque_constant
+    assert turns * (held - machine.drive_friction_nm) > 1.5 * (40.0 + 5.5 + 7.0)
+
+
+def test_unknown_preset_names_those_there_are():
+    with pytest.raises(DataError, match="one of clean, nominal, hard; got 'easy'"):
+        sea_preset("easy")
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("torque_lag_s", -1e-3), ("torque_lag_s", 0.05), ("clock_stretch", 0.0)],
+)
+def test_impossible_error_is_refused(setting, value):
+    with pytest.raises(DataError, match=f"expected {setting} in"):
+        SeaErrors(**{setting: value})
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, 50.0, 1e5, np.nan])
+def test_impossible_rate_is_refused(rate_hz):
+    with pytest.raises(DataError, match="expected sample_rate_hz in"):
+        pack_sea(sea_preset("clean"), BenchLoad("free"), sample_rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 900.0, 1000.0, 20000.0])
+def test_physics_runs_at_6_khz_or_more(rate_hz):
+    p = pack_sea(sea_preset("clean"), BenchLoad("free"), sample_rate_hz=rate_hz)
+    assert p[SeaParam.SUBSTEPS] / p[SeaParam.PERIOD_S] >= 6000.0
+    assert float(p[SeaParam.SUBSTEPS]).is_integer()
+
+
+def test_load_adds_to_the_intrinsic_impedance():
+    load = BenchLoad("damper", stiffness=168.0, damping=0.5, inertia=0.0364)
+    p = pack_sea(sea_preset("nominal"), load, sample_rate_hz=900.0)
+    assert p[SeaParam.STIFFNESS] == pytest.approx(168.388)
+    assert p[SeaParam.DAMPING] == pytest.approx(0.663)
+    assert 1.0 / p[SeaParam.MOBILITY] == pytest.approx(0.0374)
+    assert p[SeaParam.FRICTION] == 0.03
+
+
+def test_a_mechanism_changes_few_constants():
+    clean = sea_preset("clean")
+    load = BenchLoad("1", stiffness=168.0, inertia=0.0364)
+    hard = {f.name: getattr(sea_preset("hard").errors, f.name) for f in fields(SeaErrors)}
+    base = pack_sea(clean, load, sample_rate_hz=900.0)
+    for name, value in hard.items():
+        alone = type(clean)("alone", errors=SeaErrors(**{name: value}))
+        changed = np.count_nonzero(pack_sea(alone, load, sample_rate_hz=900.0) != base)
+        # The gain of one bench is drawn apart; the shape of friction is the same everywhere.
+        assert changed == (0 if name in BENDS | {"torque_gain_sd"} else 1), name
