@@ -8,6 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jointz.identify.actuator import identify_actuator
+    from jointz.identify.bandwidth import identify_bandwidth
     from jointz.identify.joint import identify_joint
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
@@ -17,12 +19,22 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "analyze": "jointz.workflows.analysis",
+    "identify_actuator": "jointz.identify.actuator",
+    "identify_bandwidth": "jointz.identify.bandwidth",
     "identify_joint": "jointz.identify.joint",
     "open_study": "jointz.io.study",
     "run": "jointz.workflows.run",
 }
 
-__all__ = ["__version__", "analyze", "identify_joint", "open_study", "run"]
+__all__ = [
+    "__version__",
+    "analyze",
+    "identify_actuator",
+    "identify_bandwidth",
+    "identify_joint",
+    "open_study",
+    "run",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,7 +18,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from scipy.signal import butter, sosfiltfilt
 
+import jointz
 import jointz.core
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.bench_fits import FullRecordFit, PulseFit
@@ -26,6 +28,7 @@ from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
+from jointz.core.reproduction import Compared, ComparedTable, Reproduction
 from jointz.core.run_report import RunReport
 
 # --- examples ------------------------------------------------------------------------------------
@@ -163,6 +166,50 @@ def pulse_effects() -> PulseEffects:
     return PulseEffects((test,), (mean,), notes=("type and direction are confounded",))
 
 
+def responding() -> dict[str, np.ndarray]:
+    """Return a joint moved by noise: torque, angle, and a motor that made the torque."""
+    rng = np.random.default_rng(1)
+    sos = butter(2, 20.0, fs=500.0, output="sos")
+    angle = 0.02 * sosfiltfilt(sos, rng.standard_normal(5000))
+    velocity = np.gradient(angle, 0.002)
+    torque = 50.0 * angle + 1.0 * velocity + 0.02 * np.gradient(velocity, 0.002)
+    noisy = torque + 0.01 * rng.standard_normal(5000)
+    current = (noisy + 0.3 * np.sign(velocity)) / 0.99
+    return {"angle": angle, "torque": noisy, "velocity": velocity, "current": current}
+
+
+def bandwidth_fit() -> Any:
+    command = np.random.default_rng(2).standard_normal(20_000)
+    slow = sosfiltfilt(butter(1, 20.0, fs=500.0, output="sos"), command)
+    return jointz.identify_bandwidth(command=command, torque=slow, rate_hz=500.0)
+
+
+def joint_model(model: Any) -> Any:
+    made = responding()
+    return jointz.identify_joint(
+        angle=made["angle"], torque=made["torque"], rate_hz=500.0, input="angle", model=model
+    )
+
+
+def actuator_fit() -> Any:
+    made = responding()
+    return jointz.identify_actuator(
+        current=made["current"],
+        velocity=made["velocity"],
+        torque=made["torque"],
+        gear_ratio=9.0,
+        model="friction",
+    )
+
+
+def reproduction() -> Reproduction:
+    rows = (
+        Compared("error", "%", -2.15, -6.7, -2.7, None, 3.49, 1.9, -3.0, -2.4, "of 20"),
+        Compared("nothing printed", recommended=1.0),
+    )
+    return Reproduction(2, "The bench", (ComparedTable("errors", "Errors", "Why.", rows),))
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
     "walking": walking_analysis,
     "bench": bench_analysis,
@@ -174,6 +221,11 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "pulse": pulse_fit,
     "pulses": pulse_effects,
     "no pulses": lambda: PulseEffects((), ()),
+    "bandwidth": bandwidth_fit,
+    "frequency response": lambda: joint_model("frf"),
+    "impulse response": lambda: joint_model("irf"),
+    "actuator": actuator_fit,
+    "chapter": reproduction,
 }
 
 

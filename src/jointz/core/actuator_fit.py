@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,8 @@ SCHEMA = "jointz.ActuatorFit/1"
 _EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
 _REGIME_COLOURS = ("#2c5c8f", "#5b9bc4", "#a9c9dd", "#f0b88a", "#d9763f", "#9c3a1c")
 _INK = "0.25"
+_DOTS: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 3.0}
+_UPPER_PART, _LOWER_PART = (0.0, 0.36, 1.0, 0.64), (0.0, 0.0, 1.0, 0.3)
 #: Shares of the record that end the speed regimes of the figure.
 _REGIME_SHARES = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)
 
@@ -187,13 +190,21 @@ class ActuatorFit:
         axes = ax if ax is not None else plt.subplots(figsize=(8.0, 5.0), layout="constrained")[1]
         axes.axis("off")
         axes.set_ylabel("torque")
-        upper, lower = axes.inset_axes((0.0, 0.36, 1.0, 0.64)), axes.inset_axes((0.0, 0.0, 1.0, 0.3))
+        upper, lower = (
+            axes.inset_axes((0.0, 0.36, 1.0, 0.64)),
+            axes.inset_axes((0.0, 0.0, 1.0, 0.3)),
+        )
         series = self.series
         position, measured = np.array(series.position), np.array(series.measured)
         modelled = np.array(series.modelled)
         upper.plot(position, measured, color=_INK, linewidth=0.9, label="measured", zorder=1)
         for name, colour, inside in _regimes(np.array(series.velocity), position.size):
-            dots = {"linestyle": "", "marker": ".", "markersize": 3.0, "color": colour}
+            dots: dict[str, Any] = {
+                "linestyle": "",
+                "marker": ".",
+                "markersize": 3.0,
+                "color": colour,
+            }
             upper.plot(position[inside], modelled[inside], label=name, **dots)
             lower.plot(position[inside], (measured - modelled)[inside], **dots)
         lower.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
@@ -215,8 +226,8 @@ class ActuatorFit:
         constant = self.parameter("torque_constant")
         value = constant.status if constant.value is None else f"{constant.value:.3g} N*m/A"
         return (
-            f"model {self.model} ({_EQUATIONS[self.model]}): RMS error {self.rms_error_nm:.2g} N*m, "
-            f"torque constant {value}"
+            f"model {self.model} ({_EQUATIONS[self.model]}): "
+            f"RMS error {self.rms_error_nm:.2g} N*m, torque constant {value}"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -269,12 +280,12 @@ def _regimes(velocity: np.ndarray, n: int) -> list[tuple[str, str, np.ndarray]]:
     """Return name, colour and samples of each regime of speed, equally many in each."""
     if not velocity.size:
         return [("model", _REGIME_COLOURS[0], np.ones(n, dtype=bool))]
-    edges = np.unique(np.quantile(velocity, _REGIME_SHARES).round(1))
+    edges = np.unique(np.quantile(velocity, _REGIME_SHARES).round(1) + 0.0)
     regime = np.searchsorted(edges, velocity)
     bounds = [f"{edge:g}" for edge in edges]
     names = [
         f"below {bounds[0]}",
-        *(f"{a} to {b}" for a, b in zip(bounds, bounds[1:], strict=False)),
+        *(f"{a} to {b}" for a, b in pairwise(bounds)),
         f"above {bounds[-1]}",
     ]
     step = (len(_REGIME_COLOURS) - 1) / (len(names) - 1)

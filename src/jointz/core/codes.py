@@ -45,6 +45,11 @@ class Failure(StrEnum):
     CONSTANT_ANGLE = "constant_angle"
     CONSTANT_TORQUE = "constant_torque"
     ILL_CONDITIONED = "ill_conditioned"
+    CONSTANT_CURRENT = "constant_current"
+    CONSTANT_COMMAND = "constant_command"
+    NOT_COHERENT = "not_coherent"
+    BELOW_RESOLUTION = "below_resolution"
+    ABOVE_BAND = "above_band"
     MASS_MISSING = "mass_missing"
     TOO_FEW_PARTICIPANTS = "too_few_participants"
 
@@ -88,6 +93,11 @@ _FAILURE_MEANING = {
     Failure.CONSTANT_ANGLE: "the angle does not move in response to the pulses",
     Failure.CONSTANT_TORQUE: "the torque does not change during the pulses",
     Failure.ILL_CONDITIONED: "the responses cannot tell stiffness, damping and inertia apart",
+    Failure.CONSTANT_CURRENT: "the motor current does not change: it cannot tell the constant",
+    Failure.CONSTANT_COMMAND: "the commanded torque does not change",
+    Failure.NOT_COHERENT: "command and torque have nothing in common where it matters",
+    Failure.BELOW_RESOLUTION: "the bandwidth lies below what the record can resolve",
+    Failure.ABOVE_BAND: "the gain has not fallen where the command still excites",
     Failure.MASS_MISSING: "values per kg need the participant's mass_kg in study.toml",
     Failure.TOO_FEW_PARTICIPANTS: "an interval over people needs at least two of them",
 }

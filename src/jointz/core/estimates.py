@@ -129,6 +129,8 @@ class CellEstimate:
         Largest angle response inside the window.
     response : Response or None
         The average response, for figures.
+    nuisance : tuple of ParameterEstimate
+        What had to be estimated beside the impedance: friction, lag of a record.
     """
 
     participant: str
@@ -143,6 +145,7 @@ class CellEstimate:
     condition_number: float | None = None
     displacement_rad: float | None = None
     response: Response | None = None
+    nuisance: tuple[ParameterEstimate, ...] = ()
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -179,9 +182,10 @@ class CellEstimate:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         data = {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = [
-            {name: getattr(p, name) for name in p.__slots__} for p in self.parameters
-        ]
+        for key in ("parameters", "nuisance"):
+            data[key] = [
+                {name: getattr(p, name) for name in p.__slots__} for p in getattr(self, key)
+            ]
         data["response"] = self.response.to_dict() if self.response else None
         return data
 
@@ -195,7 +199,8 @@ class CellEstimate:
             What :meth:`to_dict` returned.
         """
         values = dict(data)
-        values["parameters"] = tuple(ParameterEstimate(**p) for p in values["parameters"])
+        for key in ("parameters", "nuisance"):
+            values[key] = tuple(ParameterEstimate(**p) for p in values.get(key, ()))
         response = values.get("response")
         values["response"] = Response.from_dict(response) if response else None
         return cls(**values)

@@ -1,9 +1,9 @@
 """What the devices of a bench measured, tick by tick."""
 
-from collections.abc import Callable
-
 from jointz.devices.interface import ActuatorSample, Devices, SensorSample
 from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE
+
+_NEVER_LATE_NS = 2**63
 
 
 class BenchStreams:
@@ -25,7 +25,9 @@ class BenchStreams:
     __slots__ = (
         "_last_ns",
         "_read_actuator",
-        "_sensors",
+        "_read_angle",
+        "_read_position",
+        "_read_torque",
         "actuator",
         "angle",
         "newest_actuator",
@@ -38,15 +40,12 @@ class BenchStreams:
         if devices.actuator is None:
             raise ValueError("expected devices with an actuator.")
         self._read_actuator = devices.actuator.read
-        named = {
-            "angle": devices.angle,
-            "torque": devices.torque,
-            "position": devices.positioner,
-        }
-        self._sensors: list[tuple[str, Callable[[], list[SensorSample]]]] = [
-            (name, device.read) for name, device in named.items() if device is not None
-        ]
-        self._last_ns = dict.fromkeys(["actuator", *(name for name, _ in self._sensors)], -1)
+        self._read_angle = devices.angle.read if devices.angle else None
+        self._read_torque = devices.torque.read if devices.torque else None
+        self._read_position = devices.positioner.read if devices.positioner else None
+        optional = (self._read_angle, self._read_torque, self._read_position)
+        #: When each last gave a sample; one that is not there is never late.
+        self._last_ns = [-1, *(-1 if read else _NEVER_LATE_NS for read in optional)]
         self.actuator: list[ActuatorSample] = []
         self.angle: list[SensorSample] = []
         self.torque: list[SensorSample] = []
@@ -68,18 +67,24 @@ class BenchStreams:
             When a device is gone.
         """
         last = self._last_ns
-        samples = self.actuator = self._read_actuator()
-        if samples:
-            self.newest_actuator = samples[-1]
-            last["actuator"] = slot_ns
-        for name, read in self._sensors:
-            values = read()
-            setattr(self, name, values)
-            if values:
-                last[name] = slot_ns
-        if self.angle:
-            self.newest_angle = self.angle[-1]
-        oldest_ns = min(last.values())
+        actuator = self.actuator = self._read_actuator()
+        if actuator:
+            self.newest_actuator = actuator[-1]
+            last[0] = slot_ns
+        if self._read_angle is not None:
+            angle = self.angle = self._read_angle()
+            if angle:
+                self.newest_angle = angle[-1]
+                last[1] = slot_ns
+        if self._read_torque is not None:
+            self.torque = self._read_torque()
+            if self.torque:
+                last[2] = slot_ns
+        if self._read_position is not None:
+            self.position = self._read_position()
+            if self.position:
+                last[3] = slot_ns
+        oldest_ns = min(last)
         if oldest_ns == slot_ns:
             return 0.0
         return (slot_ns - oldest_ns) * 1e-9 if oldest_ns >= 0 else float("inf")

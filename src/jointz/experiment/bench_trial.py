@@ -136,28 +136,22 @@ class BenchTrial:
         self, slot: int, place: int, host_ns: int, *, requested: float, overran: bool
     ) -> None:
         streams, course = self._streams, self._course
-        counts = (
-            len(streams.actuator),
-            len(streams.angle),
-            len(streams.torque),
-            len(streams.position),
-        )
         flags = self._gate.flags | (_OVERRUN if overran else 0)
         if not course.first <= slot < course.stop:
             flags |= _LEAD
-        parts = max(1, *counts)
-        self._recorder.write(
-            *[
-                self._part(part, slot, place, host_ns, requested=requested, flags=flags)
-                for part in range(parts)
-            ]
+        parts = max(
+            len(streams.actuator), len(streams.angle), len(streams.torque), len(streams.position)
         )
+        tick = (slot, place, host_ns, requested, flags)
+        if parts < 2:
+            self._recorder.write(self._part(0, tick))
+        else:
+            self._recorder.write(*[self._part(part, tick) for part in range(parts)])
 
-    def _part(
-        self, part: int, slot: int, place: int, host_ns: int, *, requested: float, flags: int
-    ) -> tuple[float, ...]:
+    def _part(self, part: int, tick: tuple[int, int, int, float, int]) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""
         streams, course = self._streams, self._course
+        slot, place, host_ns, requested, flags = tick
         actuator, angle, torque = streams.actuator, streams.angle, streams.torque
         position = streams.position
         a = actuator[part] if part < len(actuator) else NO_ACTUATOR_SAMPLE

@@ -1,4 +1,4 @@
-"""The samples of an actuator on its bench: checked, plausible, with an acceleration if there is one."""
+"""The samples of an actuator on its bench: checked, plausible, with an acceleration."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -143,6 +143,7 @@ class FullRecordEstimator:
             method=METHOD,
             baseline="none",
             condition_number=fit.condition_number if fit else None,
+            nuisance=tuple(p for p in fit.parameters if p.name not in PARAMETERS) if fit else (),
         )
 
     def _why_not(self, index: int, candidates: Sequence[Candidate]) -> str:

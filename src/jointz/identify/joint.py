@@ -1,7 +1,6 @@
 """One time series of any joint to stiffness, damping and inertia."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,9 +13,13 @@ from jointz.core import provenance
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import ParameterEstimate
+from jointz.core.frequency_response_fit import FrequencyResponseFit
+from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import FitSeries, JointFit
-from jointz.gait import timestamps
+from jointz.identify.frequency_response import identify_frequency_response
+from jointz.identify.impulse_response import identify_impulse_response
 from jointz.identify.joint_estimators import ESTIMATORS, JointSignals, Solution
+from jointz.identify.joint_record import JointRecord, check_choice, gather_record
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     FEWEST_BLOCKS,
@@ -27,7 +30,7 @@ from jointz.kernels.block_sandwich import (
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 
-Model = Literal["kbj"]
+Model = Literal["kbj", "irf", "frf"]
 Input = Literal["torque", "angle"]
 TorqueSide = Literal["joint", "device"]
 EstimatorName = Literal[
@@ -37,7 +40,12 @@ EstimatorName = Literal[
 _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Estimators that keep K, B, J >= 0: their intervals do too.
 _BOUNDED = ("bounded_least_squares", "admittance")
+_RESPONSES: dict[str, Callable[..., ImpulseResponseFit | FrequencyResponseFit]] = {
+    "irf": identify_impulse_response,
+    "frf": identify_frequency_response,
+}
 _FILTER_ORDER = 4
+_CUTOFF_HZ = 30.0
 #: Periods of the cutoff dropped at each end, and least kept between. The filter's slowest
 #: transient falls to 9 % in one period, to 0.07 % in three.
 _EDGE_PERIODS = 3.0
@@ -45,16 +53,6 @@ _SHORTEST_PERIODS = 10.0
 _LARGE_ANGLE_RAD = 0.2
 _SERIES_S = 5.0
 _SERIES_POINTS = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class _Record:
-    """Samples as given: (n,) float, SI, torque on the joint."""
-
-    channels: dict[str, np.ndarray]
-    rate_hz: float
-    time: np.ndarray
-    sha256: str = ""
 
 
 def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords after the first
@@ -68,10 +66,10 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     model: Model = "kbj",
     estimator: EstimatorName | None = None,
     input: Input = "torque",
-    cutoff_hz: float = 30.0,
+    cutoff_hz: float | None = None,
     torque_acts_on: TorqueSide = "joint",
     ci_level: float = 0.95,
-) -> JointFit:
+) -> JointFit | ImpulseResponseFit | FrequencyResponseFit:
     """Estimate stiffness, damping and inertia of a joint from one record.
 
     The model is torque = K*angle + B*velocity + J*acceleration + offset (1.5,
@@ -95,7 +93,10 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     rate_hz : float, optional
         Sampling rate, where there are no time stamps.
     model : str
-        ``kbj``.
+        ``kbj``; ``irf`` and ``frf`` call
+        :func:`jointz.identify.impulse_response.identify_impulse_response` and
+        :func:`jointz.identify.frequency_response.identify_frequency_response`,
+        and take no estimator.
     estimator : str, optional
         ``least_squares`` (default where the angle was perturbed),
         ``admittance`` (default where the torque was),
@@ -103,8 +104,9 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         :mod:`jointz.identify.joint_estimators`.
     input : str
         What was perturbed: ``torque`` or ``angle``.
-    cutoff_hz : float
-        Cutoff of the low-pass.
+    cutoff_hz : float, optional
+        Cutoff of the low-pass, 30 Hz by default; ``irf`` and ``frf`` choose the
+        end of their band from the record.
     torque_acts_on : str
         ``joint``, or ``device``: the sign of the torque is turned.
     ci_level : float
@@ -112,7 +114,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
 
     Returns
     -------
-    JointFit
+    JointFit, ImpulseResponseFit or FrequencyResponseFit
         Parameters with intervals, VAF (2.7), warnings. A value that the record
         cannot decide has status ``undecided`` and is None.
 
@@ -145,15 +147,28 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     >>> round(fit.parameter("stiffness").value, 2)
     50.0
     """
-    _check_choice("model", model, get_args(Model))
-    _check_choice("input", input, get_args(Input))
-    _check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
+    check_choice("model", model, get_args(Model))
+    check_choice("input", input, get_args(Input))
+    check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
     if estimator is not None:
-        _check_choice("estimator", estimator, tuple(ESTIMATORS))
+        check_choice("estimator", estimator, tuple(ESTIMATORS))
     if not 0.0 < ci_level < 1.0:
         raise ValueError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
     given = {"angle": angle, "torque": torque, "command": command, "time": time}
-    record = _gather(recording, given, rate_hz)
+    if model != "kbj":
+        if estimator is not None:
+            raise DataError(f"identify_joint: model {model} has no choice of estimator. Drop it.")
+        return _RESPONSES[model](
+            recording,
+            **given,
+            rate_hz=rate_hz,
+            input=input,
+            torque_acts_on=torque_acts_on,
+            cutoff_hz=cutoff_hz,
+            ci_level=ci_level,
+        )
+    cutoff_hz = _CUTOFF_HZ if cutoff_hz is None else cutoff_hz
+    record = gather_record(recording, given, rate_hz=rate_hz, where="identify_joint")
     chosen = estimator or _default_estimator(input, has_command="command" in record.channels)
     signals = _prepare(record, cutoff_hz, torque_acts_on)
     solution = ESTIMATORS[chosen](signals)
@@ -176,11 +191,6 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     )
 
 
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ValueError(f"{name}: expected one of {', '.join(choices)}; got {value!r}")
-
-
 def _default_estimator(input: Input, *, has_command: bool) -> EstimatorName:
     """Choose by what was perturbed, and by whether a device may have reacted to the joint.
 
@@ -192,82 +202,7 @@ def _default_estimator(input: Input, *, has_command: bool) -> EstimatorName:
     return "instrumental_variable" if has_command else "admittance"
 
 
-def _gather(
-    recording: xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame | None,
-    given: dict[str, npt.ArrayLike | None],
-    rate_hz: float | None,
-) -> _Record:
-    """Read channels out of whatever was given and put them on a uniform grid."""
-    arrays = {name: values for name, values in given.items() if values is not None}
-    first_row, sha256 = 1, ""
-    if recording is not None:
-        if arrays:
-            raise ValueError(
-                f"give either a recording or arrays; got a recording and {', '.join(arrays)}"
-            )
-        arrays = {name: recording[name] for name in given if name in recording}
-        if isinstance(recording, xr.Dataset):
-            first_row = int(recording.attrs.get("first_row", 1))
-            sha256 = str(recording.attrs.get("sha256", ""))
-    channels = {name: np.asarray(values, dtype=float) for name, values in arrays.items()}
-    _check_channels(channels, first_row)
-    time = channels.pop("time", None)
-    if time is not None and rate_hz is not None:
-        raise DataError("identify_joint: expected time stamps or rate_hz, got both. Drop rate_hz.")
-    if time is None:
-        if rate_hz is None or not 0.0 < rate_hz < np.inf:
-            raise DataError(
-                f"identify_joint: expected time stamps or rate_hz > 0, got no time and rate_hz "
-                f"{rate_hz}. Give time= or rate_hz=."
-            )
-        return _Record(channels, rate_hz, np.arange(channels["angle"].size) / rate_hz, sha256)
-    _check_time(time, first_row)
-    names = list(channels)
-    uniform, values = timestamps.resample_stretch(time, np.stack([channels[n] for n in names]))
-    rate = (uniform.size - 1) / float(uniform[-1] - uniform[0])
-    return _Record(dict(zip(names, values, strict=True)), rate, uniform, sha256)
-
-
-def _check_channels(channels: Mapping[str, np.ndarray], first_row: int) -> None:
-    problems = [
-        f"no channel '{name}'; give it as a column or as {name}=."
-        for name in ("angle", "torque")
-        if name not in channels
-    ]
-    lengths = {name: values.shape for name, values in channels.items()}
-    if len(set(lengths.values())) > 1 or any(len(shape) != 1 for shape in lengths.values()):
-        problems.append(f"channels must be one-dimensional and equally long, got {lengths}.")
-    if any(values.size < 2 for values in channels.values()):
-        problems.append(f"at least two samples are needed, got {lengths}.")
-    for name, values in channels.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            problems.append(
-                f"channel '{name}' has {bad.size} sample(s) without a number, the first in row "
-                f"{first_row + int(bad[0])}; cut the record there or fill them yourself."
-            )
-    if problems:
-        raise DataError("identify_joint: " + " ".join(problems))
-
-
-def _check_time(time: np.ndarray, first_row: int) -> None:
-    backwards = np.flatnonzero(np.diff(time) <= 0)
-    if backwards.size:
-        row = first_row + int(backwards[0]) + 1
-        raise DataError(f"row {row}: time does not increase. Sort the record.", row=row)
-    gaps = timestamps.find_gaps(time)
-    if len(gaps):
-        start, end = (float(edge) for edge in gaps[0])
-        row = first_row + int(np.searchsorted(time, start))
-        raise DataError(
-            f"row {row}: a gap of {end - start:.4g} s after {start:.6g} s ({len(gaps)} gap(s) in "
-            "all); expected one record without gaps. Give the longest stretch between gaps.",
-            channel="time",
-            row=row,
-        )
-
-
-def _prepare(record: _Record, cutoff_hz: float, torque_acts_on: TorqueSide) -> JointSignals:
+def _prepare(record: JointRecord, cutoff_hz: float, torque_acts_on: TorqueSide) -> JointSignals:
     """Remove offsets, filter, differentiate, and only then drop the edges."""
     _check_length(record, cutoff_hz)
     for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
@@ -293,7 +228,7 @@ def _prepare(record: _Record, cutoff_hz: float, torque_acts_on: TorqueSide) -> J
     return JointSignals(rate_hz=rate, time=record.time[edge:-edge], **kept)
 
 
-def _check_length(record: _Record, cutoff_hz: float) -> None:
+def _check_length(record: JointRecord, cutoff_hz: float) -> None:
     half = record.rate_hz / 2.0
     if not 0.0 < cutoff_hz < half:
         raise DataError(

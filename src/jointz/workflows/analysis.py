@@ -249,6 +249,7 @@ def _assembled(
             "onset_accuracy": onset_accuracy(pulses),
             "strides": stride_summary(strides, gaps),
             "vaf": vaf_summary(cells),
+            **_nuisance(cells),
             **_pulse_effects(single),
             "notes": _notes(study, pulses, strides) + _sign_notes(cells),
         },
@@ -262,6 +263,25 @@ def _assembled(
             "seed": seed,
         },
     )
+
+
+def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
+    """Return what was estimated beside the impedance, where there is any."""
+    rows = [
+        {
+            "participant": cell.participant,
+            "timing_point": cell.timing_point,
+            "parameter": p.name,
+            "value": p.value,
+            "unit": p.unit,
+            "ci_low": p.ci_low,
+            "ci_high": p.ci_high,
+            "status": p.status,
+        }
+        for cell in cells
+        for p in cell.nuisance
+    ]
+    return {"nuisance": rows} if rows else {}
 
 
 def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:

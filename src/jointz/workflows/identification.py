@@ -1,19 +1,34 @@
 """Identify one recording that stands in a file by itself."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from jointz.core.actuator_fit import ActuatorFit
+from jointz.core.bandwidth_fit import BandwidthFit
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError, UnitError
+from jointz.core.frequency_response_fit import FrequencyResponseFit
+from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import JointFit
 from jointz.core.study import FilesSpec
+from jointz.identify.actuator import identify_actuator
+from jointz.identify.bandwidth import identify_bandwidth
 from jointz.identify.joint import identify_joint
 from jointz.io.registry import list_columns, read_table
 from jointz.io.units import conversion
+
+#: SI units of the columns; an acceleration is no channel of a study.
+_SI_UNITS = {name: units[0] for name, units in CHANNEL_UNITS.items()} | {
+    "acceleration": "rad/s^2",
+    "rotor-inertia": "kg*m^2",
+    "smooth-velocity": "rad/s",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +55,7 @@ def parse_column(text: str, channel: str, columns: list[str] | None = None) -> C
     text : str
         As on the command line.
     channel : str
-        ``time``, ``angle``, ``torque`` or ``command``; says what is measured.
+        Such as ``time``, ``angle`` or ``torque``; says what is measured.
     columns : list of str, optional
         Columns of the file: a name that holds a colon is then understood.
 
@@ -59,17 +74,57 @@ def parse_column(text: str, channel: str, columns: list[str] | None = None) -> C
     >>> parse_column("knee_angle:deg", "angle")
     Column(name='knee_angle', unit='deg')
     """
-    si_unit = CHANNEL_UNITS[channel][0]
+    si_unit = _SI_UNITS[channel]
     if columns is not None and text in columns:
         return Column(text, si_unit)
     name, colon, unit = text.rpartition(":")
     if not colon:
         return Column(text, si_unit)
+    _conversion(unit, channel, text)
+    return Column(name, unit)
+
+
+def parse_quantity(text: str, quantity: str) -> float:
+    """Read ``VALUE[:unit]``.
+
+    Parameters
+    ----------
+    text : str
+        As on the command line.
+    quantity : str
+        ``rotor-inertia`` or ``smooth-velocity``.
+
+    Returns
+    -------
+    float
+        SI.
+
+    Raises
+    ------
+    DataError
+        When it is no number, or its unit cannot be read or measures something
+        else.
+
+    Examples
+    --------
+    >>> parse_quantity("92:kg*cm^2", "rotor-inertia")
+    0.0092
+    """
+    number, _, unit = text.partition(":")
+    factor, offset = _conversion(unit or _SI_UNITS[quantity], quantity, text)
     try:
-        conversion(unit, si_unit)
+        return factor * float(number) + offset
+    except ValueError as exc:
+        raise DataError(
+            f"--{quantity} {text}: expected VALUE[:unit] in {_SI_UNITS[quantity]}, such as 0.01."
+        ) from exc
+
+
+def _conversion(unit: str, channel: str, text: str) -> tuple[float, float]:
+    try:
+        return conversion(unit, _SI_UNITS[channel])
     except UnitError as exc:
         raise UnitError(f"--{channel} {text}: {exc}", channel=channel) from exc
-    return Column(name, unit)
 
 
 def identify_joint_file(
@@ -79,7 +134,7 @@ def identify_joint_file(
     files: Mapping[str, Any] | None = None,
     rate_hz: float | None = None,
     **settings: Any,
-) -> tuple[JointFit, dict[str, Column]]:
+) -> tuple[JointFit | ImpulseResponseFit | FrequencyResponseFit, dict[str, Column]]:
     """Identify a joint from one time series in a file.
 
     Parameters
@@ -100,7 +155,48 @@ def identify_joint_file(
 
     Returns
     -------
-    fit : JointFit
+    fit : JointFit, ImpulseResponseFit or FrequencyResponseFit
+        The result; which one follows from the model.
+    columns : dict of str to Column
+        The columns as they were understood.
+
+    Raises
+    ------
+    DataError
+        When the file or a column cannot be used.
+    """
+    _check_time_or_rate(columns, rate_hz)
+    recording, parsed = _read(file, columns, files)
+    with _named(file, parsed):
+        return identify_joint(recording, rate_hz=rate_hz, **settings), parsed
+
+
+def identify_bandwidth_file(
+    file: Path,
+    columns: Mapping[str, str],
+    *,
+    files: Mapping[str, Any] | None = None,
+    rate_hz: float | None = None,
+    **settings: Any,
+) -> tuple[BandwidthFit, dict[str, Column]]:
+    """Find the torque bandwidth in one time series in a file.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        Any format jointz reads.
+    columns : mapping of str to str
+        ``command``, ``torque`` and, where there is, ``time`` -> ``COL[:unit]``.
+    files : mapping, optional
+        Layout of a text file, as of :func:`identify_joint_file`.
+    rate_hz : float, optional
+        Where the file has no time column.
+    **settings : Any
+        ``method``, ``window_s``, ``drop_db`` of :func:`jointz.identify_bandwidth`.
+
+    Returns
+    -------
+    fit : BandwidthFit
         The result.
     columns : dict of str to Column
         The columns as they were understood.
@@ -110,19 +206,90 @@ def identify_joint_file(
     DataError
         When the file or a column cannot be used.
     """
+    _check_time_or_rate(columns, rate_hz)
+    recording, parsed = _read(file, columns, files)
+    with _named(file, parsed):
+        return identify_bandwidth(recording, rate_hz=rate_hz, **settings), parsed
+
+
+def identify_actuator_file(
+    file: Path,
+    columns: Mapping[str, str],
+    *,
+    files: Mapping[str, Any] | None = None,
+    rate_hz: float | None = None,
+    **settings: Any,
+) -> tuple[ActuatorFit, dict[str, Column]]:
+    """Fit a torque model to one bench record in a file.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        Any format jointz reads.
+    columns : mapping of str to str
+        ``current``, ``torque`` and, where there are, ``velocity``,
+        ``acceleration`` and ``time`` -> ``COL[:unit]``.
+    files : mapping, optional
+        Layout of a text file, as of :func:`identify_joint_file`.
+    rate_hz : float, optional
+        Where the file has no time column; not needed.
+    **settings : Any
+        ``model``, ``gear_ratio``, ``torque_sign``, ``rotor_inertia``,
+        ``smooth_velocity_rad_s`` of :func:`jointz.identify_actuator`.
+
+    Returns
+    -------
+    fit : ActuatorFit
+        The result.
+    columns : dict of str to Column
+        The columns as they were understood.
+
+    Raises
+    ------
+    DataError
+        When the file or a column cannot be used.
+    """
+    if "time" in columns and rate_hz is not None:
+        raise DataError("Give --time COL[:unit] or --rate HZ or neither, not both.")
+    recording, parsed = _read(file, columns, files)
+    with _named(file, parsed):
+        return identify_actuator(recording, rate_hz=rate_hz, **settings), parsed
+
+
+def _check_time_or_rate(columns: Mapping[str, str], rate_hz: float | None) -> None:
     if ("time" in columns) == (rate_hz is not None):
         raise DataError("Give either --time COL[:unit] or --rate HZ, one of them.")
+
+
+def _read(
+    file: Path, columns: Mapping[str, str], files: Mapping[str, Any] | None
+) -> tuple[xr.Dataset, dict[str, Column]]:
+    """Return the columns of a file under the names of their channels, in SI."""
     layout = FilesSpec.model_validate(files or {})
     there = list_columns(file, layout) if file.is_file() else None
     parsed = {name: parse_column(text, name, there) for name, text in columns.items()}
     wanted = [_key(column, layout) for column in parsed.values()]
     table = read_table(file, numeric=wanted, files=layout)
-    signals: dict[str, np.ndarray] = {}
+    signals = {}
     for name, column in parsed.items():
-        factor, offset = conversion(column.unit, CHANNEL_UNITS[name][0])
-        signals[name] = factor * np.asarray(table.columns[column.name], dtype=float) + offset
-    fit = identify_joint(signals, rate_hz=rate_hz, **settings)
-    return fit, parsed
+        factor, offset = conversion(column.unit, _SI_UNITS[name])
+        values = np.asarray(table.columns[column.name], dtype=float)
+        signals[name] = ("sample", factor * values + offset)
+    attributes = {"first_row": table.first_row, "sha256": table.sha256}
+    return xr.Dataset(signals, attrs=attributes), parsed
+
+
+@contextmanager
+def _named(file: Path, columns: Mapping[str, Column]) -> Iterator[None]:
+    """Say in which file, and in which of its columns, the samples cannot be trusted."""
+    try:
+        yield
+    except DataError as exc:
+        where, column = file.name, columns.get(exc.channel or "")
+        if column is not None:
+            where += f", column '{column.name}'"
+        channel = column.name if column is not None else exc.channel
+        raise DataError(f"{where}: {exc}", path=str(file), channel=channel, row=exc.row) from exc
 
 
 def _key(column: Column, layout: FilesSpec) -> str | int:

@@ -5,7 +5,14 @@ import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, UnitError
-from jointz.workflows.identification import Column, identify_joint_file, parse_column
+from jointz.workflows.identification import (
+    Column,
+    identify_actuator_file,
+    identify_bandwidth_file,
+    identify_joint_file,
+    parse_column,
+    parse_quantity,
+)
 
 
 @pytest.mark.parametrize(
@@ -70,3 +77,128 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
     columns = {"angle": "a", "torque": "b"}
     with pytest.raises(DataError, match="no such file"):
         identify_joint_file(tmp_path / "x.csv", columns, rate_hz=100.0)
+
+
+# --- actuators and bandwidths ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "value"),
+    [
+        ("0.0092", "rotor-inertia", 0.0092),
+        ("92:kg*cm^2", "rotor-inertia", 0.0092),
+        ("30:deg/s", "smooth-velocity", np.deg2rad(30)),
+    ],
+)
+def test_a_quantity_is_a_number_and_perhaps_a_unit(text, quantity, value):
+    assert parse_quantity(text, quantity) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("much", "--rotor-inertia much: expected VALUE"), ("1:Nm", "--rotor-inertia 1:Nm: ")],
+)
+def test_a_quantity_that_cannot_be_read_is_refused_with_the_option(text, message):
+    with pytest.raises(DataError, match=message):
+        parse_quantity(text, "rotor-inertia")
+
+
+@pytest.fixture
+def bench_file(tmp_path):
+    t = np.arange(10_000) / 500.0
+    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
+    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
+    acceleration = 3.0 * 2 * np.pi * 0.77 * np.cos(2 * np.pi * 0.77 * t)
+    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
+    torque -= 0.0092 * acceleration
+    path = tmp_path / "bench.csv"
+    pd.DataFrame(
+        {
+            "t": t,
+            "mA": 1e3 * current,
+            "rpm": velocity * 30 / np.pi,
+            "deg_s2": np.rad2deg(acceleration),
+            "tau": -torque,
+        }
+    ).to_csv(path, index=False)
+    return path
+
+
+BENCH = {"current": "mA:mA", "velocity": "rpm:rpm", "torque": "tau:Nm"}
+
+
+def test_units_of_a_bench_file_are_converted(bench_file):
+    columns = BENCH | {"acceleration": "deg_s2:deg/s^2"}
+    fit, echoed = identify_actuator_file(bench_file, columns, gear_ratio=9, torque_sign=-1)
+
+    expected = {
+        "bias": 0.2,
+        "torque_constant": 0.1,
+        "coulomb_friction": 0.38,
+        "gear_friction": 0.09,
+        "rotor_inertia": 0.0092,
+    }
+    assert {p.name: p.value for p in fit.parameters} == pytest.approx(expected, abs=1e-6)
+    assert echoed["velocity"] == Column("rpm", "rpm")
+    assert len(fit.settings["sha256"]) == 64
+
+
+def test_a_bench_file_needs_neither_time_nor_rate_and_takes_not_both(bench_file):
+    fit, _ = identify_actuator_file(bench_file, BENCH, gear_ratio=9, torque_sign=-1)
+    assert fit.rate_hz is None
+    by_time, _ = identify_actuator_file(
+        bench_file, BENCH | {"time": "t"}, gear_ratio=9, torque_sign=-1
+    )
+    assert by_time.parameter("rotor_inertia").value == pytest.approx(0.0092, rel=0.01)
+    with pytest.raises(DataError, match="or neither, not both"):
+        identify_actuator_file(bench_file, BENCH | {"time": "t"}, rate_hz=500.0, gear_ratio=9)
+
+
+def test_an_overflow_is_refused_with_file_row_and_column(bench_file):
+    table = pd.read_csv(bench_file)
+    table.loc[98, "mA"] = -53823e3
+    table.to_csv(bench_file, index=False)
+    message = r"bench\.csv, column 'mA': row 100: current is -53823 A"
+    with pytest.raises(DataError, match=message) as caught:
+        identify_actuator_file(bench_file, BENCH, gear_ratio=9)
+    assert (caught.value.channel, caught.value.row) == ("mA", 100)
+
+
+def test_a_row_of_a_joint_file_counts_header_and_skipped_rows(file):
+    table = pd.read_csv(file)
+    table.loc[10, "deg"] = np.nan
+    file.write_text("a title\n" + table.to_csv(index=False))
+    columns = {"angle": "deg:deg", "torque": "mNm:mN*m"}
+    with pytest.raises(DataError, match=r"r\.csv: .*'angle' has 1 sample.*row 13"):
+        identify_joint_file(file, columns, rate_hz=500.0, files={"skip_rows": 1})
+
+
+def test_a_bandwidth_is_found_in_a_file(tmp_path):
+    from scipy.signal import butter, lfilter
+
+    command = 10.0 * np.random.default_rng(0).standard_normal(30_000)
+    b, a = butter(1, 10.0, fs=1000.0)
+    path = tmp_path / "loop.csv"
+    pd.DataFrame({"cmd": 1e3 * command, "tau": lfilter(b, a, command)}).to_csv(path, index=False)
+    columns = {"command": "cmd:mN*m", "torque": "tau"}
+
+    fit, echoed = identify_bandwidth_file(path, columns, rate_hz=1000.0)
+    assert fit.bandwidth_hz == pytest.approx(10.0, abs=0.3)
+    assert fit.reference_gain == pytest.approx(1.0, abs=0.05)
+    assert echoed["command"] == Column("cmd", "mN*m")
+    with pytest.raises(DataError, match="either --time"):
+        identify_bandwidth_file(path, columns)
+
+
+@pytest.mark.parametrize("model", ["irf", "frf"])
+def test_a_model_of_the_response_is_reached_by_its_name(file, model):
+    columns = {"angle": "deg:deg", "torque": "mNm:mN*m"}
+    fit, _ = identify_joint_file(file, columns, rate_hz=500.0, input="angle", model=model)
+
+    assert fit.model == model
+    found = [fit.parameter(n).value for n in ("stiffness", "damping", "inertia")]
+    np.testing.assert_allclose(found, (80.0, 1.2, 0.02), rtol=0.02)
+    with pytest.raises(DataError, match="has no choice of estimator"):
+        identify_joint_file(
+            file, columns, rate_hz=500.0, input="angle", model=model, estimator="admittance"
+        )

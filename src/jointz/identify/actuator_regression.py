@@ -1,0 +1,175 @@
+"""Least squares with intervals that know of residuals correlated in time."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from jointz.kernels.block_sandwich import (
+    CORRELATION_TIMES_PER_BLOCK,
+    FEWEST_BLOCKS,
+    block_sandwich,
+    correlation_time,
+    count_blocks,
+)
+
+#: Ten blocks of so many correlation times still make an interval, with a caution: the variance
+#: is then read low by up to a third.
+_FEWEST_TIMES = 3.0
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """A linear fit.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters.
+    values : (p,) float
+        Their estimates.
+    residual : (n,) float
+        What is left.
+    covariance : (p, p) float
+        Of the estimates; (0, 0) where the record is too short for any.
+    half_width : (p,) float
+        Of the intervals; empty as the covariance.
+    condition_number : float
+        Of the regressors, each scaled to length one.
+    ci_method : str
+        How the covariance was made.
+    doubt : str
+        Why there is no interval; empty where there is.
+    caution : str
+        Why the interval is a rough one; empty where it is not.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    residual: np.ndarray
+    covariance: np.ndarray
+    half_width: np.ndarray
+    condition_number: float
+    ci_method: str
+    doubt: str
+    caution: str
+
+    def value(self, name: str) -> float:
+        """Return an estimate.
+
+        Parameters
+        ----------
+        name : str
+            The parameter.
+        """
+        return float(self.values[self.names.index(name)])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the ends of an interval.
+
+        Parameters
+        ----------
+        name : str
+            The parameter.
+        """
+        half = float(self.half_width[self.names.index(name)])
+        return self.value(name) - half, self.value(name) + half
+
+
+def regress(
+    measured: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    rate_hz: float | None,
+    ci_level: float,
+) -> Regression:
+    """Fit a sum of columns by least squares.
+
+    Parameters
+    ----------
+    measured : (n,) float
+        The signal.
+    columns : mapping of str to (n,) float
+        Parameter -> regressor, none of them zero or a sum of others.
+    rate_hz : float, optional
+        Sampling rate; without it blocks are counted in samples.
+    ci_level : float
+        Level of the intervals.
+
+    Returns
+    -------
+    Regression
+        Estimates; intervals unless the record is shorter than ten blocks of
+        three correlation times of the scores, with a caution below ten.
+    """
+    names = tuple(columns)
+    matrix = np.stack([columns[n] for n in names], axis=1)
+    length = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / length
+    values = np.linalg.lstsq(scaled, measured, rcond=None)[0]
+    residual = measured - scaled @ values
+    scores = scaled * residual[:, None]
+    clock = _Clock.of(measured, residual, scores, rate_hz)
+    covariance, half = np.empty((0, 0)), np.empty(0)
+    if clock.n_blocks > len(names):
+        # As many parameters as were fitted make the block sums smaller than they are.
+        spent = (clock.n_blocks - 1) / (clock.n_blocks - len(names))
+        scaled_covariance = spent * block_sandwich(scores, scaled.T @ scaled, clock.n_blocks)
+        covariance = scaled_covariance / np.outer(length, length)
+        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, clock.n_blocks - len(names)))
+        half = wide * np.sqrt(np.diag(covariance))
+    return Regression(
+        names=names,
+        values=values / length,
+        residual=residual,
+        covariance=covariance,
+        half_width=half,
+        condition_number=float(np.linalg.cond(scaled)),
+        ci_method=clock.ci_method,
+        doubt=clock.doubt,
+        caution=clock.caution,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """How many blocks a record makes, and how good they are."""
+
+    n_blocks: int
+    ci_method: str
+    doubt: str = ""
+    caution: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        measured: np.ndarray,
+        residual: np.ndarray,
+        scores: np.ndarray,
+        rate_hz: float | None,
+    ) -> "_Clock":
+        rate, unit = (1.0, "samples") if rate_hz is None else (rate_hz, "s")
+        length = measured.size / rate
+        # What is left of a perfect fit is rounding, however long it stays correlated.
+        perfect = np.linalg.norm(residual) <= _ROUNDING * np.linalg.norm(measured)
+        correlated = 0.0 if perfect else max(correlation_time(s, rate_hz=rate) for s in scores.T)
+        told = f"{length:.3g} {unit} long, while its errors stay correlated for {correlated:.3g}"
+        n_blocks, caution = count_blocks(length, correlation_time_s=correlated), ""
+        if not n_blocks:
+            needed = FEWEST_BLOCKS * correlated
+            if measured.size < 2 * FEWEST_BLOCKS or length < _FEWEST_TIMES * needed:
+                return cls(
+                    0,
+                    "none",
+                    f"the record is too short for an interval: {told} {unit}. Record at least "
+                    f"{CORRELATION_TIMES_PER_BLOCK * needed:.3g} {unit}",
+                )
+            n_blocks = FEWEST_BLOCKS
+            caution = (
+                f"the intervals may be too narrow: the record is {told} {unit}. Record "
+                f"{CORRELATION_TIMES_PER_BLOCK * needed:.3g} {unit}, or take a model that leaves "
+                "less"
+            )
+        method = f"block sandwich over {n_blocks} blocks of {length / n_blocks:.3g} {unit}"
+        return cls(n_blocks, f"{method}, Student's t", "", caution)

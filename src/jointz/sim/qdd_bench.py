@@ -1,0 +1,298 @@
+"""The test bench of the quasi-direct-drive actuator (3.2): what it is made of.
+
+A torque motor behind a 9:1 gear, a torque sensor, a rotary spring and a position motor
+behind a 50:1 transmission, in one line. The physics is in :mod:`jointz.sim.qdd_bench_plant`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from types import MappingProxyType
+
+import numpy as np
+
+from jointz.core.errors import DataError
+from jointz.sim.bench_load import BenchLoad
+
+_SUBSTEPS_HZ = 5000.0
+#: Samples of commands kept: more than the delay of the drive.
+COMMANDS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class QddMachine:
+    """The machine; what is not of table 3.1 or 3.2 is assumed, see the docs.
+
+    Parameters
+    ----------
+    gear_ratio, torque_constant : float, 1, N*m/A
+        Of the torque motor (table 3.1).
+    coulomb_friction, gear_friction : float, N*m, N*m/A
+        Of the torque motor, at the output (table 3.1).
+    sign_velocity_rad_s : float, rad/s
+        Where the sign of friction bends.
+    rotor_inertia : float, kg*m^2
+        At the output (table 3.1).
+    current_max_a, supply_v : float, A, V
+        Limit and supply of the drive.
+    delay_s, time_constant_s : float, s
+        Of the current behind its command.
+    spring_damping : float, N*m*s/rad
+        Inside the spring.
+    far_inertia, far_hz, far_damping : float, kg*m^2, Hz, 1
+        Position side at its output: inertia, servo frequency and damping ratio.
+    """
+
+    gear_ratio: float = 9.0
+    torque_constant: float = 0.11
+    coulomb_friction: float = 0.38
+    gear_friction: float = 0.09
+    sign_velocity_rad_s: float = 0.02
+    rotor_inertia: float = 92e-4
+    current_max_a: float = 25.0
+    supply_v: float = 36.0
+    delay_s: float = 0.002
+    time_constant_s: float = 0.002
+    spring_damping: float = 0.1
+    far_inertia: float = 0.25
+    far_hz: float = 30.0
+    far_damping: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class QddErrors:
+    """What the bench does that model 3.3 does not know; without arguments nothing.
+
+    Parameters
+    ----------
+    torque_constant_error : float
+        True constant over the stated one, less 1.
+    friction_asymmetry : float
+        Friction against positive motion is larger by this share, against negative smaller.
+    cogging_nm, cogging_periods : float, N*m, 1
+        Ripple of the torque (motor and gear), and its periods a turn of the output.
+    sensor_bias_nm, sensor_noise_nm : float, N*m
+        Of the torque sensor.
+    sensor_gain_sd : float
+        Of its calibration; :func:`draw_mounting` draws it.
+    encoder_step_rad, velocity_noise_rad_s, current_noise_a : float
+        Of the motor's own measurements.
+    """
+
+    torque_constant_error: float = 0.0
+    friction_asymmetry: float = 0.0
+    cogging_nm: float = 0.0
+    cogging_periods: float = 18.0
+    sensor_bias_nm: float = 0.0
+    sensor_noise_nm: float = 0.0
+    sensor_gain_sd: float = 0.0
+    encoder_step_rad: float = 0.0
+    velocity_noise_rad_s: float = 0.0
+    current_noise_a: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QddSettings:
+    """A quasi-direct-drive bench.
+
+    Parameters
+    ----------
+    name : str
+        Of the preset.
+    machine, errors : QddMachine, QddErrors
+        Its parts.
+    sensor_gain : float
+        Reading of the torque sensor over the true torque.
+    ripple_phase_rad : float, rad
+        Of the ripple at angle 0: how the motor was mounted.
+    """
+
+    name: str
+    machine: QddMachine = field(default_factory=QddMachine)
+    errors: QddErrors = field(default_factory=QddErrors)
+    sensor_gain: float = 1.0
+    ripple_phase_rad: float = 0.0
+
+
+_NOMINAL = QddErrors(
+    cogging_nm=0.36,
+    sensor_bias_nm=-0.58,
+    sensor_noise_nm=0.22,
+    sensor_gain_sd=0.005,
+    encoder_step_rad=2.0 * np.pi / 2**14 / 9.0,
+    velocity_noise_rad_s=0.01,
+    current_noise_a=0.05,
+)
+_HARD = QddErrors(
+    torque_constant_error=-0.05,
+    friction_asymmetry=0.3,
+    cogging_nm=0.6,
+    sensor_bias_nm=-0.58,
+    sensor_noise_nm=0.3,
+    sensor_gain_sd=0.01,
+    encoder_step_rad=2.0 * np.pi / 2**12 / 9.0,
+    velocity_noise_rad_s=0.03,
+    current_noise_a=0.15,
+)
+
+#: Name -> preset.
+QDD_PRESETS: Mapping[str, QddSettings] = MappingProxyType(
+    {
+        "clean": QddSettings("clean"),
+        "nominal": QddSettings("nominal", errors=_NOMINAL),
+        "hard": QddSettings("hard", errors=_HARD),
+    }
+)
+
+
+def qdd_preset(name: str) -> QddSettings:
+    """Return the preset with this name.
+
+    Parameters
+    ----------
+    name : str
+        One of ``clean``, ``nominal``, ``hard``.
+
+    Raises
+    ------
+    DataError
+        When there is none.
+
+    Examples
+    --------
+    >>> qdd_preset("nominal").errors.sensor_bias_nm
+    -0.58
+    """
+    if name not in QDD_PRESETS:
+        raise DataError(
+            f"quasi-direct-drive bench: expected one of {', '.join(QDD_PRESETS)}; got {name!r}."
+        )
+    return QDD_PRESETS[name]
+
+
+def draw_mounting(settings: QddSettings, rng: np.random.Generator) -> QddSettings:
+    """Return the settings of one bench: its sensor as calibrated, its motor as mounted.
+
+    Parameters
+    ----------
+    settings : QddSettings
+        Of the preset.
+    rng : numpy.random.Generator
+        Two numbers are drawn.
+    """
+    gain = 1.0 + settings.errors.sensor_gain_sd * float(rng.standard_normal())
+    phase = float(rng.uniform(0.0, 2.0 * np.pi))
+    return QddSettings(settings.name, settings.machine, settings.errors, gain, phase)
+
+
+class QddParam(IntEnum):
+    """Constants of the compiled physics; SI."""
+
+    PERIOD_S = 0
+    SUBSTEPS = 1
+    TORQUE_PER_AMPERE = 2  # true, at the output
+    AMPERE_PER_TORQUE = 3  # nominal
+    CURRENT_MAX_A = 4
+    COMMAND_DELAY = 5  # substeps
+    CURRENT_RATE = 6  # 1 / time constant
+    COULOMB = 7
+    GEAR_FRICTION = 8
+    ASYMMETRY = 9
+    SIGN_RATE = 10
+    ROTOR_MOBILITY = 11  # 1 / inertia
+    SPRING = 12
+    SPRING_DAMPING = 13
+    FAR_MOBILITY = 14
+    FAR_STIFFNESS = 15
+    FAR_DAMPING = 16
+    LOCKED = 17
+    COGGING_NM = 18
+    COGGING_PERIODS = 19
+    SENSOR_BIAS = 20
+    SENSOR_NOISE = 21
+    SENSOR_GAIN = 22
+    ENCODER_STEP = 23
+    VELOCITY_NOISE = 24
+    CURRENT_NOISE = 25
+    SUPPLY_V = 26
+    COGGING_PHASE = 27
+
+
+class QddState(IntEnum):
+    """What changes; the first five are integrated."""
+
+    ANGLE = 0  # of the torque motor, at the output
+    VELOCITY = 1
+    FAR_ANGLE = 2
+    FAR_VELOCITY = 3
+    CURRENT = 4
+    SAMPLES = 5
+    POSITION_BEFORE = 6  # commanded a sample ago
+    COMMAND = 7  # ring of current commands begins here
+
+
+STATE_SIZE = int(QddState.COMMAND) + COMMANDS
+
+
+def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -> np.ndarray:
+    """Return the constants of a bench for the compiled physics.
+
+    Parameters
+    ----------
+    settings : QddSettings
+        Of the bench.
+    load : BenchLoad
+        The spring between torque sensor and position side; locked: the position side is held.
+    sample_rate_hz : float, Hz
+        100 to 20000.
+
+    Raises
+    ------
+    DataError
+        When the rate is out of range, or the bench has no spring.
+    """
+    machine, errors = settings.machine, settings.errors
+    if not 100.0 <= sample_rate_hz <= 20_000.0:
+        raise DataError(
+            f"quasi-direct-drive bench: expected a rate of 100..20000 Hz, got {sample_rate_hz:g}."
+        )
+    if load.stiffness <= 0.0:
+        raise DataError(
+            f"quasi-direct-drive bench: load {load.name!r} has no stiffness; a spring couples its "
+            "two sides. Give loads one."
+        )
+    substeps = max(1, int(np.ceil(_SUBSTEPS_HZ / sample_rate_hz)))
+    step_s = 1.0 / sample_rate_hz / substeps
+    stated = machine.gear_ratio * machine.torque_constant
+    servo = 2.0 * np.pi * machine.far_hz
+    values = {
+        QddParam.PERIOD_S: 1.0 / sample_rate_hz,
+        QddParam.SUBSTEPS: substeps,
+        QddParam.TORQUE_PER_AMPERE: stated * (1.0 + errors.torque_constant_error),
+        QddParam.AMPERE_PER_TORQUE: 1.0 / stated,
+        QddParam.CURRENT_MAX_A: machine.current_max_a,
+        QddParam.COMMAND_DELAY: min(round(machine.delay_s / step_s), COMMANDS - 1),
+        QddParam.CURRENT_RATE: 1.0 / machine.time_constant_s,
+        QddParam.COULOMB: machine.coulomb_friction,
+        QddParam.GEAR_FRICTION: machine.gear_friction,
+        QddParam.ASYMMETRY: errors.friction_asymmetry,
+        QddParam.SIGN_RATE: 1.0 / machine.sign_velocity_rad_s,
+        QddParam.ROTOR_MOBILITY: 1.0 / (machine.rotor_inertia + load.inertia),
+        QddParam.SPRING: load.stiffness,
+        QddParam.SPRING_DAMPING: machine.spring_damping + load.damping,
+        QddParam.FAR_MOBILITY: 1.0 / machine.far_inertia,
+        QddParam.FAR_STIFFNESS: machine.far_inertia * servo**2,
+        QddParam.FAR_DAMPING: 2.0 * machine.far_damping * machine.far_inertia * servo,
+        QddParam.LOCKED: float(load.locked),
+        QddParam.COGGING_NM: errors.cogging_nm,
+        QddParam.COGGING_PERIODS: errors.cogging_periods,
+        QddParam.COGGING_PHASE: settings.ripple_phase_rad,
+        QddParam.SENSOR_BIAS: errors.sensor_bias_nm,
+        QddParam.SENSOR_NOISE: errors.sensor_noise_nm,
+        QddParam.SENSOR_GAIN: settings.sensor_gain,
+        QddParam.ENCODER_STEP: errors.encoder_step_rad,
+        QddParam.VELOCITY_NOISE: errors.velocity_noise_rad_s,
+        QddParam.CURRENT_NOISE: errors.current_noise_a,
+        QddParam.SUPPLY_V: machine.supply_v,
+    }
+    return np.array([values[place] for place in QddParam])

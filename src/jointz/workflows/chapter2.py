@@ -1,0 +1,174 @@
+"""Chapter II again: the series-elastic exoskeleton on its bench, printed beside ours."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.errors import EstimationError
+from jointz.core.reproduction import Compared, ComparedTable
+from jointz.identify.bandwidth import identify_bandwidth
+from jointz.identify.bench_records import BenchTrial
+from jointz.identify.frequency_response import identify_frequency_response
+from jointz.identify.full_record import fit_full_record
+from jointz.identify.joint import identify_joint
+from jointz.io.recordings import read_recording
+from jointz.io.study import open_study
+from jointz.reference import chapter2
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2"}
+#: MATLAB's default window of ``spa``: 30 lags, at 1 kHz.
+_SPA_WINDOW_S = 0.030
+#: Chapter II states no filter; this one only takes the noise of encoders out of derivatives.
+_CUTOFF_HZ = 100.0
+_SHOWN_HZ = 60.0
+
+
+# --- bandwidth (2.3.1, figure 2.5) ---------------------------------------------------------------
+
+
+def bandwidth(study: Path) -> tuple[ComparedTable, dict[str, Any]]:
+    """Return the bandwidths beside the printed ones, and what figure 2.5 draws.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        Of ``sea-bandwidth``.
+    """
+    opened = open_study(study)
+    printed = {"20": chapter2.BANDWIDTH_20_NM, "40": chapter2.BANDWIDTH_40_NM}
+    rows, curves = [], {}
+    for entry, (amplitude, number) in zip(opened.spec.recordings, printed.items(), strict=True):
+        (recording,) = read_recording(opened, entry)
+        signals = {
+            "command": recording["reference"].to_numpy(),
+            "torque": recording["torque"].to_numpy(),
+            "time": recording["time"].to_numpy(),
+        }
+        ours = identify_bandwidth(signals)
+        try:
+            spa = identify_bandwidth(signals, method="blackman_tukey", window_s=_SPA_WINDOW_S)
+        except EstimationError:
+            spa = None
+        low, high = ours.ci_low_hz, ours.ci_high_hz
+        spa_hz = spa.bandwidth_hz if spa else None
+        rows.append(
+            Compared(
+                quantity=f"bandwidth at {amplitude} N*m",
+                unit="Hz",
+                printed=number.value,
+                dissertation=spa_hz,
+                recommended=ours.bandwidth_hz,
+                recommended_low=low,
+                recommended_high=high,
+                note=number.note,
+            )
+        )
+        shown = [k for k, f in enumerate(ours.response.frequency_hz) if 0 < f <= _SHOWN_HZ]
+        curves[amplitude] = {
+            "frequency_hz": [ours.response.frequency_hz[k] for k in shown],
+            "gain": [ours.response.gain[k] for k in shown],
+            "coherence": [ours.response.coherence[k] for k in shown],
+            "bandwidth_hz": ours.bandwidth_hz,
+            "ci_low": low,
+            "ci_high": high,
+            "resolution_hz": ours.resolution_hz,
+            "spa_bandwidth_hz": spa_hz,
+            "printed_hz": number.value,
+        }
+    table = ComparedTable(
+        "bandwidth",
+        "Bandwidth of the torque loop (2.3.1, figure 2.5)",
+        "The dissertation's method is Blackman and Tukey's spectrum with the default of MATLAB's "
+        "spa, 30 lags: at 1 kHz it cannot tell frequencies closer than 33 Hz apart. Recommended: "
+        "Welch's, its window chosen from the record.",
+        tuple(rows),
+    )
+    return table, curves
+
+
+# --- intrinsic impedance (2.3.1) -----------------------------------------------------------------
+
+
+def intrinsic(study: Path, truth: dict[str, float]) -> tuple[ComparedTable, dict[str, Any]]:
+    """Return the intrinsic impedance beside the printed one, and its frequency response.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        Of ``sea-intrinsic``.
+    truth : dict of str to float
+        Of the simulated bench.
+    """
+    opened = open_study(study)
+    trials = [r for entry in opened.spec.recordings for r in read_recording(opened, entry)]
+    letter = [_least_squares(trial) for trial in trials]
+    ours = fit_full_record([_bench_trial(trial) for trial in trials], friction=False)
+    printed = {
+        "stiffness": chapter2.INTRINSIC_STIFFNESS,
+        "damping": chapter2.INTRINSIC_DAMPING,
+        "inertia": chapter2.INTRINSIC_INERTIA,
+    }
+    rows = []
+    for i, name in enumerate(PARAMETERS):
+        found = ours.parameter(name)
+        rows.append(
+            Compared(
+                quantity=f"intrinsic {name}",
+                unit=UNITS[name],
+                printed=printed[name].value,
+                printed_sd=printed[name].sd,
+                dissertation=fmean(values[i] for values in letter),
+                dissertation_sd=stdev(values[i] for values in letter),
+                recommended=found.value,
+                recommended_low=found.ci_low,
+                recommended_high=found.ci_high,
+                truth=truth[name],
+            )
+        )
+    table = ComparedTable(
+        "intrinsic",
+        "Intrinsic impedance of the exoskeleton (2.3.1)",
+        "Output free, the motor moves it along noise; the beam's torque moves what lies beyond the "
+        "beam. Three trials. The dissertation's method regresses torque on angle and its "
+        "derivatives (2.1); recommended: the same over the whole record with the lag of the torque "
+        "record estimated. These values are subtracted from the loads' estimates below.",
+        tuple(rows),
+    )
+    return table, _response(trials[0], [row.recommended or 0.0 for row in rows])
+
+
+def _least_squares(trial: xr.Dataset) -> list[float]:
+    fit = identify_joint(
+        {name: trial[name].to_numpy() for name in ("angle", "torque", "time")},
+        input="angle",
+        estimator="least_squares",
+        cutoff_hz=_CUTOFF_HZ,
+    )
+    return [float(p.value) if p.value is not None else float("nan") for p in fit.parameters]
+
+
+def _bench_trial(trial: xr.Dataset) -> BenchTrial:
+    return BenchTrial(*(trial[name].to_numpy() for name in ("time", "angle", "torque")))
+
+
+def _response(trial: xr.Dataset, impedance: Sequence[float]) -> dict[str, Any]:
+    """Return measured and modelled frequency response of the impedance."""
+    fit = identify_frequency_response(
+        {name: trial[name].to_numpy() for name in ("angle", "torque", "time")}, input="angle"
+    )
+    frequency = np.array(fit.response.frequency_hz)
+    shown = (frequency > 0) & (frequency <= 0.5 * _SHOWN_HZ)
+    s = 2j * np.pi * frequency[shown]
+    model = impedance[0] + impedance[1] * s + impedance[2] * s**2
+    return {
+        "frequency_hz": frequency[shown].tolist(),
+        "gain": np.array(fit.response.gain)[shown].tolist(),
+        "phase_deg": np.degrees(np.array(fit.response.phase_rad)[shown]).tolist(),
+        "model_gain": np.abs(model).tolist(),
+        "model_phase_deg": np.degrees(np.angle(model)).tolist(),
+    }

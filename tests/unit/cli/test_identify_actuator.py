@@ -1,0 +1,210 @@
+"""``jointz identify actuator`` and ``bandwidth``, and the response models of ``joint``."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import butter, lfilter
+
+
+@pytest.fixture
+def bench(tmp_path):
+    t = np.arange(10_000) / 500.0
+    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
+    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
+    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
+    torque += 0.1 * np.random.default_rng(0).standard_normal(t.size)
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"t": t, "i": current, "w": velocity, "tau": -torque}).to_csv(path, index=False)
+    return path
+
+
+COLUMNS = ("--current", "i", "--velocity", "w", "--torque", "tau:Nm", "--gear-ratio", 9)
+TURNED = ("--torque-sign", "-1")
+
+
+def test_json_holds_the_parameters_of_design_and_the_error(jointz, bench):
+    outcome = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, "--json")
+
+    assert outcome.code == 0
+    found = outcome.json
+    assert found["model"] == "friction"
+    assert found["rms_error_nm"] == pytest.approx(0.1, rel=0.05)
+    constant = found["parameters"]["torque_constant"]
+    assert constant["value"] == pytest.approx(0.1, rel=0.01)
+    assert constant["unit"] == "N*m/A"
+    assert constant["ci"][0] < constant["value"] < constant["ci"][1]
+    inertia = found["parameters"]["rotor_inertia"]
+    assert (inertia["value"], inertia["status"]) == (None, "undecided")
+    assert any("acceleration cannot be fitted" in w for w in found["warnings"])
+    assert found["columns"]["torque"] == {"column": "tau", "unit": "Nm"}
+    assert "series" not in found
+
+
+def test_a_person_reads_a_table_and_the_notes(jointz, bench):
+    outcome = jointz("identify", "actuator", bench, *COLUMNS, *TURNED)
+    assert "torque_constant\t0.09997\t" in outcome.out
+    assert "Note: rotor_inertia is undecided" in outcome.out
+    quiet = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
+
+
+def test_the_current_model_needs_no_speed(jointz, bench):
+    options = ("--current", "i", "--torque", "tau", "--gear-ratio", 9, "--model", "current")
+    found = jointz("identify", "actuator", bench, *options, *TURNED, "--json").json
+    assert list(found["parameters"]) == ["bias", "torque_constant"]
+
+
+def test_inertia_and_smooth_sign_are_read_with_their_units(jointz, bench):
+    options = ("--time", "t", "--rotor-inertia", "92:kg*cm^2", "--smooth-velocity", "6:deg/s")
+    found = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, *options, "--json").json
+    assert found["parameters"]["rotor_inertia"]["value"] == pytest.approx(0.0092)
+    assert found["settings"]["smooth_velocity_rad_s"] == pytest.approx(np.deg2rad(6))
+
+
+def test_a_figure_of_the_actuator_is_written(jointz, bench, tmp_path):
+    figure = tmp_path / "fit.svg"
+    options = (*COLUMNS, *TURNED, "--figure", figure, "--quiet")
+    assert jointz("identify", "actuator", bench, *options).code == 0
+    assert figure.stat().st_size > 1000
+
+
+def test_a_constant_current_exits_1_with_its_code(jointz, bench):
+    pd.read_csv(bench).assign(i=2.0).to_csv(bench, index=False)
+    outcome = jointz("identify", "actuator", bench, *COLUMNS, "--json")
+    assert outcome.code == 1
+    assert outcome.json["status"] == "failed:constant_current"
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        (("--gear-ratio", 0), "gear_ratio"),
+        (("--rotor-inertia", "heavy"), "--rotor-inertia"),
+        (("--velocity", "w:N*m"), "--velocity"),
+        (("--time", "t", "--rate", 500), "not both"),
+        (("--figure", "fit.txt"), "--figure"),
+    ],
+)
+def test_what_cannot_be_used_exits_2(jointz, bench, more, word):
+    outcome = jointz("identify", "actuator", bench, *COLUMNS, *more)
+    assert outcome.code == 2
+    assert word in outcome.err
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("model", "rms", "constant"), [("current", 0.46, 0.089), ("friction", 0.33, 0.091)]
+)
+def test_the_command_of_the_design_on_the_real_log(jointz, real_data, model, rms, constant):
+    file = real_data / "tmotor_bench/SysID/system_id_test_1/log_adc_and_motor.csv"
+    outcome = jointz("identify", "actuator", file, *REAL, "--model", model, "--json")
+
+    assert outcome.code == 0
+    assert outcome.json["rms_error_nm"] == pytest.approx(rms, abs=0.005)
+    found = outcome.json["parameters"]["torque_constant"]["value"]
+    assert found == pytest.approx(constant, abs=0.0005)
+
+
+REAL = (
+    *("--current", "motor_measured_current", "--velocity", "motor_measured_speed"),
+    *("--torque", "adc_measured_torque", "--gear-ratio", 9, "--torque-sign", "-1"),
+)
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("file", "where"),
+    [
+        (
+            "no_torque_tests/pre-calibration/log_adc_and_motor_no_torque_3.csv",
+            "column 'adc_measured_torque': row 2: torque is -2.74162e+16 N*m",
+        ),
+        (
+            "current_fixed/fixing_current_limit_issue/current_comp_test_6.csv",
+            "column 'motor_measured_current': row 40: current is -1009.78 A",
+        ),
+        ("sys_ID_final/trial8.csv", "row 2: 7 values under 6 column names. Name column 7"),
+        (
+            "torque_vary_with_angle/synchronized_trial_8/log_mitry_dephy.csv",
+            "row 1: expected a header, found numbers",
+        ),
+    ],
+)
+def test_each_broken_log_exits_2_with_row_and_column(jointz, real_data, file, where):
+    outcome = jointz("identify", "actuator", real_data / "tmotor_bench" / file, *REAL)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert where in outcome.err
+
+
+# --- bandwidth -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def loop(tmp_path):
+    command = 10.0 * np.random.default_rng(0).standard_normal(30_000)
+    b, a = butter(1, 10.0, fs=1000.0)
+    path = tmp_path / "loop.csv"
+    pd.DataFrame({"cmd": command, "tau": lfilter(b, a, command)}).to_csv(path, index=False)
+    return path
+
+
+LOOP = ("--command", "cmd:Nm", "--torque", "tau:Nm", "--rate", 1000)
+
+
+def test_the_bandwidth_comes_with_interval_and_resolution(jointz, loop, tmp_path):
+    figure = tmp_path / "loop.png"
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--json", "--figure", figure)
+
+    assert outcome.code == 0
+    found = outcome.json
+    assert found["model"] == "bandwidth"
+    assert found["status"] == "ok"
+    assert found["bandwidth_hz"] == pytest.approx(10.0, abs=0.3)
+    estimate = found["parameters"]["bandwidth_hz"]
+    assert estimate["ci"][0] < estimate["value"] < estimate["ci"][1]
+    assert 0.0 < found["resolution_hz"] < found["bandwidth_hz"]
+    assert figure.stat().st_size > 1000
+    assert (
+        "bandwidth\t10" in jointz("identify", "bandwidth", loop, *LOOP).out or "9." in outcome.out
+    )
+
+
+def test_a_window_that_cannot_resolve_the_bandwidth_exits_1(jointz, loop):
+    options = ("--method", "blackman_tukey", "--window-s", 0.03, "--json")
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, *options)
+    assert outcome.code == 1
+    assert outcome.json["status"] == "failed:below_resolution"
+
+
+def test_a_gain_that_is_no_loss_exits_2(jointz, loop):
+    assert jointz("identify", "bandwidth", loop, *LOOP, "--drop-db", 0).code == 2
+
+
+# --- response models of joint --------------------------------------------------------------------
+
+
+@pytest.fixture
+def knee(tmp_path):
+    t = np.arange(8000) / 500.0
+    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
+    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
+    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
+    torque = 0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0)
+    path = tmp_path / "r.csv"
+    pd.DataFrame({"knee": 0.01 * s.sum(axis=0), "tau": torque}).to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("model", ["irf", "frf"])
+def test_a_response_model_gives_the_second_order_joint_and_a_figure(jointz, knee, tmp_path, model):
+    figure = tmp_path / f"{model}.svg"
+    columns = ("--angle", "knee", "--torque", "tau", "--input", "angle", "--rate", 500)
+    options = ("--model", model, "--figure", figure)
+    outcome = jointz("identify", "joint", knee, *columns, *options, "--json")
+
+    assert outcome.code == 0
+    assert outcome.json["model"] == model
+    assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(80.0, rel=0.02)
+    assert {"vaf_pct", "status"} <= set(outcome.json)
+    assert figure.stat().st_size > 1000

@@ -1,0 +1,164 @@
+import numpy as np
+import pytest
+
+from jointz.kernels.spectra_second_order import fit_second_order, record_spectra
+
+RATE = 500.0
+KBJ = np.array([80.0, 1.2, 0.03])
+
+
+def make_motion(seed: int = 0, n: int = 10_000) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and torque of a joint in any motion, exact: sines that fit no window, and a jump-in."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / RATE
+    f = rng.uniform(0.3, 25.0, 60)
+    w, phase = 2 * np.pi * f[:, None], rng.uniform(0.0, 2 * np.pi, (60, 1))
+    wave = 0.01 / (1.0 + f[:, None]) * np.exp(1j * (w * t + phase))
+    angle, velocity = wave.imag.sum(axis=0), (1j * w * wave).imag.sum(axis=0)
+    acceleration = (-(w**2) * wave).imag.sum(axis=0)
+    return angle, KBJ @ np.stack([angle, velocity, acceleration])
+
+
+@pytest.mark.parametrize("perturbed", ["torque", "angle"])
+@pytest.mark.parametrize("weighting", ["error", "even"])
+def test_k_b_j_come_back_whatever_the_motion_at_the_ends(perturbed, weighting):
+    angle, torque = make_motion()
+
+    spectra = record_spectra(angle, torque, rate_hz=RATE, highest_hz=30.0)
+    fit = fit_second_order(spectra, perturbed=perturbed, weighting=weighting)
+
+    assert fit.values == pytest.approx(KBJ, rel=1e-6)
+    assert fit.vaf_pct == pytest.approx(100.0)
+    assert fit.converged
+
+
+def test_offsets_and_units_do_not_matter():
+    angle, torque = make_motion()
+    plain = fit_second_order(
+        record_spectra(angle, torque, rate_hz=RATE, highest_hz=30.0), perturbed="torque"
+    )
+
+    scaled = record_spectra(10.0 * angle + 3.0, torque - 5.0, rate_hz=RATE, highest_hz=30.0)
+    other = fit_second_order(scaled, perturbed="torque")
+
+    assert other.values == pytest.approx(plain.values / 10.0, rel=1e-5)
+
+
+def test_negative_stiffness_is_found():
+    angle, torque = make_motion()
+
+    spectra = record_spectra(angle, torque - 100.0 * angle, rate_hz=RATE, highest_hz=30.0)
+    fit = fit_second_order(spectra, perturbed="angle")
+
+    assert fit.values == pytest.approx([-20.0, 1.2, 0.03], rel=1e-6)
+
+
+@pytest.mark.parametrize(("perturbed", "noisy"), [("torque", 1), ("angle", 0)])
+def test_white_noise_of_the_input_is_taken_off(perturbed, noisy):
+    found = []
+    for seed in range(8):
+        signals = list(make_motion(seed))
+        rng = np.random.default_rng(100 + seed)
+        sd = 0.1 * signals[noisy].std() * (0.05 if perturbed == "angle" else 1.0)
+        signals[noisy] = signals[noisy] + sd * rng.standard_normal(signals[0].size)
+        spectra = record_spectra(*signals, rate_hz=RATE, highest_hz=30.0)
+        measured = np.sqrt(spectra.noise[noisy] / spectra.window_power)
+        assert measured == pytest.approx(sd, rel=0.05)
+        found.append(fit_second_order(spectra, perturbed=perturbed).values)
+
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(8)
+
+    assert np.all(np.abs(mean - KBJ) < 4.0 * error + 1e-4 * KBJ)
+
+
+def test_torque_inside_the_joint_leaves_no_bias_with_the_torque_as_the_input():
+    """What muscle adds is in the angle alone: the measured torque is the device's."""
+    found = []
+    for seed in range(6):
+        angle, torque = make_motion(seed)
+        rng = np.random.default_rng(seed)
+        t = np.arange(angle.size) / RATE
+        f, phase = rng.uniform(0.2, 2.0, (20, 1)), rng.uniform(0.0, 6.0, (20, 1))
+        s = 2j * np.pi * f
+        muscle = np.exp(s * t + 1j * phase) / (KBJ[0] + KBJ[1] * s + KBJ[2] * s**2)
+        angle = angle + 0.05 * torque.std() * muscle.imag.sum(axis=0)
+        spectra = record_spectra(angle, torque, rate_hz=RATE, highest_hz=30.0)
+        found.append(fit_second_order(spectra, perturbed="torque").values)
+
+    assert np.mean(found, axis=0) == pytest.approx(KBJ, rel=0.015)
+
+
+def make_loop(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A device of stiffness 40: the measured torque answers to what muscle does to the angle."""
+    rng = np.random.default_rng(seed)
+    n = 30_000
+    s = 2j * np.pi * np.fft.rfftfreq(n, 1.0 / RATE)
+    drive, muscle = (np.fft.rfft(rng.standard_normal(n)) for _ in range(2))
+    drive, muscle = drive * (np.abs(s) < 2 * np.pi * 20.0), muscle * (np.abs(s) < 2 * np.pi * 8.0)
+    joint, device = KBJ @ np.stack([np.ones_like(s), s, s**2]), 40.0
+    theta = (drive + muscle) / (joint + device)
+    angle, torque, command = (np.fft.irfft(z, n) for z in (theta, drive - device * theta, drive))
+    return angle, torque, command
+
+
+def test_the_command_as_the_instrument_opens_a_loop():
+    with_command, without = [], []
+    for seed in range(10):
+        angle, torque, command = make_loop(seed)
+        for instrument, found in ((command, with_command), (None, without)):
+            spectra = record_spectra(
+                angle, torque, rate_hz=RATE, highest_hz=18.0, command=instrument
+            )
+            fit = fit_second_order(spectra, perturbed="torque", weighting="even")
+            found.append(fit.values)
+
+    mean, error = np.mean(with_command, axis=0), np.std(with_command, axis=0) / np.sqrt(10)
+    assert mean == pytest.approx(KBJ, rel=0.015)
+    assert np.all(np.abs(mean - KBJ) < 4.0 * error)
+    assert abs(np.mean(without, axis=0)[0] / 80.0 - 1.0) > 0.05
+
+
+def test_the_covariance_is_the_scatter():
+    found, sds = [], []
+    for seed in range(60):
+        angle, torque = make_motion(0, n=5000)
+        noise = np.random.default_rng(seed).standard_normal(angle.size)
+        spectra = record_spectra(
+            angle + 0.02 * angle.std() * noise, torque, rate_hz=RATE, highest_hz=30.0
+        )
+        fit = fit_second_order(spectra, perturbed="torque")
+        found.append(fit.values)
+        sds.append(np.sqrt(np.diag(fit.covariance)))
+
+    assert np.mean(sds, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.3)
+
+
+def test_a_single_sine_is_called_ill_conditioned():
+    t = np.arange(10_000) / RATE
+    angle = np.sin(2 * np.pi * 3.0 * t)
+
+    spectra = record_spectra(angle, 5.0 * angle, rate_hz=RATE, highest_hz=30.0)
+
+    assert fit_second_order(spectra, perturbed="angle").condition_number > 1e3
+
+
+def test_a_floor_that_still_falls_is_signal():
+    rng = np.random.default_rng(0)
+    torque = np.cumsum(rng.standard_normal(10_000))
+
+    spectra = record_spectra(torque, torque, rate_hz=RATE, highest_hz=30.0)
+
+    assert spectra.noise == (0.0, 0.0)
+
+
+def test_too_few_frequencies_are_refused():
+    with pytest.raises(ValueError, match="at least 12 frequencies below 2 Hz"):
+        record_spectra(*make_motion(n=1000), rate_hz=RATE, highest_hz=2.0)
+
+
+def test_unknown_words_are_refused():
+    spectra = record_spectra(*make_motion(), rate_hz=RATE, highest_hz=30.0)
+    with pytest.raises(ValueError, match="torque or angle perturbed, got 'force'"):
+        fit_second_order(spectra, perturbed="force")
+    with pytest.raises(ValueError, match="error or even, got 'odd'"):
+        fit_second_order(spectra, perturbed="angle", weighting="odd")

@@ -1,0 +1,254 @@
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from jointz.core.reproduction import Compared, ComparedTable, Reproduction
+from jointz.report.chapter2_figures import draw_chapter2
+from jointz.report.chapter_page import render_chapter
+
+VOID = {"meta", "br"}
+MINUS = "\N{MINUS SIGN}"
+PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
+
+ROWS = (
+    Compared(
+        "k1, trajectory C", "%", printed=-5.14, printed_sd=1.32, dissertation=-4.8731,
+        dissertation_sd=2.1266, recommended=0.0812, recommended_low=-0.4011,
+        recommended_high=0.5622, truth=0.0,
+    ),
+    Compared("I1 <all>", "%", printed=-15.2, printed_sd=10.91, dissertation=-14.0, note="of 10"),
+)  # fmt: skip
+INTRINSIC = (
+    Compared(
+        "intrinsic inertia", "kg*m^2", printed=0.001, printed_sd=2.65e-5, dissertation=0.00098432,
+        dissertation_sd=1.1e-5, recommended=0.00100213, recommended_low=0.00100101,
+        recommended_high=0.0010032, truth=0.001,
+    ),
+    Compared("intrinsic stiffness", "N*m/rad", printed=0.388, recommended=0.391),
+)  # fmt: skip
+COUNTS = (
+    Compared("pairs with VAF above 99.9 %", printed=19.0, dissertation=20.0),
+    Compared("bandwidth", "Hz", printed=26.8),
+)
+REPRODUCTION = Reproduction(
+    chapter=2,
+    title="The exoskeleton on its bench",
+    tables=(
+        ComparedTable("stiffness_errors", "Errors of stiffness", "Percent of the truth.", ROWS),
+        ComparedTable("intrinsic", "Intrinsic impedance", "", INTRINSIC),
+        ComparedTable("vaf", "Counts", "", COUNTS),
+    ),
+    notes=("Reference E is confounded & said so.",),
+    provenance={
+        "jointz": "0.4",
+        "packages": {"numpy": "2.4"},
+        "settings": {"seed": 1, "cases": [1, 2]},
+    },
+)
+
+
+class Page(HTMLParser):
+    """Gathers the rows of tables as text, tags, links and ids; checks that tags close in order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.ids, self.links, self.cells, self.order = [], [], [], [], [], []
+        self.text = ""
+        self.feed(html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        found = dict(attrs)
+        self.ids += [found["id"]] if "id" in found else []
+        self.links += [found[k] for k in ("href", "xlink:href", "src") if k in found]
+        if tag in ("td", "th"):
+            self.cells.append([found.get("class", ""), ""])
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" in self.open:
+            return
+        self.text += data
+        if {"td", "th"} & set(self.open):
+            self.cells[-1][1] += data
+
+    def texts(self, column):
+        """Return the texts of a column's cells, heads left out."""
+        return [" ".join(t.split()) for c, t in self.cells if c.split()[:2] == ["v", column]]
+
+
+@pytest.fixture(scope="module")
+def figures():
+    response = {
+        "frequency_hz": [1.0, 2.0, 5.0],
+        "gain": [0.4, 1.0, 5.0],
+        "phase_deg": [10.0, 40.0, 90.0],
+        "model_gain": [0.4, 1.0, 5.0],
+        "model_phase_deg": [10.0, 40.0, 90.0],
+    }
+    mechanism = {"mechanism": "none", "stiffness_pct": 0.0, "damping": 0.0, "inertia_pct": 0.0}
+    return draw_chapter2({"intrinsic": response, "mechanisms": [mechanism]})
+
+
+@pytest.fixture(scope="module")
+def html(figures):
+    return render_chapter(REPRODUCTION, figures)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_page_needs_nothing_from_outside(html, page):
+    bare = re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
+    assert "http:" not in bare
+    assert "https:" not in bare
+    assert "@import" not in html
+    assert {"script", "link", "img"} & set(page.tags) == set()
+
+
+def test_every_id_is_unique_and_every_inner_link_has_its_target(page):
+    assert len(page.ids) == len(set(page.ids))
+    assert all(link.startswith("#") for link in page.links)
+    assert {link[1:] for link in page.links} <= set(page.ids)
+
+
+def test_the_heads_name_chapter_and_sections(page):
+    assert "Chapter II again: The exoskeleton on its bench" in page.text
+    for heading in ("Errors of stiffness", "Intrinsic impedance", "Counts", "Notes"):
+        assert heading in page.text
+    assert "simulated bench" in page.text
+
+
+def test_printed_numbers_keep_their_digits(page):
+    assert page.texts("printed") == [
+        f"{MINUS}5.14 {PLUS_MINUS} 1.32",
+        f"{MINUS}15.2 {PLUS_MINUS} 10.91",
+        f"0.001 {PLUS_MINUS} 2.65 × 10⁻⁵",  # noqa: RUF001
+        "0.388",
+        "19",
+        "26.8",
+    ]
+
+
+def test_our_numbers_have_the_digits_that_their_spread_allows(page):
+    assert page.texts("dissertation") == [
+        f"{MINUS}4.9 {PLUS_MINUS} 2.1",
+        f"{MINUS}14",
+        f"0.000984 {PLUS_MINUS} 0.000011",
+        "–",  # noqa: RUF001
+        "20",
+        "–",  # noqa: RUF001
+    ]
+    assert page.texts("recommended") == [
+        f"0.08 [{MINUS}0.40, 0.56]",
+        "–",  # noqa: RUF001
+        "0.0010021 [0.0010010, 0.0010032]",
+        "0.391",
+    ]
+
+
+def test_a_truth_outside_its_interval_is_marked_and_counted(page):
+    truths = page.texts("truth")
+    assert truths == ["0.00", "–", "0.0010000 outside the interval", "–"]  # noqa: RUF001
+    assert "1 of 2" in page.text
+
+
+def test_a_column_without_numbers_is_left_out(page):
+    numbers = [classes for classes, _ in page.cells if classes.startswith("v ")]
+    assert len(numbers) == 2 * 4 + 2 * 4 + 2 * 2
+
+
+def test_a_unit_that_all_rows_share_stands_in_the_heads_else_with_each_row(page):
+    heads = [t for c, t in page.cells if c == "printed"]
+    assert heads == ["Printed%", "Printed", "Printed"]
+    assert any("intrinsic inertia kg·m²" in t for _, t in page.cells)
+
+
+def test_printed_numbers_look_different_from_ours(html):
+    style = html[html.index("<style>") : html.index("</style>")]
+    assert re.search(r"\.compared \.printed \{[^}]*serif[^}]*background", style)
+
+
+def test_text_from_outside_is_escaped(html):
+    assert "I1 &lt;all&gt;" in html
+    assert "confounded &amp; said so" in html
+
+
+def test_a_figure_stands_with_its_table_and_one_without_table_behind_them(html):
+    intrinsic, counts = html.index('id="table-intrinsic"'), html.index('id="table-vaf"')
+    assert intrinsic < html.index('id="figure-2.A"') < counts
+    assert html.index('id="figures"') < html.index('id="figure-2.B"') < html.index('id="notes"')
+
+
+def test_figures_do_not_use_each_others_glyphs(page):
+    assert any(i.startswith("figure_intrinsic-") for i in page.ids)
+    assert any(i.startswith("figure_mechanisms-") for i in page.ids)
+
+
+def test_a_figure_of_another_name_has_no_place():
+    assert "<svg" not in render_chapter(REPRODUCTION, {"figure_9_9": "<svg></svg>"})
+
+
+def test_a_long_table_is_folded_up_below_its_figure(figures):
+    long = replace(REPRODUCTION.tables[1], rows=INTRINSIC * 20)
+    html = render_chapter(replace(REPRODUCTION, tables=(long,)), figures)
+    assert html.index('id="figure-2.A"') < html.index("<details>") < html.index("All 40 rows")
+
+
+def test_provenance_is_written_out(page):
+    assert "numpy 2.4" in page.text
+    assert "seed 1, cases 1, 2" in page.text
+
+
+def test_an_empty_reproduction_is_a_page_that_says_so():
+    page = Page(render_chapter(Reproduction(3, "The actuator", ()), {}))
+    assert "Chapter III again: The actuator" in page.text
+    assert "carries no provenance" in page.text
+
+
+def test_numbers_that_are_missing_or_not_finite_are_dashes():
+    rows = (Compared("share", "%", printed=40.0, dissertation=float("nan")),)
+    table = ComparedTable("claims", "Claims", "", rows)
+    page = Page(render_chapter(Reproduction(2, "x", (table,)), {}))
+    assert page.texts("dissertation") == ["–"]  # noqa: RUF001
+
+
+def test_a_number_that_is_small_beside_the_others_of_its_unit_is_not_written_out():
+    rows = tuple(Compared(name, "%", dissertation=v) for name, v in (("a", -22.31), ("b", -7e-6)))
+    table = ComparedTable("mechanisms", "Mechanisms", "", rows)
+    page = Page(render_chapter(Reproduction(2, "x", (table,)), {}))
+    assert page.texts("dissertation") == [f"{MINUS}22.3", "0.00"]
+
+
+def test_a_vaf_just_below_100_percent_is_not_rounded_to_it():
+    rows = (Compared("lowest VAF", "%", printed=95.0, dissertation=99.97),)
+    page = Page(render_chapter(Reproduction(2, "x", (ComparedTable("v", "V", "", rows),)), {}))
+    assert page.texts("dissertation") == ["99.97"]
+
+
+def test_units_in_words_are_written_as_people_write_them():
+    rows = (Compared("bandwidth at 20 N*m", "Hz", recommended=26.1),)
+    page = Page(render_chapter(Reproduction(2, "x", (ComparedTable("v", "V", "", rows),)), {}))
+    assert "bandwidth at 20 N·m" in page.text
+
+
+def test_rounding_noise_is_not_printed_as_a_number():
+    rows = (Compared("damping", recommended=2e-14, recommended_low=-0.02, recommended_high=0.02),)
+    table = ComparedTable("claims", "Claims", "", rows)
+    page = Page(render_chapter(Reproduction(2, "x", (table,)), {}))
+    assert page.texts("recommended") == [f"0.000 [{MINUS}0.020, 0.020]"]
