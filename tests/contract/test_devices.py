@@ -8,7 +8,10 @@ import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.core.protocol import LoadSpec
+from jointz.core.study import Calibrated
 from jointz.devices.interface import Devices, Lifecycle
+from jointz.sim.bench_rig import simulated_bench
 from jointz.sim.rig import simulated_rig
 from jointz.testing import (
     ActuatorContract,
@@ -76,6 +79,36 @@ class TestSimulatedGoniometer(_Simulated, SensorContract):
 
 class TestSimulatedFootswitch(_Simulated, SensorContract):
     device = "contact"
+
+
+class _OnABench(Virtual):
+    device = "actuator"
+    bench = "series-elastic"
+
+    def make(self, clock):
+        load = LoadSpec(name="springs", stiffness=Calibrated(value=146.39, sd=0.0))
+        self.rig = simulated_bench(self.bench, load, sample_rate_hz=500.0)
+        return getattr(self.rig.open("trial", worn=True, segment=0, clock=clock), self.device)
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.rig.inject.order(self.device, "disconnect")
+
+
+class TestSeriesElasticActuator(_OnABench, ActuatorContract):
+    pass
+
+
+class TestSeriesElasticBeam(_OnABench, SensorContract):
+    device = "torque"
+
+
+class TestQuasiDirectDrive(_OnABench, ActuatorContract):
+    bench = "quasi-direct-drive"
+
+
+class TestTorqueSensor(_OnABench, SensorContract):
+    bench = "quasi-direct-drive"
+    device = "torque"
 
 
 # --- the contract notices ------------------------------------------------------------------------

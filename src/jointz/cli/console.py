@@ -1,12 +1,13 @@
 """What commands print: results on stdout, progress and errors on stderr."""
 
+import errno
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from jointz.core.errors import OutputError
 
@@ -27,14 +28,33 @@ def emit(text: str = "") -> None:
     ----------
     text : str
         The line.
+
+    Raises
+    ------
+    OutputError
+        When stdout is closed or does not take it.
     """
     try:
-        sys.stdout.write(text + "\n")
-        sys.stdout.flush()
+        _write_line(text)
     except OSError as exc:
-        # Python would try again at its end, and complain again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_stdout()
         raise OutputError(f"stdout cannot be written ({exc.strerror}).") from exc
+
+
+def _write_line(text: str) -> None:
+    if sys.stdout is None:  # so Python has it where the shell closed it
+        raise OSError(errno.EBADF, "it is closed")
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def _discard_stdout() -> None:
+    """Send what is still to come nowhere: Python would try again at its end, and complain."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    if sys.stdout is None:
+        sys.stdout = os.fdopen(nowhere, "w")
+    else:
+        os.dup2(nowhere, sys.stdout.fileno())
 
 
 def emit_json(content: Mapping[str, Any]) -> None:
@@ -60,7 +80,7 @@ def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> 
     title : str
         Above the table.
     """
-    if not sys.stdout.isatty():
+    if not _is_terminal(sys.stdout):
         if title:
             emit(title)
         for row in [header, *rows]:
@@ -77,6 +97,10 @@ def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> 
     Console().print(table)
 
 
+def _is_terminal(stream: TextIO | None) -> bool:
+    return stream is not None and stream.isatty()
+
+
 @contextmanager
 def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
     """Give a progress callback that draws a bar on a terminal's stderr.
@@ -91,7 +115,7 @@ def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
     callable or None
         Called with (done, of how many, what comes next).
     """
-    if not shown or not sys.stderr.isatty():
+    if not shown or not _is_terminal(sys.stderr):
         yield None
         return
     from rich.console import Console
@@ -122,10 +146,14 @@ class Bars:
         Called with participant, condition, strides, pulses done, pulses planned.
     analysis : callable or None
         Called with (done, of how many, what comes next).
+    paused : callable
+        Makes a context in which nothing is drawn: the terminal is somebody else's. What
+        ends by an error is not drawn again.
     """
 
     experiment: "RunProgress | None" = None
     analysis: "Progress | None" = None
+    paused: Callable[[], AbstractContextManager[None]] = nullcontext
 
 
 @contextmanager
@@ -142,10 +170,11 @@ def experiment_bars(*, shown: bool) -> Iterator[Bars]:
     Bars
         The callbacks.
     """
-    if not shown or not sys.stderr.isatty():
+    if not shown or not _is_terminal(sys.stderr):
         yield Bars()
         return
     from rich.console import Console
+    from rich.live import Live
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     columns = (
@@ -155,7 +184,8 @@ def experiment_bars(*, shown: bool) -> Iterator[Bars]:
         TimeElapsedColumn(),
     )
     tasks: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True) as bars:
 
         def task(name: str) -> TaskID:
             if name not in tasks:
@@ -175,4 +205,12 @@ def experiment_bars(*, shown: bool) -> Iterator[Bars]:
         def analysis(done: int, total: int, what: str) -> None:
             bars.update(task("analysis"), total=total, completed=done, told=what)
 
-        yield Bars(experiment, analysis)
+        @contextmanager
+        def paused() -> Iterator[None]:
+            bars.stop()
+            yield
+            # A new display: the old one would go up as many lines as it had, over others'.
+            bars.live = Live(console=console, transient=True, get_renderable=bars.get_renderable)
+            bars.start()
+
+        yield Bars(experiment, analysis, paused)

@@ -19,6 +19,7 @@ from jointz.cli.console import (
 from jointz.cli.demo import demo
 from jointz.cli.identify import identify
 from jointz.cli.protocols import protocols
+from jointz.cli.reproduce import reproduce
 from jointz.cli.run import run as run_experiment
 from jointz.core.errors import DeviceError, JointzError, OutputError
 
@@ -40,6 +41,7 @@ app.add_typer(protocols, name="protocols")
 app.command("run")(run_experiment)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
+app.command("reproduce")(reproduce)
 
 
 def _version(value: bool) -> None:

@@ -1,6 +1,8 @@
 """``jointz run``: run an experiment and write its study."""
 
 import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -37,10 +39,24 @@ class ClockName(StrEnum):
 
 
 class _Prompting:
-    """The operator at the terminal: reads what to do and presses Enter."""
+    """The operator at the terminal: reads what to do and presses Enter.
+
+    Parameters
+    ----------
+    alone : callable
+        Makes a context in which nothing else is drawn on the terminal.
+    """
+
+    def __init__(self, alone: Callable[[], AbstractContextManager[None]]) -> None:
+        self._alone = alone
 
     def prompt(self, text: str) -> None:
-        typer.prompt(f"{text} [Enter]", default="", show_default=False, err=True)
+        with self._alone():
+            try:
+                typer.prompt(f"{text} [Enter]", default="", show_default=False, err=True)
+            except typer.Abort:  # by Ctrl-C or the end of input, in the middle of the line
+                typer.echo(err=True)
+                raise
 
 
 def run(
@@ -92,7 +108,7 @@ def run(
             participants=participants,
             workers=workers or (1 if real else os.cpu_count() or 1),
             resume=resume,
-            operator=NoOperator() if device is Device.sim and not real else _Prompting(),
+            operator=NoOperator() if device is Device.sim and not real else _Prompting(bars.paused),
             progress=bars.experiment,
         )
     if as_json:

@@ -15,24 +15,32 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from jointz.core import protocol_checks as whole
+from jointz.core import protocol_limit_checks as limits
 from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.limits import LimitsOverride
 from jointz.core.references import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, _version
+from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
-Rate = Annotated[float, Field(ge=1, le=100_000)]
-Count = Annotated[int, Field(gt=0)]
+#: Slower, samples are too old to act on; faster than any loop of a computer.
+Rate = Annotated[float, Field(ge=100, le=10_000)]
+#: No experiment has more of anything that is counted.
+Count = Annotated[int, Field(gt=0, le=10_000)]
+Strides = Annotated[int, Field(le=10_000)]
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+_LONGEST_NAME = 64
 
 
-def _name_problems(name: str) -> Iterator[Problem]:
-    if not _FILE_NAME.fullmatch(name):
+def _name_problems(name: str, *key: str, why: str = "names files") -> Iterator[Problem]:
+    if not _FILE_NAME.fullmatch(name) or len(name) > _LONGEST_NAME:
+        got = repr(name) if len(name) <= _LONGEST_NAME else f"{len(name)} characters"
         yield Problem(
-            ("name",),
-            f"expected letters, digits, - and _, because it names files; got {name!r}.",
+            key or ("name",),
+            f"expected letters, digits, - and _, at most {_LONGEST_NAME}, because it {why}; got "
+            f"{got}.",
         )
 
 
@@ -97,8 +105,8 @@ class PerturbationPlan(CheckedModel):
 
     timing_points: dict[Name, float] | None = Field(default=None, min_length=1)
     count_per_point: Count | None = None
-    gap_strides: tuple[int, int] | None = Field(default=None, strict=False)
-    warm_up_strides: Annotated[int, Field(ge=0)] = 10
+    gap_strides: tuple[Strides, Strides] | None = Field(default=None, strict=False)
+    warm_up_strides: Annotated[int, Field(ge=0, le=10_000)] = 10
     count: Count | None = None
     pause_s: Positive | None = None
     sham_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
@@ -106,7 +114,8 @@ class PerturbationPlan(CheckedModel):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds inside the plan."""
-        return self._points_in_cycle, self._points_differ, self._gaps, self._counts, self._shams
+        points = self._points_named, self._points_in_cycle, self._points_differ
+        return *points, self._gaps, self._counts, self._shams
 
     def shams(self, pulses: int) -> int:
         """Return how many shams come on top of a number of pulses.
@@ -129,6 +138,10 @@ class PerturbationPlan(CheckedModel):
         count = self.count_per_point or self.count or 0
         points = len(self.timing_points or ()) if self.count_per_point else 1
         return points * (count + self.shams(count))
+
+    def _points_named(self) -> Iterator[Problem]:
+        for name in self.timing_points or {}:
+            yield from _name_problems(name, "timing_points", name, why="stands in tables")
 
     def _points_in_cycle(self) -> Iterator[Problem]:
         for name, pct in (self.timing_points or {}).items():
@@ -193,7 +206,8 @@ class ConditionSpec(CheckedModel):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds inside the condition."""
-        return partial(_checked_name, self), self._pulses_fit_condition, self._one_motion
+        names = partial(_checked_name, self), self._session_named
+        return *names, self._pulses_fit_condition, self._one_motion
 
     @property
     def worn(self) -> bool:
@@ -217,6 +231,10 @@ class ConditionSpec(CheckedModel):
         }
         return {name: reference for name, reference in named.items() if reference is not None}
 
+    def _session_named(self) -> Iterator[Problem]:
+        if self.session is not None:
+            yield from _name_problems(self.session, "session", why="stands in tables")
+
     def _pulses_fit_condition(self) -> Iterator[Problem]:
         if self.perturbations is not None and self.condition != "perturbed":
             yield Problem(
@@ -236,17 +254,32 @@ class GaitSpec(CheckedModel):
     speed_m_s: Positive
     strides_in_mean: Annotated[int, Field(ge=1, le=20)] = 5
     accepted_band: tuple[float, float] = Field(default=(0.75, 1.33), strict=False)
-    steady_after_strides: Annotated[int, Field(ge=1)] = 3
+    steady_after_strides: Annotated[int, Field(ge=1, le=100)] = 3
     refractory_s: Positive = 0.3
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds inside."""
-        return self._band, self._refractory
+        return self._walking_speed, self._band, self._refractory
+
+    @property
+    def assumed_stride_s(self) -> float:
+        """Duration of a stride where nobody has walked yet, s."""
+        # A speed that nobody walks at is one problem; what follows from it need not be more.
+        speed_m_s = min(max(self.speed_m_s, SLOWEST_M_S), FASTEST_M_S)
+        return whole.ASSUMED_STRIDE_S * stride_time_ratio(speed_m_s)
 
     @property
     def shortest_stride_s(self) -> float:
         """Shortest stride that is accepted about the one assumed, s."""
-        return whole.ASSUMED_STRIDE_S * self.accepted_band[0]
+        return self.assumed_stride_s * self.accepted_band[0]
+
+    def _walking_speed(self) -> Iterator[Problem]:
+        if not SLOWEST_M_S <= self.speed_m_s <= FASTEST_M_S:
+            yield Problem(
+                ("speed_m_s",),
+                f"expected {SLOWEST_M_S:g} to {FASTEST_M_S:g} m/s, at which people walk; got "
+                f"{self.speed_m_s:g} m/s.",
+            )
 
     def _band(self) -> Iterator[Problem]:
         low, high = self.accepted_band
@@ -314,12 +347,13 @@ class Protocol(CheckedModel):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the parts."""
-        of_whole = (partial(check, self) for check in whole.PROTOCOL_CHECKS)
+        checks = (*whole.PROTOCOL_CHECKS, *limits.PROTOCOL_LIMIT_CHECKS)
+        of_whole = (partial(check, self) for check in checks)
         conditions = self.__dict__.get("conditions", ())  # none in a draft that lacks them
         of_conditions = (
             partial(check, self, i)
             for i in range(len(conditions))
-            for check in whole.CONDITION_CHECKS
+            for check in (*whole.CONDITION_CHECKS, *limits.CONDITION_LIMIT_CHECKS)
         )
         return partial(_checked_name, self), *of_whole, *of_conditions
 
@@ -327,7 +361,7 @@ class Protocol(CheckedModel):
     def expected_duration_s(self) -> float:
         """Time that the conditions of one participant or load take, s.
 
-        Strides are taken to last 1.1 s and gaps their mean; pauses between
+        Strides are taken to last 1.1 s at 1.2 m/s and gaps their mean; pauses between
         conditions, and pulses that have to be done again, come on top.
         """
         return sum(whole.expected_duration_s(self, condition) for condition in self.conditions)

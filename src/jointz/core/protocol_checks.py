@@ -1,7 +1,8 @@
 """What must hold between the parts of a protocol, and how long it takes."""
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from jointz.core.bench_timing import onsets_in_cycle
@@ -10,11 +11,23 @@ from jointz.core.checked_model import Problem
 if TYPE_CHECKING:
     from jointz.core.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
 
-#: Duration of a stride where nobody has walked yet, s.
+#: Duration of a stride at 1.2 m/s where nobody has walked yet, s.
 ASSUMED_STRIDE_S = 1.1
 #: Ticks and samples that a period of the fastest sine must hold.
 _SAMPLES_A_PERIOD = 10
-_ROUNDING_S = 1e-9
+#: What sums of times may differ by, s.
+ROUNDING_S = 1e-9
+
+
+def assumed_stride_s(protocol: "Protocol") -> float:
+    """Return the duration of a stride where nobody has walked yet, s.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Of walking.
+    """
+    return ASSUMED_STRIDE_S if protocol.gait is None else protocol.gait.assumed_stride_s
 
 
 def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
@@ -30,9 +43,9 @@ def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> flo
     plan = condition.perturbations
     if protocol.kind == "walking":
         if plan is None or plan.gap_strides is None:
-            return (condition.strides or 0) * ASSUMED_STRIDE_S
+            return (condition.strides or 0) * assumed_stride_s(protocol)
         mean_gap = sum(plan.gap_strides) / 2.0
-        return (plan.warm_up_strides + plan.total * mean_gap) * ASSUMED_STRIDE_S
+        return (plan.warm_up_strides + plan.total * mean_gap) * assumed_stride_s(protocol)
     return condition.trials * trial_duration_s(protocol, condition)
 
 
@@ -77,7 +90,9 @@ def _cycles_s(condition: "ConditionSpec") -> list[float]:
 
 
 def _names_unique(protocol: "Protocol") -> Iterator[Problem]:
-    yield from _repeated("conditions", (c.name for c in protocol.conditions))
+    yield from _repeated(
+        "conditions", chain.from_iterable(c.trial_names for c in protocol.conditions)
+    )
 
 
 def _loads_unique(protocol: "Protocol") -> Iterator[Problem]:
@@ -85,9 +100,17 @@ def _loads_unique(protocol: "Protocol") -> Iterator[Problem]:
 
 
 def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
-    for name, count in Counter(names).items():
-        if count > 1:
-            yield Problem((key,), f"name '{name}' is given {count} times. Names must be unique.")
+    """Say which names are given twice; they name files, and some disks take A and a for one."""
+    spellings = defaultdict(list)
+    for name in names:
+        spellings[name.lower()].append(name)
+    for same in spellings.values():
+        if len(set(same)) > 1:
+            told = f"names {' and '.join(map(repr, dict.fromkeys(same)))} differ in case only."
+            yield Problem((key,), f"{told} Give one of them another name.")
+        elif len(same) > 1:
+            told = f"name '{same[0]}' is given {len(same)} times. Names must be unique."
+            yield Problem((key,), told)
 
 
 def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
@@ -137,37 +160,11 @@ def _pulse_suits_rate(protocol: "Protocol") -> Iterator[Problem]:
     period_s = 1.0 / protocol.rates.control_hz
     for key in ("ramp_up_s", "hold_s", "ramp_down_s"):
         part: float = getattr(protocol.pulse, key)
-        if 0 < part < period_s - _ROUNDING_S:
+        if 0 < part < period_s - ROUNDING_S:
             yield Problem(
                 ("pulse", key),
                 f"expected 0 or at least one period of control_hz ({period_s:g} s), got "
                 f"{part:g} s. Raise it, or the rate.",
-            )
-
-
-def _pulse_within_torque(protocol: "Protocol") -> Iterator[Problem]:
-    limit = protocol.safety.torque_nm
-    if protocol.pulse is None or limit is None or protocol.pulse.amplitude_nm <= limit:
-        return
-    yield Problem(
-        ("pulse", "amplitude_nm"),
-        f"{protocol.pulse.amplitude_nm:g} N*m is above safety.torque_nm = {limit:g} N*m: it would "
-        "be cut. Lower it, or raise the limit.",
-    )
-
-
-def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
-    pulse, limit = protocol.pulse, protocol.safety.torque_rate_nm_s
-    if pulse is None or limit is None:
-        return
-    for key in ("ramp_up_s", "ramp_down_s"):
-        ramp_s: float = getattr(pulse, key)
-        if ramp_s and pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
-            yield Problem(
-                ("pulse", key),
-                f"{pulse.amplitude_nm:g} N*m in {ramp_s:g} s is steeper than "
-                f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
-                f"{pulse.amplitude_nm / limit:.3g} s, or raise the limit.",
             )
 
 
@@ -180,8 +177,6 @@ PROTOCOL_CHECKS = (
     _loads_fit_kind,
     _pulse_is_used,
     _pulse_suits_rate,
-    _pulse_within_torque,
-    _pulse_within_torque_rate,
 )
 
 
@@ -290,7 +285,7 @@ def _pulses_apart(protocol: "Protocol", i: int) -> Iterator[Problem]:
     first, last = min(points, key=points.__getitem__), max(points, key=points.__getitem__)
     strides = fewest - (points[last] - points[first]) / 100.0
     apart_s = strides * gait.shortest_stride_s
-    if fewest >= 1 and pulse.duration_s > apart_s + _ROUNDING_S:
+    if fewest >= 1 and pulse.duration_s > apart_s + ROUNDING_S:
         yield Problem(
             ("conditions", i, "perturbations", "gap_strides"),
             f"with a gap of {fewest} a pulse at {last} may begin {apart_s:.3g} s before the next "
@@ -326,19 +321,6 @@ def _pulses_fit_duration(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _count_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
-    condition, limit = protocol.conditions[i], protocol.safety.pulse_count
-    if condition.perturbations is None or limit is None:
-        return
-    planned = condition.trials * condition.perturbations.total
-    if planned > limit:
-        yield Problem(
-            ("conditions", i, "perturbations"),
-            f"{planned} pulses are more than safety.pulse_count = {limit}. Plan fewer, or raise "
-            "the limit.",
-        )
-
-
 def _rates_suffice(protocol: "Protocol", i: int) -> Iterator[Problem]:
     for name, reference in protocol.conditions[i].references.items():
         needed_hz = _SAMPLES_A_PERIOD * reference.fastest_hz
@@ -352,37 +334,6 @@ def _rates_suffice(protocol: "Protocol", i: int) -> Iterator[Problem]:
                 )
 
 
-def _torque_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
-    condition, limit = protocol.conditions[i], protocol.safety.torque_nm
-    if condition.torque_nm is None or limit is None:
-        return
-    pulse_nm = protocol.pulse.amplitude_nm if condition.perturbations and protocol.pulse else 0.0
-    largest_nm = max(map(abs, condition.torque_nm.bounds)) + pulse_nm
-    if largest_nm > limit:
-        yield Problem(
-            ("conditions", i, "torque_nm"),
-            f"reaches {largest_nm:g} N*m{' with the pulse' if pulse_nm else ''}, above "
-            f"safety.torque_nm = {limit:g} N*m. Lower it, or raise the limit.",
-        )
-
-
-def _position_within_limits(protocol: "Protocol", i: int) -> Iterator[Problem]:
-    position, safety = protocol.conditions[i].position_rad, protocol.safety
-    if position is None:
-        return
-    lowest, highest = position.bounds
-    for key, over in (
-        ("angle_min_rad", safety.angle_min_rad is not None and lowest < safety.angle_min_rad),
-        ("angle_max_rad", safety.angle_max_rad is not None and highest > safety.angle_max_rad),
-    ):
-        if over:
-            yield Problem(
-                ("conditions", i, "position_rad"),
-                f"goes from {lowest:.4g} to {highest:.4g} rad, beyond safety.{key} = "
-                f"{getattr(safety, key):g} rad. Lower it, or widen the limit.",
-            )
-
-
 CONDITION_CHECKS = (
     _keys_fit_kind,
     _says_how_long,
@@ -393,8 +344,5 @@ CONDITION_CHECKS = (
     _pulses_apart,
     _points_have_a_cycle,
     _pulses_fit_duration,
-    _count_within_limit,
     _rates_suffice,
-    _torque_within_limit,
-    _position_within_limits,
 )

@@ -1,11 +1,16 @@
 """Fires the pulses of the plan and writes down what became of each."""
 
+from jointz.core.errors import SafetyStop
 from jointz.core.protocol import PulseSpec
+from jointz.core.trips import Trip
 from jointz.experiment.gait_watch import GaitWatch
 from jointz.experiment.journal import Journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
 from jointz.experiment.torque import Trapezoid
+
+#: So many pulses broken off one after the other, and none done: it would never end.
+_MOST_BROKEN_OFF = 10
 
 
 class PulseRunner:
@@ -35,6 +40,7 @@ class PulseRunner:
     """
 
     __slots__ = (
+        "_broken_off",
         "_condition",
         "_half_period_ns",
         "_journal",
@@ -45,6 +51,7 @@ class PulseRunner:
         "_shape",
         "_slot",
         "_was_steady",
+        "_why",
         "aborted",
         "active",
         "completed",
@@ -67,6 +74,7 @@ class PulseRunner:
         self._half_period_ns = period_ns // 2
         self._onset_ns = self._onset_slot = self._slot = 0
         self._was_steady = False
+        self._broken_off, self._why = 0, ""
         self.active: PlannedPulse | None = None
         self.aborted = False
         self.completed = 0
@@ -93,6 +101,11 @@ class PulseRunner:
             Number and time (ns) of the tick.
         watch : GaitWatch
             What is known of the gait.
+
+        Raises
+        ------
+        SafetyStop
+            When many pulses in a row were broken off, at the end of the last one's time.
         """
         self._slot, steady = slot, watch.steady
         if self._was_steady and not steady:
@@ -119,7 +132,7 @@ class PulseRunner:
         """
         if self.active is None or self.aborted:
             return
-        self.aborted = True
+        self.aborted, self._why = True, why
         self._scheduler.requeue(self.active)
         self._write("pulse_aborted", self.active, reason=why)
 
@@ -133,12 +146,24 @@ class PulseRunner:
         if pulse is None:
             return 0.0
         if elapsed_ns >= self._shape.duration_ns:
-            if not self.aborted:
-                self.completed += 1
-                self._write("pulse_completed", pulse, onset_slot=self._onset_slot)
             self.active = None
+            self._end(pulse)
             return 0.0
         return pulse.amplitude_nm * self._shape.share(elapsed_ns)
+
+    def _end(self, pulse: PlannedPulse) -> None:
+        if not self.aborted:
+            self._broken_off = 0
+            self.completed += 1
+            self._write("pulse_completed", pulse, onset_slot=self._onset_slot)
+            return
+        self._broken_off += 1
+        if self._broken_off >= _MOST_BROKEN_OFF:
+            raise SafetyStop(
+                Trip.PULSE_COUNT,
+                f"{self._broken_off} pulses in a row were broken off, the last because of: "
+                f"{self._why}. Correct the cause, then go on with --resume.",
+            )
 
     def _missed(self, pulse: PlannedPulse | None, why: str) -> None:
         if pulse is not None:

@@ -40,6 +40,8 @@ class JointSpectra:
         Of angle and torque; of angle and command where there is one.
     error_power : (f,) float
         Density of what no linear response explains of the output.
+    output_power : (f,) float
+        Density of the output.
     spectra : CrossSpectra
         From the input to the output, or from the command to the angle.
     highest_hz : float

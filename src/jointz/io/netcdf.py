@@ -96,17 +96,34 @@ def write_recording(recording: xr.Dataset, path: Path) -> None:
         When the file cannot be written.
     """
     validate_recording(recording)
+    content = _netcdf_bytes(recording.drop_encoding())
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    except OSError as exc:
+        raise OutputError(
+            f"{path}: cannot be written ({exc.strerror or exc}). Make room or choose another "
+            "place; a run that was writing it goes on with --resume."
+        ) from exc
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _netcdf_bytes(recording: xr.Dataset) -> bytes:
+    """Return the file as it is to be: where the disk is full HDF5 itself would crash."""
+    import h5netcdf
+    import h5py
+
     # No fill value: NaN is itself, and the samples come back bit for bit.
     settings = {"zlib": True, "complevel": 1, "shuffle": True, "_FillValue": None}
     encoding = {str(name): dict(settings) for name in recording.variables}
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        recording.drop_encoding().to_netcdf(part, engine="h5netcdf", encoding=encoding)
-        os.replace(part, path)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written ({exc}). Choose another place.") from exc
-    finally:
-        part.unlink(missing_ok=True)
+    memory = {"driver": "core", "backing_store": False, "track_order": True}
+    with h5py.File("recording", "w", **memory) as content:
+        with h5netcdf.File(content, "r+") as file:
+            recording.dump_to_store(xr.backends.H5NetCDFStore(file), encoding=encoding)
+        content.flush()
+        return bytes(content.id.get_file_image())
 
 
 def read_recording(path: Path) -> xr.Dataset:

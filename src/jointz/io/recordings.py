@@ -307,6 +307,8 @@ def _reading_step(
 def _check_angle(entry: RecordingSpec, recording: xr.Dataset) -> None:
     """Refuse an angle no joint has: most likely degrees declared as rad."""
     angle = recording["angle"].to_numpy()
+    if "position" in recording:  # a bench whose two sides may turn for ever, together
+        angle = angle - recording["position"].to_numpy()
     finite = angle[np.isfinite(angle)]
     if finite.size and np.ptp(finite) > _FULL_TURN_RAD:
         raise DataError(

@@ -73,6 +73,16 @@ class Running(Protocol):
         """
         ...
 
+    def release(self, now_ns: int) -> None:
+        """Let the actuator give no torque any more.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        ...
+
     def fail(self, bits: int) -> None:
         """Set fault bits of the actuator.
 
@@ -272,7 +282,7 @@ class SimulatedActuator(_SimulatedDevice):
     def stop(self) -> None:
         """Go to zero torque and ``INACTIVE``; never raises."""
         if self._state is _ACTIVE:
-            self._plant.command(0.0, self._now_ns())
+            self._plant.release(self._now_ns())
         super().stop()
 
     def _misread(self, now: int) -> list[ActuatorSample]:

@@ -28,7 +28,7 @@ class Person:
     seed : int
         Of the population.
     mass_kg, height_m, stride_time_s : float
-        Body, and mean stride time.
+        Body, and mean stride time at 1.2 m/s.
     stiffness_per_mass, damping_per_mass : mapping of str to float
         Timing point -> N*m/rad/kg, N*m*s/rad/kg.
     inertia : float, kg*m^2

@@ -14,9 +14,11 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.sim.bench_load import BenchLoad
 
-_SUBSTEPS_HZ = 5000.0
-#: Samples of commands kept: more than the delay of the drive.
-COMMANDS = 64
+_LOWEST_PHYSICS_HZ = 5000.0
+#: Of a time constant and a step; from 2.8 on Runge and Kutta's method has no standstill.
+_STEP_LIMIT = 2.5
+#: Steps of the physics for which commands are kept: more than the delay; a power of two.
+COMMANDS = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,25 +72,36 @@ class QddErrors:
     friction_asymmetry : float
         Friction against positive motion is larger by this share, against negative smaller.
     cogging_nm, cogging_periods : float, N*m, 1
-        Ripple of the torque (motor and gear), and its periods a turn of the output.
+        Cogging, and its periods a turn of the output: 42 a turn of the motor.
     sensor_bias_nm, sensor_noise_nm : float, N*m
         Of the torque sensor.
     sensor_gain_sd : float
         Of its calibration; :func:`draw_mounting` draws it.
+    sensor_lag_s : float, s
+        Time constant of the torque sensor's amplifier.
+    spring_hysteresis_nm, hysteresis_rad : float, N*m, rad
+        Half width of the loop of the spring's torque over its deflection, and the deflection
+        over which it turns.
     encoder_step_rad, velocity_noise_rad_s, current_noise_a : float
         Of the motor's own measurements.
+    clock_jitter_s : float, s
+        Sd of the true sample times about the even ones; commands change with them.
     """
 
     torque_constant_error: float = 0.0
     friction_asymmetry: float = 0.0
     cogging_nm: float = 0.0
-    cogging_periods: float = 18.0
+    cogging_periods: float = 378.0
     sensor_bias_nm: float = 0.0
     sensor_noise_nm: float = 0.0
     sensor_gain_sd: float = 0.0
+    sensor_lag_s: float = 0.0
+    spring_hysteresis_nm: float = 0.0
+    hysteresis_rad: float = 0.005
     encoder_step_rad: float = 0.0
     velocity_noise_rad_s: float = 0.0
     current_noise_a: float = 0.0
+    clock_jitter_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +128,9 @@ class QddSettings:
 
 
 _NOMINAL = QddErrors(
-    cogging_nm=0.36,
+    cogging_nm=0.3,
     sensor_bias_nm=-0.58,
-    sensor_noise_nm=0.22,
+    sensor_noise_nm=0.33,
     sensor_gain_sd=0.005,
     encoder_step_rad=2.0 * np.pi / 2**14 / 9.0,
     velocity_noise_rad_s=0.01,
@@ -126,13 +139,16 @@ _NOMINAL = QddErrors(
 _HARD = QddErrors(
     torque_constant_error=-0.05,
     friction_asymmetry=0.3,
-    cogging_nm=0.6,
+    cogging_nm=0.35,
     sensor_bias_nm=-0.58,
-    sensor_noise_nm=0.3,
+    sensor_noise_nm=0.5,
     sensor_gain_sd=0.01,
+    sensor_lag_s=0.001,
+    spring_hysteresis_nm=0.1,
     encoder_step_rad=2.0 * np.pi / 2**12 / 9.0,
     velocity_noise_rad_s=0.03,
     current_noise_a=0.15,
+    clock_jitter_s=2e-4,
 )
 
 #: Name -> preset.
@@ -216,19 +232,27 @@ class QddParam(IntEnum):
     CURRENT_NOISE = 25
     SUPPLY_V = 26
     COGGING_PHASE = 27
+    SENSOR_LAG_S = 28
+    HYSTERESIS_NM = 29
+    HYSTERESIS_PER_RAD = 30
+    JITTER_S = 31
 
 
 class QddState(IntEnum):
-    """What changes; the first five are integrated."""
+    """What changes; the first six are integrated."""
 
     ANGLE = 0  # of the torque motor, at the output
     VELOCITY = 1
     FAR_ANGLE = 2
     FAR_VELOCITY = 3
     CURRENT = 4
-    SAMPLES = 5
-    POSITION_BEFORE = 6  # commanded a sample ago
-    COMMAND = 7  # ring of current commands begins here
+    SLIP = 5  # torque of the spring's hysteresis
+    SENSED = 6  # torque behind the sensor's lag
+    SAMPLES = 7
+    TIME_S = 8  # true, of the newest sample
+    LATE_S = 9  # of that, what is the clock's error
+    POSITION_BEFORE = 10  # commanded a sample ago
+    COMMAND = 11  # ring of current commands begins here
 
 
 STATE_SIZE = int(QddState.COMMAND) + COMMANDS
@@ -249,7 +273,7 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
     Raises
     ------
     DataError
-        When the rate is out of range, or the bench has no spring.
+        When the rate is out of range, the bench has no spring, or its drive too long a delay.
     """
     machine, errors = settings.machine, settings.errors
     if not 100.0 <= sample_rate_hz <= 20_000.0:
@@ -261,8 +285,14 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
             f"quasi-direct-drive bench: load {load.name!r} has no stiffness; a spring couples its "
             "two sides. Give loads one."
         )
-    substeps = max(1, int(np.ceil(_SUBSTEPS_HZ / sample_rate_hz)))
-    step_s = 1.0 / sample_rate_hz / substeps
+    substeps = _substeps(machine, load, sample_rate_hz)
+    delay = round(machine.delay_s * sample_rate_hz * substeps)
+    if not 0 <= delay < COMMANDS:
+        longest = (COMMANDS - 1) / (sample_rate_hz * substeps)
+        raise DataError(
+            f"quasi-direct-drive bench: expected a delay_s of 0..{longest:.4f} s at "
+            f"{sample_rate_hz:g} Hz, got {machine.delay_s:g}."
+        )
     stated = machine.gear_ratio * machine.torque_constant
     servo = 2.0 * np.pi * machine.far_hz
     values = {
@@ -271,7 +301,7 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         QddParam.TORQUE_PER_AMPERE: stated * (1.0 + errors.torque_constant_error),
         QddParam.AMPERE_PER_TORQUE: 1.0 / stated,
         QddParam.CURRENT_MAX_A: machine.current_max_a,
-        QddParam.COMMAND_DELAY: min(round(machine.delay_s / step_s), COMMANDS - 1),
+        QddParam.COMMAND_DELAY: delay,
         QddParam.CURRENT_RATE: 1.0 / machine.time_constant_s,
         QddParam.COULOMB: machine.coulomb_friction,
         QddParam.GEAR_FRICTION: machine.gear_friction,
@@ -287,6 +317,10 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         QddParam.COGGING_NM: errors.cogging_nm,
         QddParam.COGGING_PERIODS: errors.cogging_periods,
         QddParam.COGGING_PHASE: settings.ripple_phase_rad,
+        QddParam.SENSOR_LAG_S: errors.sensor_lag_s,
+        QddParam.HYSTERESIS_NM: errors.spring_hysteresis_nm,
+        QddParam.HYSTERESIS_PER_RAD: 1.0 / errors.hysteresis_rad,
+        QddParam.JITTER_S: errors.clock_jitter_s,
         QddParam.SENSOR_BIAS: errors.sensor_bias_nm,
         QddParam.SENSOR_NOISE: errors.sensor_noise_nm,
         QddParam.SENSOR_GAIN: settings.sensor_gain,
@@ -296,3 +330,12 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         QddParam.SUPPLY_V: machine.supply_v,
     }
     return np.array([values[place] for place in QddParam])
+
+
+def _substeps(machine: QddMachine, load: BenchLoad, sample_rate_hz: float) -> int:
+    """Return how many steps a sample takes: friction about standstill is the fastest there is."""
+    friction = machine.coulomb_friction + machine.gear_friction * machine.current_max_a
+    inertia = machine.rotor_inertia + load.inertia
+    friction_rate = friction / machine.sign_velocity_rad_s / inertia
+    physics_hz = max(_LOWEST_PHYSICS_HZ, friction_rate / _STEP_LIMIT)
+    return max(1, int(np.ceil(physics_hz / sample_rate_hz)))

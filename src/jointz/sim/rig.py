@@ -9,11 +9,12 @@ import pandas as pd
 from jointz.core.clock import Clock
 from jointz.core.protocol import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.core.walking_speed import REFERENCE_SPEED_M_S, stride_time_ratio
 from jointz.devices.interface import Devices, Stretch, Wearer
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
 from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedSensor, Wiring
 from jointz.sim.footswitch import ContactMaker
-from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift
+from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
 from jointz.sim.people import Person, draw_person
@@ -40,6 +41,9 @@ class SimulatedRig:
         How well person and instruments behave.
     grid : Grid, optional
         Sample rate of all devices, steps of the physics; 500 Hz by default.
+    speed_m_s : float, m/s
+        Of the treadmill: faster strides are shorter in time and bend the knee more. The
+        impedance at a phase of the cycle is the person's at any speed.
 
     Attributes
     ----------
@@ -47,10 +51,18 @@ class SimulatedRig:
         What is to go wrong; nothing at first.
     """
 
-    def __init__(self, person: Person, preset: Preset, *, grid: Grid | None = None) -> None:
+    def __init__(
+        self,
+        person: Person,
+        preset: Preset,
+        *,
+        grid: Grid | None = None,
+        speed_m_s: float = REFERENCE_SPEED_M_S,
+    ) -> None:
         self.person = person
         self.preset = preset
         self.grid = grid or Grid()
+        self.speed_m_s = speed_m_s
         self.inject = Injection()
 
     @property
@@ -172,7 +184,8 @@ class SimulatedRig:
         """
         return GaitMotion(
             self.preset.gait,
-            stride_time_s=self.person.stride_time_s,
+            stride_time_s=self.person.stride_time_s * stride_time_ratio(self.speed_m_s),
+            knee_size=knee_size_at(self.speed_m_s),
             shift=self.shift(condition),
             rng=self.person.stream(f"gait {condition}", segment),
             stumbles=self.inject.stumbles,
@@ -183,7 +196,12 @@ class SimulatedRig:
 
 
 def simulated_rig(
-    number: int, *, preset: str = "nominal", seed: int = 1, sample_rate_hz: float = 500.0
+    number: int,
+    *,
+    preset: str = "nominal",
+    seed: int = 1,
+    sample_rate_hz: float = 500.0,
+    speed_m_s: float = REFERENCE_SPEED_M_S,
 ) -> SimulatedRig:
     """Return the rig of one participant of the seeded population.
 
@@ -197,6 +215,8 @@ def simulated_rig(
         Of the population.
     sample_rate_hz : float, Hz
         Of all devices.
+    speed_m_s : float, m/s
+        Of the treadmill.
 
     Examples
     --------
@@ -204,5 +224,8 @@ def simulated_rig(
     'S01'
     """
     return SimulatedRig(
-        draw_person(number, seed=seed), preset_named(preset), grid=Grid(sample_rate_hz)
+        draw_person(number, seed=seed),
+        preset_named(preset),
+        grid=Grid(sample_rate_hz),
+        speed_m_s=speed_m_s,
     )

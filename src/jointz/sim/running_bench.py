@@ -135,9 +135,19 @@ class RunningBench:
             By the clock.
         """
         if self._one_motor:
-            self.command(0.0, now_ns)
+            self.release(now_ns)
         elif self._newest is not None:
             self.move_to(self._newest[3], now_ns)
+
+    def release(self, now_ns: int) -> None:
+        """Let the actuator give no torque any more.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        self.command(_NAN if self._one_motor else 0.0, now_ns)
 
     def fail(self, bits: int) -> None:
         """Set fault bits of the actuator: it goes to zero torque by itself.
@@ -151,7 +161,7 @@ class RunningBench:
 
     def _step(self) -> None:
         if self._faults or self.samples - 1 - self._commanded >= self._timeout:
-            self._torque = 0.0
+            self._torque = _NAN if self._one_motor else 0.0
             if self._one_motor:
                 self._angle = _NAN
         taken = self._advance(self._torque, self._angle)

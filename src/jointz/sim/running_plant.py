@@ -125,6 +125,16 @@ class RunningPlant:
         self._command = torque_nm
         self._commanded = self.samples - 1
 
+    def release(self, now_ns: int) -> None:
+        """Let the actuator give no torque any more.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        self.command(0.0, now_ns)
+
     def fail(self, bits: int) -> None:
         """Set fault bits of the actuator: it goes to zero current by itself.
 

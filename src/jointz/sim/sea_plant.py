@@ -145,6 +145,8 @@ def _asked(p: np.ndarray, s: np.ndarray, torque: float, angle: float) -> float:
     if s[SeaState.FAULT] != 0.0:
         return 0.0
     per_s = 1.0 / p[SeaParam.PERIOD_S]
+    if math.isnan(torque) and math.isnan(angle):
+        return 0.0  # released: nothing is asked for
     if math.isnan(torque):
         rate = (s[SeaState.MOTOR] - s[SeaState.MOTOR_BEFORE]) * per_s
         at_output = p[SeaParam.POSITION_GAIN] * (angle - s[SeaState.MOTOR])
@@ -355,6 +357,7 @@ class SeaPlant:
         ----------
         torque_nm, angle_rad : float, N*m, rad
             Command since the sample before, in torque or in position control: the other is NaN.
+            Where both are NaN the motor is released: no current.
 
         Returns
         -------

@@ -78,6 +78,8 @@ def bandwidth(study: Path) -> tuple[ComparedTable, dict[str, Any]]:
             "ci_high": high,
             "resolution_hz": ours.resolution_hz,
             "spa_bandwidth_hz": spa_hz,
+            "spa_frequency_hz": list(spa.response.frequency_hz) if spa else [],
+            "spa_gain": list(spa.response.gain) if spa else [],
             "printed_hz": number.value,
         }
     table = ComparedTable(
@@ -107,7 +109,12 @@ def intrinsic(study: Path, truth: dict[str, float]) -> tuple[ComparedTable, dict
     opened = open_study(study)
     trials = [r for entry in opened.spec.recordings for r in read_recording(opened, entry)]
     letter = [_least_squares(trial) for trial in trials]
-    ours = fit_full_record([_bench_trial(trial) for trial in trials], friction=False)
+    gain = opened.spec.calibration_of(opened.spec.recordings[0]).torque_gain
+    ours = fit_full_record(
+        [_bench_trial(trial) for trial in trials],
+        friction=False,
+        torque_gain_sd=gain.sd / gain.value if gain else 0.0,
+    )
     printed = {
         "stiffness": chapter2.INTRINSIC_STIFFNESS,
         "damping": chapter2.INTRINSIC_DAMPING,
@@ -139,7 +146,8 @@ def intrinsic(study: Path, truth: dict[str, float]) -> tuple[ComparedTable, dict
         "record estimated. These values are subtracted from the loads' estimates below.",
         tuple(rows),
     )
-    return table, _response(trials[0], [row.recommended or 0.0 for row in rows])
+    lag_s = ours.parameter("torque_lag").value or 0.0
+    return table, _response(trials[0], [row.recommended or 0.0 for row in rows], lag_s)
 
 
 def _least_squares(trial: xr.Dataset) -> list[float]:
@@ -156,15 +164,15 @@ def _bench_trial(trial: xr.Dataset) -> BenchTrial:
     return BenchTrial(*(trial[name].to_numpy() for name in ("time", "angle", "torque")))
 
 
-def _response(trial: xr.Dataset, impedance: Sequence[float]) -> dict[str, Any]:
-    """Return measured and modelled frequency response of the impedance."""
+def _response(trial: xr.Dataset, impedance: Sequence[float], lag_s: float) -> dict[str, Any]:
+    """Return measured and modelled frequency response of the impedance, the lag in both."""
     fit = identify_frequency_response(
         {name: trial[name].to_numpy() for name in ("angle", "torque", "time")}, input="angle"
     )
     frequency = np.array(fit.response.frequency_hz)
     shown = (frequency > 0) & (frequency <= 0.5 * _SHOWN_HZ)
     s = 2j * np.pi * frequency[shown]
-    model = impedance[0] + impedance[1] * s + impedance[2] * s**2
+    model = (impedance[0] + impedance[1] * s + impedance[2] * s**2) * np.exp(-lag_s * s)
     return {
         "frequency_hz": frequency[shown].tolist(),
         "gain": np.array(fit.response.gain)[shown].tolist(),

@@ -353,10 +353,9 @@ def claim_tables(
 
 def _effects(pulses: Sequence[PulseEstimate]) -> PulseEffects:
     rows = [p for p in pulses if p.participant in _CASES and p.direction]
-    table = pd.DataFrame([asdict(p) for p in rows])
-    return pulse_effects(
-        table.rename(columns={"participant": "case", "timing_point": "trajectory"})
-    )
+    names = {"participant": "case", "timing_point": "trajectory"}
+    table = pd.DataFrame([asdict(p) for p in rows]).rename(columns=names)
+    return pulse_effects(table.assign(case=table["case"].map(_CASES)))
 
 
 def _anova_rows(letter: PulseEffects, ours: PulseEffects) -> list[Compared]:

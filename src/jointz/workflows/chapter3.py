@@ -238,8 +238,8 @@ def static_stiffness(
                 dissertation=by_model,
                 recommended=ours,
                 truth=truth,
-                note="the motor's torque ripple, of unknown phase, moves the slope over so small "
-                "an angle by up to 4 %: no torque model knows it",
+                note="motion is so slow that friction is not fully there: a constant a direction "
+                "takes too much of it, the sign of a noisy velocity too little",
             ),
             Compared(
                 quantity="difference from the torque sensor",

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from jointz.core.errors import DataError
 from jointz.core.protocol import LoadSpec, Protocol
+from jointz.core.walking_speed import REFERENCE_SPEED_M_S
 from jointz.devices.interface import Rig
 
 DEVICES = ("sim",)
@@ -30,6 +31,8 @@ class RigSettings:
         Which bench, for a protocol of one; None for walking.
     loads : tuple of LoadSpec
         Of the bench.
+    speed_m_s : float, m/s
+        At which simulated people walk.
     """
 
     device: str = "sim"
@@ -38,6 +41,7 @@ class RigSettings:
     sample_rate_hz: float = 500.0
     bench: str | None = None
     loads: tuple[LoadSpec, ...] = ()
+    speed_m_s: float = REFERENCE_SPEED_M_S
 
     def __post_init__(self) -> None:
         presets = PRESETS if self.bench is None else _BENCH_PRESETS
@@ -62,8 +66,14 @@ def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> Rig
     DataError
         When device or preset are none, or a bench protocol does not say which bench.
     """
-    if protocol.kind == "walking":
-        return RigSettings(device, preset, seed, protocol.rates.sample_hz)
+    if protocol.gait is not None:
+        return RigSettings(
+            device,
+            preset,
+            seed,
+            protocol.rates.sample_hz,
+            speed_m_s=protocol.gait.speed_m_s,
+        )
     if protocol.bench is None:
         raise DataError(
             f"{protocol.name}: bench: missing; the simulated devices need to know which: "
@@ -101,4 +111,5 @@ def open_rig(settings: RigSettings, number: int) -> Rig:
         preset=settings.preset,
         seed=settings.seed,
         sample_rate_hz=settings.sample_rate_hz,
+        speed_m_s=settings.speed_m_s,
     )

@@ -2,10 +2,12 @@
 
 import io
 import sys
+import time
 
 import pytest
 
-from jointz.cli.console import emit_json, emit_table, progress_bar
+from jointz.cli.console import emit, emit_json, emit_table, experiment_bars, progress_bar
+from jointz.core.errors import OutputError
 
 
 class Terminal(io.StringIO):
@@ -37,6 +39,50 @@ def test_progress_is_drawn_on_a_terminal_only(monkeypatch, terminal, shown):
         if progress:
             progress(1, 2, "S02")
     assert bool(screen.getvalue()) == (terminal and shown)
+
+
+def test_while_it_is_paused_nothing_is_drawn(monkeypatch):
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    with experiment_bars(shown=True) as bars:
+        bars.experiment("S01", "NWC", 3, 0, 0)
+        with bars.paused():
+            before = screen.getvalue()
+            bars.experiment("S01", "NWC", 4, 0, 0)
+            assert screen.getvalue() == before
+            assert sys.stderr is screen  # and not what draws lines above the bars
+        bars.experiment("S02", "NWC", 5, 0, 0)
+        drawn_at_least(screen, "5 strides")
+
+
+def drawn_at_least(screen, text):
+    for _ in range(100):
+        if text in screen.getvalue():
+            return
+        time.sleep(0.02)
+    pytest.fail(f"{text!r} is not on the screen")
+
+
+def test_where_nothing_is_shown_there_is_nothing_to_pause(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with experiment_bars(shown=True) as bars, bars.paused():
+        assert bars.experiment is None
+
+
+def test_a_closed_stdout_is_an_output_error_once(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    with pytest.raises(OutputError, match=r"stdout cannot be written \(it is closed\)") as caught:
+        emit_table([["a", "1"]], ["name", "value"])
+    with sys.stdout:  # what is still to come goes nowhere
+        emit("more")
+
+    assert isinstance(caught.value.__cause__, OSError)
+
+
+def test_a_closed_stderr_shows_no_progress(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", None)
+    with progress_bar(shown=True) as progress, experiment_bars(shown=True) as bars:
+        assert (progress, bars.experiment) == (None, None)
 
 
 def test_json_refuses_what_is_not_json():

@@ -72,6 +72,12 @@ def bench(condition=None, **changes):
     return {k: v for k, v in {**content, **changes}.items() if v is not None}
 
 
+def bench_of(*conditions):
+    content = bench()
+    content["conditions"] = [{**content["conditions"][0], **changes} for changes in conditions]
+    return content
+
+
 def with_plan(**changes):
     content = walking()
     plan = {**content["conditions"][1]["perturbations"], **changes}
@@ -199,6 +205,9 @@ def test_parts_that_add_up_but_for_rounding_are_accepted():
         ({"gap_strides": (0, 3)}, r"1 <= fewest <= most, got \[0, 3\]"),
         ({"count": 10, "sham_share": 0.01}, "less than one sham"),
         ({"count": 10, "sham_share": 1.0}, "less than 1"),
+        ({"count": 10**9, "pause_s": 1.0}, "less than or equal to 10000"),
+        ({"timing_points": POINTS, "count_per_point": 10**9}, "less than or equal to 10000"),
+        ({"gap_strides": (3, 10**400)}, "less than or equal to 10000"),
     ],
 )
 def test_a_plan_that_cannot_be_is_refused(fields, message):
@@ -236,10 +245,44 @@ def test_other_ratios_of_rates_are_refused(control_hz, sample_hz):
         RatesSpec(control_hz=control_hz, sample_hz=sample_hz)
 
 
-@pytest.mark.parametrize("name", ["", "a b", "../up", "a/b", ".hidden", "-x", "é"])
+@pytest.mark.parametrize("name", ["", "a b", "../up", "a/b", ".hidden", "-x", "é", "a" * 65])
 def test_names_that_are_no_file_names_are_refused(name):
     with pytest.raises(ValidationError, match=r"names files|at least 1"):
         ConditionSpec(name=name, condition="unperturbed", prompt="", strides=1)
+
+
+@pytest.mark.parametrize("name", ["a/b,c\n", "=1", "mid stance", "a" * 65])
+def test_names_of_timing_points_and_sessions_fit_into_tables(name):
+    with pytest.raises(ValidationError, match="stands in tables"):
+        PerturbationPlan(timing_points={name: 7.0}, count_per_point=1)
+    with pytest.raises(ValidationError, match="stands in tables"):
+        ConditionSpec(name="a", condition="unperturbed", prompt="", session=name)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.001, 0.29, 2.21, 1e9])
+def test_a_speed_at_which_nobody_walks_is_one_problem(speed_m_s):
+    found = problems(walking(gait={"speed_m_s": speed_m_s}))
+
+    assert list(found) == ["gait.speed_m_s"]
+    assert f"expected 0.3 to 2.2 m/s, at which people walk; got {speed_m_s:g}" in str(found)
+
+
+def test_in_faster_walking_strides_are_shorter_and_pulses_nearer():
+    assert GaitSpec(speed_m_s=1.2).assumed_stride_s == 1.1
+    assert GaitSpec(speed_m_s=0.3).assumed_stride_s == pytest.approx(2.2)
+    short = {"amplitude_nm": 17.0, "duration_s": 0.2145, "hold_s": 0.2145}
+    at = {
+        speed: problems(
+            {**with_plan(gap_strides=[1, 3]), "pulse": short, "gait": {"speed_m_s": speed}}
+        )
+        for speed in (1.2, 1.3)
+    }
+    assert at[1.2] == {}
+    assert "a pulse at MSW may begin" in at[1.3]["conditions.1.perturbations.gap_strides"]
+    usual, slow = (
+        Protocol.model_validate(walking(gait={"speed_m_s": speed})) for speed in (1.2, 0.3)
+    )
+    assert slow.expected_duration_s == pytest.approx(2.0 * usual.expected_duration_s)
 
 
 # --- the whole ---------------------------------------------------------------------------------
@@ -253,6 +296,46 @@ WRONG = {
         with_condition(0, name="per"),
         "conditions",
         "'per' is given 2 times",
+    ),
+    "names that some disks take for one": (
+        with_condition(0, name="Per"),
+        "conditions",
+        "names 'Per' and 'per' differ in case only",
+    ),
+    "name of a trial of another": (
+        bench_of({"name": "a", "trials": 2}, {"name": "a-1"}),
+        "conditions",
+        "'a-1' is given 2 times",
+    ),
+    "longer than a day": (
+        with_plan(count_per_point=10_000),
+        "conditions.1",
+        r"would take 30.6 h; expected at most 24 h",
+    ),
+    "trial that cannot be laid out": (
+        bench({"duration_s": 1200.0}, rates={"control_hz": 10_000.0, "sample_hz": 10_000.0}),
+        "conditions.0",
+        "at most 1000 s a trial",
+    ),
+    "pulse longer than its share of the time": (
+        walking(safety={"pulse_duty": 0.001}),
+        "safety.pulse_duty",
+        r"is 0.01 s, less than pulse.duration_s = 0.25 s.*at least 0.025",
+    ),
+    "pulses too near for their share of the time": (
+        walking(safety={"pulse_duty": 0.04}),
+        "conditions.1.perturbations",
+        r"every 5.5 s is 0.0455 of the time; safety.pulse_duty = 0.04",
+    ),
+    "pulses too near on a bench": (
+        bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"pulse_duty": 0.19}),
+        "conditions.0.perturbations",
+        r"every 1.25 s is 0.2 of the time",
+    ),
+    "samples older than the limit": (
+        walking(safety={"sensor_age_s": 0.001}),
+        "safety.sensor_age_s",
+        r"at least one period of rates.sample_hz \(0.002 s\)",
     ),
     "no gait": (walking(gait=None), "gait", "missing; walking needs it"),
     "gait on a bench": (bench(gait={"speed_m_s": 1.0}), "gait", "does not walk"),
@@ -447,12 +530,15 @@ def test_all_problems_between_the_parts_come_at_once():
         ("title", ""),
         ("participants", 0),
         ("participants", 2.5),
+        ("participants", 10_001),
         ("seed", -1),
         ("kind", "running"),
         ("positive", "up"),
         ("conditions", []),
         ("rates", {"control_hz": 0.0}),
         ("rates", {"control_hz": 1e9, "sample_hz": 1e9}),
+        ("rates", {"sample_hz": 1.0}),
+        ("rates", {"sample_hz": 100_000.0}),
         ("unknown", 1),
     ],
 )

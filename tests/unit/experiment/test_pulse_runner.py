@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jointz.core.errors import SafetyStop
 from jointz.core.protocol import PulseSpec
 from jointz.experiment.journal import Journal, pulses_done, read_journal
 from jointz.experiment.plan import PlannedPulse
@@ -192,6 +193,35 @@ def test_a_pulse_that_is_broken_off_is_not_done_until_its_time_is_over(walk):
     assert one.runner.active is not None
     one.until(500 * MS)
     assert one.runner.active is None
+
+
+def broken_off(one, *strides):
+    """Walk to the end of each stride, breaking its pulse off."""
+    for stride in strides:
+        one.until(stride * STRIDE + 300 * MS)
+        one.runner.abort("too much of the time under pulses")
+        one.until((stride + 1) * STRIDE)
+
+
+def test_after_ten_pulses_broken_off_in_a_row_the_trial_ends(walk):
+    one = walk(pulse(1), pulse(2))
+    broken_off(one, *range(9))
+    one.until(9 * STRIDE + 300 * MS)
+    one.runner.abort("too much of the time under pulses")
+    with pytest.raises(SafetyStop, match=r"10 pulses in a row.*too much of the time under pulses"):
+        one.until(10 * STRIDE)
+    assert one.slot == (9 * 550 + 110) + 125  # when the last one's time is over: torque is faded
+    assert len(one.events("pulse_aborted")) == 10
+
+
+def test_a_pulse_done_between_those_broken_off_lets_the_trial_go_on(walk):
+    one = walk(*[pulse(number) for number in range(1, 4)])
+    broken_off(one, *range(9))
+    one.until(10 * STRIDE)
+    broken_off(one, *range(10, 19))
+    one.until(22 * STRIDE)
+    assert len(one.events("pulse_aborted")) == 18
+    assert one.runner.done
 
 
 def test_there_is_nothing_to_abort_between_pulses(walk):

@@ -1,6 +1,9 @@
 """netCDF: variables of others, and recordings of our own without loss."""
 
 import hashlib
+import os
+import resource
+import signal
 
 import h5py
 import numpy as np
@@ -125,6 +128,35 @@ def test_nothing_half_written_stays(tmp_path):
         write_recording(recording(angle=[1.0, 2.0]).assign_attrs(bad={"a": 1}), path)
     assert [p.name for p in tmp_path.iterdir()] == ["a.nc"]
     assert path.read_bytes() == before
+
+
+def test_a_full_disk_is_an_output_error_and_no_crash(tmp_path):
+    noise = np.random.default_rng(1).standard_normal(100_000)
+    told = tmp_path / "told"
+    child = os.fork()
+    if child == 0:  # HDF5 itself would end the process where it cannot write
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        try:
+            write_recording(recording(angle=noise), tmp_path / "a.nc")
+        except OutputError as exc:
+            told.write_text(f"{type(exc.__cause__).__name__} {exc}")
+        finally:
+            os._exit(0)
+
+    assert os.waitpid(child, 0)[1] == 0
+    assert "OSError" in told.read_text()
+    assert "cannot be written (File too large)" in told.read_text()
+    assert "--resume" in told.read_text()
+    assert [p.name for p in tmp_path.iterdir()] == ["told"]
+
+
+def test_the_same_recording_makes_the_same_bytes(tmp_path):
+    for name in ("a.nc", "b.nc"):
+        write_recording(recording(angle=[1.0, 2.0], emg=[3.0, 4.0]), tmp_path / name)
+
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+    assert list(read_recording(tmp_path / "a.nc").data_vars) == ["angle", "emg"]
 
 
 def test_a_place_that_is_not_there_is_an_output_error(tmp_path):

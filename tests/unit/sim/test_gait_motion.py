@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift
+from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.joint import knee_angle
 from jointz.sim.layout import HARMONICS, Gait
 from jointz.sim.path import path, phase_at
@@ -16,10 +16,11 @@ STILL = preset("clean").gait
 MEAN_S = 1.1
 
 
-def motion(settings, *, shift=None, seed=1, stumbles=None):
+def motion(settings, *, shift=None, seed=1, stumbles=None, knee_size=1.0):
     return GaitMotion(
         settings,
         stride_time_s=MEAN_S,
+        knee_size=knee_size,
         shift=shift or ConditionShift(),
         rng=np.random.default_rng(seed),
         stumbles=stumbles,
@@ -55,6 +56,14 @@ def test_phase_goes_from_heel_strike_to_heel_strike_and_never_back():
         assert cycles[0] == 0.0
         assert cycles[-1] == pytest.approx(1.0, abs=1e-12)
         assert (np.diff(cycles) > 0).all()
+
+
+def test_the_knee_bends_more_in_faster_walking():
+    sizes = [knee_size_at(speed) for speed in (0.3, 1.2, 2.2)]
+    assert sizes == pytest.approx([0.865, 1.0, 1.15])
+    (usual,), (small,) = (strides(STILL, 1, knee_size=size) for size in (1.0, 0.8))
+    for t in np.linspace(usual.start_s, usual.end_s, 7):
+        np.testing.assert_allclose(path(small.row, t)[0], 0.8 * path(usual.row, t)[0], atol=1e-12)
 
 
 def test_without_variability_the_knee_is_the_mean_knee():

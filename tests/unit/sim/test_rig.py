@@ -231,6 +231,15 @@ class TestLifecycle:
         with pytest.raises(DeviceError, match="expected a finite torque"):
             devices.actuator.command_torque(torque)
 
+    def test_at_another_speed_the_same_person_walks_in_other_strides(self):
+        usual, slow = simulated_rig(0), simulated_rig(0, speed_m_s=0.6)
+        one, other = (
+            [motion.next().duration_s for _ in range(20)]
+            for motion in (rig.motion("EWP", 0) for rig in (usual, slow))
+        )
+        np.testing.assert_allclose(other, np.sqrt(2.0) * np.array(one), rtol=1e-12)
+        assert run(simulated_rig(0, speed_m_s=1.2), n=50) == run(simulated_rig(0), n=50)
+
     def test_without_the_exoskeleton_there_is_no_actuator_and_the_knee_is_on_its_path(self):
         rig = simulated_rig(0, preset="clean")
         _, angle, _ = run(rig, n=600, condition="NWC")

@@ -1,0 +1,221 @@
+"""Benches on the real runtime: what is recorded, how a trial ends badly, what an analysis finds."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.clock import VirtualClock
+from jointz.core.errors import DeviceError, SafetyStop
+from jointz.core.session_log import Flag
+from jointz.experiment.journal import read_journal
+from jointz.experiment.session import Session, SessionPlan, bench_plan_of
+from jointz.io.protocols import load_protocol
+from jointz.io.recordings import read_recording
+from jointz.io.session_log import read_log
+from jointz.io.study import open_study
+from jointz.workflows.rigs import open_rig, rig_settings
+from jointz.workflows.run import NoOperator
+
+PERIOD_S = 1.0 / 900.0
+
+
+def short(name="sea-mass-spring", *, trials=2, load=0, **changes):
+    """Return the first pair of conditions of a protocol with one load."""
+    whole = load_protocol(name)
+    conditions = tuple(
+        c.model_copy(update={"trials": trials, **changes}) for c in whole.conditions[:2]
+    )
+    loads = whole.loads[load : load + 1]
+    return whole.model_copy(update={"conditions": conditions, "loads": loads})
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Two trials without and two with pulses on case 1, without errors."""
+    out = tmp_path_factory.mktemp("bench") / "study"
+    return jointz.run(short(), out=out, preset="clean").study
+
+
+def test_a_bench_study_is_opened_with_nothing_special(study):
+    opened = open_study(study)
+    assert opened.spec.kind == "bench"
+    assert [r.session for r in opened.spec.recordings] == ["A", "A"]
+    for entry in opened.spec.recordings:
+        trials = read_recording(opened, entry)
+        assert [t.attrs["trial"] for t in trials] == ["1", "2"]
+        for trial in trials:
+            assert trial.sizes["time"] == 12 * 900
+            reference = trial["reference"].to_numpy()
+            seconds = np.arange(12 * 900) * PERIOD_S
+            expected = 32.0 + 5.0 * np.sin(2 * np.pi * 1.4 * seconds)
+            np.testing.assert_allclose(reference, expected, atol=1e-4)
+
+
+def test_the_pulses_recorded_are_those_that_were_planned(study):
+    opened = open_study(study)
+    trials = read_recording(opened, opened.spec.recordings[1])
+    plans = bench_plan_of(study / "sessions" / "case-1")
+    for k, trial in enumerate(trials, start=1):
+        command = trial["command"].to_numpy()
+        time = trial["time"].to_numpy() - float(trial["time"][0])
+        begins = np.flatnonzero((command != 0) & (np.roll(command, 1) == 0))
+        plan = plans[f"A-perturbed-{k}"]
+        assert time[begins] == pytest.approx([p.onset_s for p in plan], abs=2 * PERIOD_S)
+        peaks = [command[b : b + 200][np.abs(command[b : b + 200]).argmax()] for b in begins]
+        assert peaks == pytest.approx([p.amplitude_nm for p in plan])
+
+
+def test_both_methods_find_a_clean_load(study, tmp_path):
+    truth = json.loads((study / "ground_truth.json").read_text())["participants"]["case-1"]["load"]
+    analysis = jointz.analyze(study, method="recommended", resamples=20)
+    (cell,) = analysis.cells
+    assert (cell.participant, cell.timing_point, cell.method) == ("case-1", "A", "full_record")
+    assert (cell.n_used, cell.n_excluded) == (16, 0)
+    for found in (cell, analysis.comparison[0]):
+        for name in ("stiffness", "inertia"):
+            assert found.parameter(name).value == pytest.approx(truth[name], rel=2e-3)
+        assert found.parameter("damping").value == pytest.approx(0.0, abs=0.01)
+    lag = next(p for p in cell.nuisance if p.name == "torque_lag")
+    assert lag.value == pytest.approx(0.0, abs=5e-5)
+    single = analysis.single_frame()
+    assert len(single) == 16
+    assert set(single["direction"]) == {"with", "against"}
+    assert single["stiffness"].mean() == pytest.approx(truth["stiffness"] + 0.388, rel=5e-3)
+    assert analysis.statistics["pulse_effects"]["tests"]
+
+
+def test_single_pulses_are_written(study, tmp_path, jointz):
+    assert jointz("analyze", study, "--out", tmp_path / "r", "--resamples", "20").code == 0
+    table = pd.read_csv(tmp_path / "r" / "single_pulses.csv")
+    assert len(table) == 16
+    assert "report.html" in {p.name for p in (tmp_path / "r").iterdir()}
+
+
+def test_the_same_seed_writes_the_same_logs(tmp_path):
+    protocol = short(trials=1, duration_s=12.0)
+    made = [jointz.run(protocol, out=tmp_path / name, seed=4).study for name in ("a", "b")]
+    logs = [sorted(s.glob("sessions/*/logs/*.jzlog")) for s in made]
+    assert len(logs[0]) == 2
+    for one, other in zip(*logs, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_a_motor_that_turns_all_the_way_is_recorded(tmp_path):
+    whole = load_protocol("qdd-torque-speed")
+    condition = whole.conditions[0]
+    torque = condition.torque_nm.model_copy(update={"levels": (-5.0, 5.0), "hold_s": 4.0})
+    speed = condition.velocity_rad_s.model_copy(update={"levels": (-4.0, 4.0), "hold_s": 2.0})
+    few = condition.model_copy(update={"torque_nm": torque, "velocity_rad_s": speed})
+    made = jointz.run(whole.model_copy(update={"conditions": (few,)}), out=tmp_path / "s")
+    opened = open_study(made.study)
+    (trial,) = read_recording(opened, opened.spec.recordings[0])
+    velocity = trial["motor_velocity"].to_numpy()
+    assert np.median(velocity[:900]) == pytest.approx(-4.0, abs=0.1)
+    assert np.median(velocity[1100:1900]) == pytest.approx(4.0, abs=0.1)
+    assert {"sensor_torque", "position", "current"} <= set(trial.data_vars)
+
+
+# --- trials that end badly -----------------------------------------------------------------------
+
+
+class Spy:
+    """Keeps every command to the actuator of a bench, with the tick's time."""
+
+    def __init__(self, rig):
+        self.commands = []
+        opened = rig.open
+
+        def spying(condition, *, worn, segment, clock):
+            devices = opened(condition, worn=worn, segment=segment, clock=clock)
+            command, stop = devices.actuator.command_torque, devices.actuator.stop
+
+            def command_torque(torque_nm):
+                self.commands.append((clock.now_ns() * 1e-9, torque_nm))
+                command(torque_nm)
+
+            def stopped():
+                self.commands.append((clock.now_ns() * 1e-9, "stop"))
+                stop()
+
+            devices.actuator.command_torque = command_torque
+            devices.actuator.stop = stopped
+            return devices
+
+        rig.open = spying
+
+
+def bench_session(tmp_path, protocol=None, progress=lambda *_told: None):
+    protocol = protocol or short(trials=1)
+    rig = open_rig(rig_settings(protocol, "sim", "nominal", 1), 0)
+    made = Session(
+        SessionPlan(protocol, 1, tmp_path),
+        rig,
+        clocks=VirtualClock,
+        operator=NoOperator(),
+        progress=progress,
+        real_time=False,
+    )
+    return rig, Spy(rig), made
+
+
+@pytest.mark.parametrize(
+    ("device", "kind", "value", "code"),
+    [
+        ("actuator", "fault", 2, "device_fault"),
+        ("actuator", "heat", 200.0, "temperature"),
+        ("actuator", "nan", 0.0, "sensor_not_finite"),
+        ("torque", "silence", 0.0, "sensor_stale"),
+        ("positioner", "silence", 0.0, "sensor_stale"),
+    ],
+)
+def test_a_bench_trips_and_its_torque_is_off(tmp_path, device, kind, value, code):
+    rig, spy, session = bench_session(tmp_path)
+    rig.inject.order(device, kind, from_s=6.0, value=value)
+    with pytest.raises(SafetyStop, match=code):
+        session.run()
+    assert spy.commands[-1][1] == "stop"
+    late = [c for t, c in spy.commands if t > 6.0 + 25 * PERIOD_S]
+    assert set(late) <= {0.0, "stop"}
+    records = read_log(tmp_path / "logs" / "A-unperturbed-0.jzlog").records
+    assert records["flags"][-1] & Flag.TRIPPED
+    assert records["sent_torque"][-1] == 0.0
+
+
+def test_a_bench_that_loses_a_device_stops(tmp_path):
+    rig, spy, session = bench_session(tmp_path)
+    rig.inject.order("torque", "disconnect", from_s=6.0)
+    with pytest.raises(DeviceError):
+        session.run()
+    assert spy.commands[-1][1] == "stop"
+
+
+def test_a_stop_fades_the_torque_of_a_bench(tmp_path):
+    _, spy, session = bench_session(
+        tmp_path, progress=lambda _n, done, *_rest: session.request_stop() if done == 8 else None
+    )
+    with pytest.raises(KeyboardInterrupt):
+        session.run()
+    sent = np.array([c for t, c in spy.commands if t > 7.9 and c != "stop"])
+    assert sent[0] > 20.0
+    assert sent[-1] == 0.0 or spy.commands[-1][1] == "stop"
+    # 90 N*m in the fade time of 0.2 s: no step.
+    assert np.abs(np.diff(sent)).max() < 1.0
+    assert read_journal(tmp_path / "journal.jsonl")[-1]["event"] == "stopped"
+
+
+def test_a_trial_that_was_broken_off_is_done_again_whole(tmp_path):
+    _, _, session = bench_session(
+        tmp_path, progress=lambda _n, done, *_rest: session.request_stop() if done == 5 else None
+    )
+    with pytest.raises(KeyboardInterrupt):
+        session.run()
+    _, _, again = bench_session(tmp_path)
+    again.run()
+    events = read_journal(tmp_path / "journal.jsonl")
+    done = [e["condition"] for e in events if e["event"] == "condition_completed"]
+    assert done == ["A-unperturbed", "A-perturbed"]
+    logs = sorted(p.name for p in (tmp_path / "logs").iterdir())
+    assert logs == ["A-perturbed-0.jzlog", "A-unperturbed-0.jzlog", "A-unperturbed-1.jzlog"]

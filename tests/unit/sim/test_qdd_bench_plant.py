@@ -1,0 +1,366 @@
+"""The quasi-direct-drive bench obeys its equations, and every error does what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.integrate import solve_ivp
+
+from jointz.core.errors import DataError
+from jointz.sim.bench_load import BenchLoad
+from jointz.sim.qdd_bench import QDD_PRESETS, QddErrors, QddMachine, draw_mounting, qdd_preset
+from jointz.sim.qdd_bench_plant import QddBenchPlant
+
+SPRING = BenchLoad("springs", stiffness=146.39)
+RATE = 500.0
+EXACT = 1e-6
+ANGLE, VELOCITY, CURRENT, SUPPLY, SENSOR, FAR = range(6)
+
+
+def bench(load=SPRING, *, rate_hz=RATE, seed=1, machine=None, preset="clean", **errors):
+    settings = qdd_preset(preset)
+    settings = replace(
+        settings,
+        machine=machine or settings.machine,
+        errors=replace(settings.errors, **errors),
+    )
+    noise = np.random.default_rng(seed)
+    return QddBenchPlant(settings, load, sample_rate_hz=rate_hz, noise=noise)
+
+
+def run(plant, torque, position):
+    return np.array([plant.advance(t, p) for t, p in zip(torque, position, strict=True)])
+
+
+def solved(load, torque, position, *, machine, cogging=0.0):
+    """Solve the bench's equations again, written from scratch, sample by sample."""
+    m, dt = machine, 1.0 / RATE
+    servo = 2 * np.pi * m.far_hz
+    stated = m.gear_ratio * m.torque_constant
+    wanted = np.clip(np.asarray(torque) / stated, -m.current_max_a, m.current_max_a)
+
+    def slopes(time, y):
+        theta, omega, far, far_rate, current = y
+        k = min(int(np.floor(time / dt + 1e-9)), len(position) - 2)
+        late = int(np.floor((time - m.delay_s) / dt + 1e-9))
+        command = wanted[late + 1] if late >= 0 else 0.0
+        rate = (position[k + 1] - position[k]) / dt
+        goal = position[k] + rate * (time - k * dt)
+        tau = load.stiffness * (theta - far) + m.spring_damping * (omega - far_rate)
+        friction = (m.coulomb_friction + m.gear_friction * abs(current)) * np.tanh(
+            omega / m.sign_velocity_rad_s
+        )
+        motor = stated * current - friction + cogging * np.sin(378.0 * theta)
+        acceleration = (motor - tau) / m.rotor_inertia
+        push = m.far_inertia * servo**2 * (goal - far)
+        push += 2 * m.far_damping * m.far_inertia * servo * (rate - far_rate)
+        far_acceleration = (push + tau) / m.far_inertia
+        if load.locked:
+            far_rate, far_acceleration = 0.0, 0.0
+        return [
+            omega,
+            acceleration,
+            far_rate,
+            far_acceleration,
+            (command - current) / m.time_constant_s,
+        ]
+
+    y, states = np.zeros(5), [np.zeros(5)]
+    for k in range(len(torque) - 1):
+        # A little less than a sample: nothing is asked for beyond its end.
+        end = (k + 1) * dt - 1e-12
+        part = solve_ivp(slopes, (k * dt, end), y, method="DOP853", rtol=1e-11, atol=1e-12)
+        y = part.y[:, -1]
+        states.append(y)
+    return np.array(states)
+
+
+@pytest.mark.parametrize("locked", [False, True])
+@pytest.mark.parametrize("cogging", [0.0, 0.05])
+def test_the_compiled_bench_solves_the_equations_of_motion(locked, cogging):
+    machine = QddMachine(sign_velocity_rad_s=0.3)
+    load = replace(SPRING, locked=locked)
+    time = np.arange(300) / RATE
+    torque = 6.0 * np.sin(2 * np.pi * 3.0 * time)
+    position = 0.05 * np.sin(2 * np.pi * 5.0 * time)
+    rows = run(bench(load, machine=machine, cogging_nm=cogging), torque, position)
+    states = solved(load, torque, position, machine=machine, cogging=cogging)
+
+    assert np.ptp(states[:, 0]) > 0.05  # it moved
+    np.testing.assert_allclose(rows[:, ANGLE], states[:, 0], rtol=0, atol=EXACT)
+    np.testing.assert_allclose(rows[:, FAR], states[:, 2], rtol=0, atol=EXACT)
+    np.testing.assert_allclose(rows[:, CURRENT], states[:, 4], rtol=0, atol=1e-4)
+
+
+def test_energy_does_not_grow_without_input():
+    plant = bench(replace(SPRING, locked=True), rate_hz=2000.0)
+    run(plant, [8.0] * 600, [0.0] * 600)
+    rows = run(plant, [0.0] * 2000, [0.0] * 2000)[40:]  # the current has gone by then
+    machine = qdd_preset("clean").machine
+    energy = 0.5 * 146.39 * rows[:, ANGLE] ** 2 + (
+        0.5 * machine.rotor_inertia * rows[:, VELOCITY] ** 2
+    )
+    assert energy[0] > 0.1
+    assert np.diff(energy).max() < 1e-9
+
+
+def test_a_torque_bends_the_spring_as_far_as_friction_allows():
+    rows = run(bench(replace(SPRING, locked=True)), [5.0] * 1000, [0.0] * 1000)
+    held = (0.38 + 0.09 * 5.0 / 0.99) / 146.39
+    assert 5.0 / 146.39 - held <= rows[-1, ANGLE] <= 5.0 / 146.39
+
+
+def test_the_far_side_follows_and_gives_way_a_little():
+    time = np.arange(2000) / RATE
+    knee = 0.5 * np.sin(2 * np.pi * 0.8 * time)
+    rows = run(bench(), np.zeros(2000), knee)
+    assert np.abs(rows[:, FAR] - knee).max() < 0.01
+    locked = run(bench(replace(SPRING, locked=True)), np.zeros(2000), knee)
+    assert (locked[:, FAR] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("error", "column", "size"),
+    [
+        ({"sensor_bias_nm": -0.58}, SENSOR, -0.58),
+        ({"sensor_noise_nm": 0.3}, SENSOR, 0.3),
+        ({"velocity_noise_rad_s": 0.05}, VELOCITY, 0.05),
+        ({"current_noise_a": 0.2}, CURRENT, 0.2),
+    ],
+)
+def test_an_error_of_a_measurement_is_in_that_measurement_alone(error, column, size):
+    time = np.arange(4000) / RATE
+    torque = 5.0 * np.sin(2 * np.pi * time)
+    clean, wrong = (run(bench(**e), torque, np.zeros(4000)) for e in ({}, error))
+    others = [c for c in range(6) if c != column]
+    assert (clean[:, others] == wrong[:, others]).all()
+    difference = (wrong - clean)[:, column]
+    found = difference.mean() if size < 0 else difference.std()
+    assert found == pytest.approx(size, rel=0.05)
+
+
+def test_the_encoder_counts_in_steps():
+    step = 1e-3
+    rows = run(bench(encoder_step_rad=step), [5.0] * 500, [0.0] * 500)
+    assert np.abs(rows[:, ANGLE] / step - np.round(rows[:, ANGLE] / step)).max() < 1e-9
+
+
+def test_friction_that_is_not_the_same_both_ways_moves_the_centre():
+    turning = 2.0 * np.arange(3000) / RATE
+    forth = run(bench(friction_asymmetry=0.3), np.zeros(3000), turning)[-500:, SENSOR].mean()
+    back = run(bench(friction_asymmetry=0.3), np.zeros(3000), -turning)[-500:, SENSOR].mean()
+    assert forth == pytest.approx(-0.38 * 1.3, rel=0.02)
+    assert back == pytest.approx(0.38 * 0.7, rel=0.02)
+
+
+def test_model_3_3_leaves_what_table_3_1_prints():
+    """Least squares written here, on the torques and speeds of 3.2.1."""
+    levels = np.repeat([-10.0, -6.667, -3.333, 0.0, 3.333, 6.667, 10.0], 6 * 1000)
+    speeds = np.tile(np.repeat([-5.0, -3.0, -1.0, 1.0, 3.0, 5.0], 1000), 7)
+    rows = run(bench(preset="nominal"), levels, np.cumsum(speeds) / RATE)
+    current, sign = rows[:, CURRENT], np.sign(rows[:, VELOCITY])
+    steady = (np.arange(levels.size) % 1000) > 200
+    columns = np.stack([np.ones_like(current), 9 * current, -sign, -np.abs(current) * sign], axis=1)
+    sensed = rows[:, SENSOR] + 92e-4 * np.gradient(rows[:, VELOCITY], 1 / RATE)
+    values, *_ = np.linalg.lstsq(columns[steady], sensed[steady], rcond=None)
+    assert values == pytest.approx([-0.58, 0.11, 0.38, 0.09], rel=0.05)
+    rms = np.sqrt(np.mean((sensed[steady] - columns[steady] @ values) ** 2))
+    assert 0.33 < rms < 0.38
+
+
+def test_the_same_seed_is_the_same_bench_and_another_is_mounted_otherwise():
+    torque = [3.0] * 200
+    rows = [run(bench(preset="nominal", seed=s), torque, [0.0] * 200) for s in (1, 1, 2)]
+    assert (rows[0] == rows[1]).all()
+    assert not (rows[0] == rows[2]).all()
+    drawn = [draw_mounting(qdd_preset("nominal"), np.random.default_rng(s)) for s in (1, 1, 2)]
+    assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_what_cannot_be_a_bench_is_refused():
+    with pytest.raises(DataError, match="has no stiffness; a spring couples"):
+        bench(BenchLoad("free"))
+    with pytest.raises(DataError, match=r"rate of 100\.\.20000 Hz, got 50"):
+        bench(rate_hz=50.0)
+    with pytest.raises(DataError, match="expected one of clean, nominal, hard; got 'nope'"):
+        qdd_preset("nope")
+    assert QDD_PRESETS["clean"].errors == QddErrors()
+
+
+def waving(samples, rate_hz=RATE):
+    """Return torques that never rest, N*m."""
+    time = np.arange(samples) / rate_hz
+    return 6.0 * np.sin(2 * np.pi * 1.3 * time) + 3.0 * np.sin(2 * np.pi * 4.1 * time)
+
+
+def test_presets_solve_their_equations_to_a_count_of_the_encoder():
+    load = replace(SPRING, locked=True)
+    torque, still = waving(300), np.zeros(300)
+    rows = run(bench(load), torque, still)
+    states = solved(load, torque, still, machine=qdd_preset("clean").machine)
+    np.testing.assert_allclose(rows[:, ANGLE], states[:, 0], rtol=0, atol=5e-5)
+
+
+def test_a_sharper_friction_is_stepped_finer_and_does_not_dither():
+    machine = QddMachine(sign_velocity_rad_s=0.002)
+    rows = run(bench(replace(SPRING, locked=True), machine=machine), [24.0] * 1000, [0.0] * 1000)
+    assert np.abs(np.diff(rows[500:, VELOCITY])).max() < 1e-4
+
+
+def test_first_sample_is_the_state_at_rest():
+    plant = bench()
+    assert plant.advance(9.0, 0.3) == (0.0, 0.0, 0.0, 36.0, 0.0, 0.0)
+    assert plant.time_s == 0.0
+
+
+def test_current_is_limited_and_waits_for_its_delay():
+    rows = run(bench(replace(SPRING, locked=True), rate_hz=1000.0), [100.0] * 300, [0.0] * 300)
+    assert (rows[:3, CURRENT] == 0.0).all()  # 2 ms
+    time = np.arange(3, 300) * 1e-3 - 0.002
+    expected = 25.0 * (1.0 - np.exp(-time / 0.002))
+    assert rows[3:, CURRENT] == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_weak_motor_gives_less_torque_than_its_current_says():
+    turning = 2.0 * np.arange(2000) / RATE
+    made = [
+        run(bench(torque_constant_error=error), [5.0] * 2000, turning)[-500:, SENSOR].mean()
+        for error in (0.0, -0.1)
+    ]
+    assert made[0] - made[1] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_sensor_reads_the_springs_torque_by_its_gain():
+    settings = replace(qdd_preset("clean"), sensor_gain=1.02)
+    noise = np.random.default_rng(0)
+    plant = QddBenchPlant(settings, SPRING, sample_rate_hz=RATE, noise=noise)
+    for torque in waving(300):
+        assert plant.advance(torque, 0.0)[SENSOR] == pytest.approx(1.02 * plant.spring_torque)
+
+
+def test_sensor_lag_is_a_first_order_low_pass_of_the_reading_alone():
+    rate_hz, lag_s = 5000.0, 0.003
+    torque, still = waving(4000, rate_hz), np.zeros(4000)
+    clean, late = (
+        run(bench(rate_hz=rate_hz, sensor_lag_s=lag), torque, still) for lag in (0.0, lag_s)
+    )
+    assert (np.delete(clean, SENSOR, 1) == np.delete(late, SENSOR, 1)).all()
+    b, a = signal.bilinear([1.0], [lag_s, 1.0], rate_hz)
+    expected = signal.lfilter(b, a, clean[:, SENSOR])
+    assert late[:, SENSOR] == pytest.approx(expected, abs=5e-3)
+    assert np.abs(late - clean)[:, SENSOR].max() > 0.2
+
+
+def loop(peak_rad, period_s, half_width=0.2):
+    """Return deflection and hysteresis torque over the last of three slow swings of torque."""
+    samples = round(period_s * RATE)
+    machine = QddMachine(spring_damping=0.0, coulomb_friction=0.0, gear_friction=0.0)
+    plant = bench(machine=machine, spring_hysteresis_nm=half_width)
+    wanted = 146.39 * peak_rad * np.sin(2 * np.pi * np.arange(3 * samples) / samples)
+    rows = run(plant, wanted, np.zeros(3 * samples))[-samples:]
+    bent = rows[:, ANGLE] - rows[:, FAR]
+    return bent, rows[:, SENSOR] - 146.39 * bent
+
+
+def test_spring_hysteresis_has_its_width_whatever_the_speed():
+    for period_s in (4.0, 8.0):
+        bent, extra = loop(0.06, period_s)
+        middle = np.abs(bent) < 0.003
+        assert np.abs(extra[middle]) == pytest.approx(np.full(middle.sum(), 0.2), abs=0.004)
+        rising = np.gradient(bent) > 0.0
+        assert (extra[middle & rising] > 0.0).all()
+        assert (extra[middle & ~rising] < 0.0).all()
+
+
+def test_spring_hysteresis_takes_energy_and_gives_none():
+    bent, extra = loop(0.06, 4.0)
+    lost = np.trapezoid(extra, bent)
+    # Four half widths times the peak, less what turning takes: some 5 mrad at either end.
+    assert 0.85 * 4.0 * 0.2 * 0.06 < lost < 4.0 * 0.2 * 0.06
+
+
+def test_jitter_moves_the_sample_times_and_keeps_their_rate_and_order():
+    plant = bench(clock_jitter_s=2e-4)
+    times = []
+    for torque in waving(4000):
+        plant.advance(torque, 0.0)
+        times.append(plant.time_s)
+    off = np.array(times) - np.arange(4000) / RATE
+    assert off[0] == 0.0
+    assert off.std() == pytest.approx(2e-4, rel=0.05)
+    assert abs(off.mean()) < 4.0 * 2e-4 / np.sqrt(4000.0)
+    assert np.diff(times).min() > 0.0
+
+
+def test_jitter_is_in_the_times_and_leaves_the_motion_what_it_is():
+    plant, turning = bench(clock_jitter_s=2e-4), 2.0 * np.arange(2000) / RATE
+    rows, times = [], []
+    for position in turning:
+        rows.append(plant.advance(5.0, position))
+        times.append(plant.time_s)
+    even = np.polynomial.Polynomial.fit(times[500:], np.array(rows)[500:, FAR], 1)
+    by_stamp = np.polynomial.Polynomial.fit(turning[500:], np.array(rows)[500:, FAR], 1)
+    # The far side is asked for its angles at the jittered times and is slow to follow them.
+    assert even.convert().coef[1] == pytest.approx(2.0, rel=1e-3)
+    assert by_stamp.convert().coef[1] == pytest.approx(1.0, rel=1e-3)
+    assert np.isfinite(rows).all()
+
+
+def test_jitter_leaves_the_other_noises_what_they_are():
+    still = np.zeros(500)
+    even, jittered = (
+        run(bench(sensor_noise_nm=0.3, clock_jitter_s=jitter), still, still)
+        for jitter in (0.0, 2e-4)
+    )
+    assert even[:, SENSOR] == pytest.approx(jittered[:, SENSOR], abs=1e-12)
+
+
+def test_a_bench_that_turns_for_minutes_stays_finite():
+    rows = run(bench(preset="hard"), [10.0] * 30_000, 5.0 * np.arange(30_000) / RATE)
+    assert np.isfinite(rows).all()
+    assert rows[-1, ANGLE] == pytest.approx(300.0, abs=0.2)
+
+
+def low_passed(values, cutoff_hz):
+    return signal.sosfiltfilt(signal.butter(4, cutoff_hz, fs=RATE, output="sos"), values)
+
+
+@pytest.mark.parametrize(("preset", "within"), [("clean", 0.0005), ("nominal", 0.003)])
+def test_torque_sensor_finds_the_spring_locked_and_in_motion(preset, within):
+    time = np.arange(30_000) / RATE
+    torque = 10.0 * np.sin(np.pi * time / 5.0)
+    locked = run(bench(replace(SPRING, locked=True), preset=preset), torque, np.zeros(30_000))
+    slope = np.polyfit(locked[:, ANGLE], locked[:, SENSOR], 1)[0]
+    assert slope == pytest.approx(146.39, rel=within)
+
+    dither = np.deg2rad(3.0 * np.sin(np.pi * time / 5.0) + np.sin(10.0 * np.pi * time))
+    moved = run(bench(preset=preset), torque, dither)
+    bent = low_passed(moved[:, ANGLE] - moved[:, FAR], np.sqrt(5.0))[1000:-1000]
+    slope = np.polyfit(bent, low_passed(moved[:, SENSOR], np.sqrt(5.0))[1000:-1000], 1)[0]
+    assert slope == pytest.approx(146.39, rel=within)
+
+
+@pytest.mark.parametrize(("asymmetry", "larger"), [(0.3, 0), (-0.3, 1)])
+def test_asymmetric_friction_parts_positive_from_negative_pulses(asymmetry, larger):
+    """By a torque model that knows no asymmetry; the printed ones differ by 12 %."""
+    time = np.arange(3000) / RATE
+    knee = 0.5 * np.sin(2 * np.pi * 0.8 * time)
+    free = run(bench(friction_asymmetry=asymmetry), np.zeros(3000), knee)
+    found = []
+    for sign in (1.0, -1.0):
+        per_onset = []
+        for onset_s in np.arange(2.0, 4.5, 0.25):
+            after = np.array([0.0, 0.075, 0.175, 0.25]) + onset_s
+            pulse = sign * np.interp(time, after, (0.0, 7.0, 7.0, 0.0))
+            rows = run(bench(friction_asymmetry=asymmetry), pulse, knee)
+            torque = [
+                0.99 * r[:, CURRENT]
+                - (0.38 + 0.09 * np.abs(r[:, CURRENT])) * np.sign(r[:, VELOCITY])
+                for r in (rows, free)
+            ]
+            held = slice(round((onset_s + 0.1) * RATE), round((onset_s + 0.175) * RATE))
+            bent = (rows - free)[held, ANGLE].mean()
+            per_onset.append((torque[0] - torque[1])[held].mean() / bent)
+        found.append(np.mean(per_onset))
+    assert found[larger] > 1.03 * found[1 - larger]

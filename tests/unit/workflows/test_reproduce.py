@@ -1,0 +1,106 @@
+"""Chapters again: the arithmetic of the tables on made-up pairs, and a chapter written whole."""
+
+import json
+
+import pytest
+
+from jointz.core.errors import OutputError
+from jointz.core.reproduction import Compared, ComparedTable, Reproduction
+from jointz.reference import chapter2
+from jointz.workflows import chapter2_loads, reproduce
+from jointz.workflows.chapter2_loads import Pair
+
+TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
+
+
+def pairs(stiffness=0.95, inertia=0.85, ours=0.99):
+    """Return all pairs of the four cases, off by the same factors."""
+    found = []
+    for case, (spring, mass) in chapter2.CASE_LOADS.items():
+        for trajectory in chapter2.TRAJECTORIES:
+            for name, truth, factor in (
+                ("stiffness", TRUTH[spring], stiffness),
+                ("inertia", TRUTH[mass], inertia),
+            ):
+                value = ours * truth
+                found.append(
+                    Pair(
+                        case,
+                        trajectory,
+                        name,
+                        truth,
+                        factor * truth,
+                        1e-3 * truth,
+                        value,
+                        0.98 * truth,
+                        1.01 * truth,
+                    )
+                )
+            found.append(Pair(case, trajectory, "damping", 0.0, -0.14, 0.01, 0.0, -0.01, 0.01))
+    return found
+
+
+def test_every_cell_of_tables_2_1_and_2_2_stands_beside_the_printed_one():
+    stiffness, inertia, averages = chapter2_loads.error_tables(pairs())
+    assert [len(t.rows) for t in (stiffness, inertia, averages)] == [10, 10, 4]
+    assert stiffness.rows[0].printed == 3.73
+    for table, letter in ((stiffness, -5.0), (inertia, -15.0)):
+        for row in table.rows:
+            assert row.dissertation == pytest.approx(letter)
+            assert row.recommended == pytest.approx(-1.0)
+    assert [row.printed for row in averages.rows] == [-2.15, -2.51, -15.2, -13.1]
+
+
+def test_shares_of_pairs_below_the_truth_are_counted():
+    rows = {r.quantity: r for r in chapter2_loads._below_rows(pairs(stiffness=1.02))}
+    assert rows["stiffness below the truth, pairs"].dissertation == 0.0
+    assert rows["inertia below the truth, pairs"].dissertation == 100.0
+    assert rows["inertia below the truth, trajectories"].recommended == 100.0
+
+
+def test_damping_that_is_not_noisy_is_counted_as_such():
+    (row,) = chapter2_loads._damping_rows(pairs())
+    assert row.dissertation == 0.0
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """A chapter that takes no time."""
+
+    def made(seed, preset, tell):
+        tell(1, 1, preset)
+        rows = (Compared("error", "%", -2.15, -5.0, -1.0, note="of 20"),)
+        table = ComparedTable("average_errors", "Average errors", "Why.", rows)
+        return Reproduction(2, "The bench", (table,), provenance={"settings": {"seed": seed}})
+
+    monkeypatch.setattr(reproduce, "_CHAPTERS", {2: made})
+
+
+@pytest.mark.usefixtures("tiny")
+def test_a_chapter_is_written_whole_with_page_tables_and_numbers(tmp_path):
+    (chapter,) = reproduce.reproduce([2], out=tmp_path / "out", seed=3)
+    folder = tmp_path / "out" / "chapter2"
+    assert chapter.page == folder / "chapter2.html"
+    assert "The bench" in chapter.page.read_text(encoding="utf-8")
+    again = Reproduction.from_dict(json.loads((folder / "chapter2.json").read_text()))
+    assert again == chapter.reproduction
+    table = (folder / "tables" / "average_errors.csv").read_text()
+    assert table.startswith("quantity,unit,printed")
+    assert json.loads((folder / "provenance.json").read_text())["settings"] == {"seed": 3}
+
+
+@pytest.mark.usefixtures("tiny")
+def test_a_chapter_that_is_there_is_kept(tmp_path):
+    reproduce.reproduce([2], out=tmp_path)
+    with pytest.raises(OutputError, match="exists and is kept"):
+        reproduce.reproduce([2], out=tmp_path)
+    reproduce.reproduce([2], out=tmp_path, overwrite=True)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_the_command_prints_tables_and_page(jointz, tmp_path):
+    outcome = jointz("reproduce", "2", "--out", tmp_path / "a")
+    assert outcome.code == 0
+    assert "error: printed -2.15, dissertation's method -5, recommended -1 % (of 20)" in outcome.out
+    told = jointz("reproduce", "2", "--out", tmp_path / "b", "--json").json
+    assert told["chapters"][0]["tables"][0]["rows"][0]["printed"] == -2.15
