@@ -11,7 +11,8 @@ from jointz.core.clock import VirtualClock
 from jointz.core.errors import DeviceError, SafetyStop
 from jointz.core.session_log import Flag
 from jointz.experiment.journal import read_journal
-from jointz.experiment.session import Session, SessionPlan, bench_plan_of
+from jointz.experiment.session import Session, SessionPlan
+from jointz.experiment.session_files import bench_plan_of
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.session_log import read_log
@@ -36,7 +37,12 @@ def short(name="sea-mass-spring", *, trials=2, load=0, **changes):
 def study(tmp_path_factory):
     """Two trials without and two with pulses on case 1, without errors."""
     out = tmp_path_factory.mktemp("bench") / "study"
-    return jointz.run(short(), out=out, preset="clean").study
+    made = jointz.run(short(), out=out, preset="clean")
+    assert made.report.summary().splitlines() == [
+        "sea-mass-spring, seed 1: 1 session",
+        "16 of 16 pulses",
+    ]
+    return made.study
 
 
 def test_a_bench_study_is_opened_with_nothing_special(study):

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.experiment.journal import read_journal
 from jointz.experiment.recorder import Recorder
 from jointz.io.protocols import load_protocol
@@ -154,13 +154,14 @@ def test_a_full_disk_stops_the_run_safely_and_resume_completes_it(protocol, tmp_
         SimulatedActuator.stop = stopped
         try:
             run(protocol, out)
-        except OutputError as exc:
-            told.write_text(json.dumps({"message": str(exc), "commands": commands}))
+        except WriteError as exc:
+            notes = exc.__notes__
+            told.write_text(json.dumps({"message": str(exc), "notes": notes, "commands": commands}))
 
     assert in_child(work) == 0
     said = json.loads(told.read_text())
-    assert "could not be written" in said["message"]
-    assert "--resume" in said["message"]
+    assert "perturbed-0.jzlog: cannot be written (" in said["message"]
+    assert said["notes"] == ["The devices were stopped."]
     assert "stop" in said["commands"]
     made = run(protocol, out, resume=True)
     assert set(made.report.to_frame()["completed"]) == {3}

@@ -1,5 +1,6 @@
 """Every way a trial can end badly: the last command that the device got, and how soon."""
 
+import errno
 import os
 import signal
 
@@ -8,14 +9,17 @@ import pytest
 
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError, ProtocolError, SafetyStop
-from jointz.core.limits import LimitsOverride
+from jointz.core.limits import LimitsOverride, tightened
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Lifecycle
 from jointz.experiment import trial
 from jointz.experiment.journal import read_journal
 from jointz.experiment.session import Session, SessionPlan
+from jointz.experiment.timing import timing_report
 from jointz.io.protocols import load_protocol
 from jointz.io.session_log import read_log
+from jointz.sim.devices import SimulatedActuator, SimulatedSensor
+from jointz.workflows.participant_run import _stopped_by_signals
 from jointz.workflows.rigs import RigSettings, open_rig
 from jointz.workflows.run import NoOperator
 
@@ -74,12 +78,12 @@ def spy(rig):
     return Spy(rig)
 
 
-def session(rig, protocol, folder):
+def session(rig, protocol, folder, operator=None):
     return Session(
         SessionPlan(protocol, 1, folder),
         rig,
         clocks=VirtualClock,
-        operator=NoOperator(),
+        operator=operator or NoOperator(),
         progress=lambda *_told: None,
         real_time=False,
     )
@@ -146,7 +150,6 @@ def test_a_device_that_is_gone_ends_the_trial_in_the_same_tick(
     [
         ("angle_max_rad", 0.5, "posture"),
         ("velocity_rad_s", 1.0, "velocity"),
-        ("pulse_count", 3, "pulse_count"),
     ],
 )
 def test_measured_limits_of_the_protocol_trip(rig, spy, protocol, tmp_path, limit, value, code):
@@ -160,7 +163,12 @@ def test_measured_limits_of_the_protocol_trip(rig, spy, protocol, tmp_path, limi
     assert spy.commands[-1][1] == "stop"
 
 
-def test_torque_and_its_rate_are_clamped(rig, spy, protocol, tmp_path):
+def test_torque_and_its_rate_are_clamped(rig, spy, protocol, tmp_path, monkeypatch):
+    # The gate does not rely on the check before the trial.
+    monkeypatch.setattr(
+        "jointz.experiment.session.limits_on_device",
+        lambda protocol, own, **_: tightened(own, protocol.safety),
+    )
     limits = LimitsOverride(torque_nm=10.0, torque_rate_nm_s=500.0)
     tight = protocol.model_copy(update={"safety": limits})
     session(rig, tight, tmp_path).run()
@@ -170,6 +178,27 @@ def test_torque_and_its_rate_are_clamped(rig, spy, protocol, tmp_path):
     steps = abs(found["sent_torque"][1:] - found["sent_torque"][:-1])
     assert steps.max() <= 500.0 * PERIOD_S + 1e-5
     assert (found["flags"] & Flag.CLAMPED).any()
+    assert timing_report(found, round(PERIOD_S * 1e9))["clamped_ticks"] > 100
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ({"torque_nm": 10.0}, r"pulse.amplitude_nm: 17 N\*m is above safety.torque_nm = 10"),
+        ({"torque_rate_nm_s": 500.0}, "pulse.ramp_up_s: .*steeper than safety.torque_rate"),
+        ({"current_a": 5.0}, "pulse.amplitude_nm: .* above safety.torque_nm = 4.95"),
+        ({"pulse_count": 3}, r"conditions\[1\].perturbations: 12 pulses are more than"),
+    ],
+)
+def test_what_a_limit_would_cut_is_refused_before_the_devices_are_on(
+    rig, spy, protocol, tmp_path, limits, told
+):
+    tight = protocol.model_copy(update={"safety": LimitsOverride(**limits)})
+    with pytest.raises(ProtocolError, match=told):
+        session(rig, tight, tmp_path).run()
+    assert {command for _, command in spy.commands} == {"stop"}
+    assert spy.devices.actuator.state is Lifecycle.FINALISED
+    assert not list((tmp_path / "logs").iterdir())
 
 
 @pytest.mark.parametrize("torque", [float("nan"), float("inf"), -float("inf")])
@@ -222,34 +251,6 @@ def test_an_exception_in_any_stage_stops_the_device_in_the_same_tick(
         session(rig, protocol, tmp_path).run()
     assert spy.commands[-1] == (pytest.approx(BEFORE_PULSES_S), "stop")
     assert last_events(tmp_path) == "failed"
-
-
-def test_ctrl_c_fades_a_pulse_out_and_stops(rig, spy, protocol, tmp_path):
-    running = session(rig, protocol, tmp_path)
-    command = []
-
-    def ask_in_a_pulse(self, *records, write=trial.Recorder.write):
-        write(self, *records)
-        if records[0][15] != 0.0 and not command:
-            command.append(spy.clock.now_ns() * 1e-9)
-            running.request_stop()
-
-    original = trial.Recorder.write
-    trial.Recorder.write = ask_in_a_pulse
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            running.run()
-    finally:
-        trial.Recorder.write = original
-    asked_s = command[0]
-    sent = [(t, torque) for t, torque in spy.commands if t > asked_s and torque != "stop"]
-    fade_s = spy.devices.actuator.describe().limits.fade_s
-    values = [abs(torque) for _, torque in sent]
-    assert values == sorted(values, reverse=True)
-    assert all(torque == 0.0 for t, torque in sent if t > asked_s + fade_s + 2 * PERIOD_S)
-    assert spy.commands[-1][1] == "stop"
-    events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
-    assert events[-2:] == ["pulse_aborted", "stopped"]
 
 
 def test_a_second_ctrl_c_stops_at_once(rig, spy, protocol, tmp_path, monkeypatch):
@@ -365,15 +366,101 @@ def test_limits_cannot_be_loosened_from_a_protocol(rig, spy, protocol, tmp_path)
     assert spy.commands == [(pytest.approx(0.0, abs=1.0), "stop")] or not spy.commands
 
 
-def test_a_signal_asks_for_a_stop(rig, spy, protocol, tmp_path):
-    from jointz.workflows.participant_run import _stopped_by_ctrl_c
-
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_fades_the_pulse_that_is_on(rig, spy, protocol, tmp_path, monkeypatch, number):
     running = session(rig, protocol, tmp_path)
-    with _stopped_by_ctrl_c(running):
-        os.kill(os.getpid(), signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            running.run()
-    assert not any(isinstance(torque, float) and torque for _, torque in spy.commands)
+    write = trial.Recorder.write
+    asked = []
+
+    def ask_in_a_pulse(self, *records):
+        write(self, *records)
+        if records[0][15] != 0.0 and not asked:
+            asked.append(spy.clock.now_ns() * 1e-9)
+            os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(trial.Recorder, "write", ask_in_a_pulse)
+    with _stopped_by_signals(running), pytest.raises(KeyboardInterrupt):
+        running.run()
+    sent = [(t, torque) for t, torque in spy.commands if t > asked[0] and torque != "stop"]
+    fade_s = spy.devices.actuator.describe().limits.fade_s
+    values = [abs(torque) for _, torque in sent]
+    assert values == sorted(values, reverse=True)
+    assert all(torque == 0.0 for t, torque in sent if t > asked[0] + fade_s + 2 * PERIOD_S)
+    assert spy.commands[-1][1] == "stop"
+    events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
+    assert events[-2:] == ["pulse_aborted", "stopped"]
+
+
+def test_a_signal_ends_the_wait_at_a_prompt(rig, protocol, tmp_path):
+    class Waiting:
+        def prompt(self, text):
+            os.kill(os.getpid(), signal.SIGTERM)
+            pytest.fail(f"still waiting: {text}")
+
+    running = session(rig, protocol, tmp_path, operator=Waiting())
+    with _stopped_by_signals(running), pytest.raises(KeyboardInterrupt):
+        running.run()
+    assert read_journal(tmp_path / "journal.jsonl") == []
+
+
+def test_a_signal_that_is_ignored_stays_ignored(rig, protocol, tmp_path):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with _stopped_by_signals(session(rig, protocol, tmp_path)):
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_an_error_of_a_driver_names_its_device(rig, spy, protocol, tmp_path, monkeypatch):
+    read = SimulatedSensor.read
+
+    def broken_bus(self):
+        if spy.clock is not None and spy.clock.now_ns() >= BEFORE_PULSES_S * 1e9:
+            raise OSError(errno.EIO, "Input/output error")
+        return read(self)
+
+    monkeypatch.setattr(SimulatedSensor, "read", broken_bus)
+    with pytest.raises(DeviceError, match=r"^(angle|contact): its driver raised OSError.*cable"):
+        session(rig, protocol, tmp_path).run()
+    assert_stopped(spy, BEFORE_PULSES_S)
+    assert last_events(tmp_path) == "failed"
+
+
+def test_an_error_while_the_rig_opens_is_journaled(rig, protocol, tmp_path, monkeypatch):
+    class Unplugged:
+        def __init__(self, rig):
+            self.wearer, self.calibration, self.notes = rig.wearer, rig.calibration, rig.notes
+
+        def open(self, *_, **__):
+            raise FileNotFoundError(2, "No such file or directory", "/dev/ttyUSB0")
+
+    with pytest.raises(DeviceError, match=r"^rig: its driver raised FileNotFoundError.*ttyUSB0"):
+        session(Unplugged(rig), protocol, tmp_path).run()
+    assert last_events(tmp_path) == "failed"
+
+
+def test_every_device_is_stopped_though_one_cannot_be(rig, spy, protocol, tmp_path, monkeypatch):
+    stopped = []
+    stop = SimulatedSensor.stop
+
+    def noted(self):
+        stopped.append(self)
+        stop(self)
+
+    def stuck(self):
+        raise RuntimeError("bus is gone")
+
+    monkeypatch.setattr(SimulatedSensor, "stop", noted)
+    monkeypatch.setattr(SimulatedActuator, "stop", stuck)
+    rig.inject.order("angle", "disconnect", from_s=BEFORE_PULSES_S)
+    told = (
+        r"actuator: could not be stopped \(RuntimeError: bus is gone\). Switch its power off. What"
+    )
+    with pytest.raises(DeviceError, match=told + " came before: .*angle"):
+        session(rig, protocol, tmp_path).run()
+    assert spy.devices.angle in stopped
+    assert last_events(tmp_path) == "tripped"
 
 
 def test_devices_are_closed_when_one_cannot_be_activated(rig, spy, protocol, tmp_path):

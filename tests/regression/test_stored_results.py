@@ -108,8 +108,17 @@ def test_what_was_stored_is_written_again_as_it_stood(name, result):
 
     again = json.loads(json.dumps(result.from_dict(plain).to_dict(), allow_nan=False))
 
-    assert again == plain
+    assert as_far_as(plain, again) == plain
     assert plain["schema"].endswith("/1")
+
+
+def as_far_as(old, new):
+    """Return what is new without the keys that the old one did not have yet."""
+    if isinstance(old, dict):
+        return {key: as_far_as(old[key], value) for key, value in new.items() if key in old}
+    if isinstance(old, list) and len(old) == len(new):
+        return [as_far_as(*pair) for pair in zip(old, new, strict=True)]
+    return new
 
 
 @pytest.mark.parametrize("name", ["study_analysis_1.json", "joint_fit_1.json"])

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TextIO
 
-from jointz.core.errors import OutputError
+from jointz.core.errors import WriteError
 
 if TYPE_CHECKING:
     from jointz.workflows.analysis import Progress
@@ -31,14 +31,14 @@ def emit(text: str = "") -> None:
 
     Raises
     ------
-    OutputError
+    WriteError
         When stdout is closed or does not take it.
     """
     try:
         _write_line(text)
     except OSError as exc:
         _discard_stdout()
-        raise OutputError(f"stdout cannot be written ({exc.strerror}).") from exc
+        raise WriteError("stdout", exc, "Send it where it can go.") from exc
 
 
 def _write_line(text: str) -> None:

@@ -20,8 +20,9 @@ from jointz.cli.demo import demo
 from jointz.cli.identify import identify
 from jointz.cli.protocols import protocols
 from jointz.cli.reproduce import reproduce
+from jointz.cli.run import STILL_THERE
 from jointz.cli.run import run as run_experiment
-from jointz.core.errors import DeviceError, JointzError, OutputError
+from jointz.core.errors import DeviceError, JointzError, WriteError
 
 _EXIT_STOPPED = 130
 _EXIT_BUG = 70
@@ -68,10 +69,7 @@ def _jointz(
 
 def run() -> None:
     """Run the command line; errors become one message and an exit status."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's Ctrl-C
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
+    _prepare_process()
     if "--debug" in sys.argv:
         app(prog_name="jointz")
         return
@@ -83,7 +81,7 @@ def run() -> None:
             _emit_error("UsageError", exc.format_message())
         sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
-        _report(type(exc).__name__, str(exc))
+        _report(type(exc).__name__, _with_notes(exc))
         sys.exit(_exit_of(exc))
     except (typer.Abort, KeyboardInterrupt):
         status = _EXIT_STOPPED
@@ -96,11 +94,25 @@ def run() -> None:
     sys.exit(status)
 
 
+def _prepare_process() -> None:
+    for number in (signal.SIGTERM, signal.SIGHUP):  # a batch system's Ctrl-C, a closed terminal
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
+
+
+def _with_notes(exc: JointzError) -> str:
+    parts = [str(exc), *getattr(exc, "__notes__", ())]
+    return " ".join(part if part.endswith((".", "?")) else f"{part}." for part in parts)
+
+
 def _exit_of(exc: JointzError) -> int:
     if isinstance(exc, DeviceError):
         return EXIT_DEVICE
-    if isinstance(exc, OutputError) and isinstance(exc.__cause__, OSError):
-        return EXIT_NOTHING_STANDS  # the system refused to write: the input is not to blame
+    if isinstance(exc, WriteError):
+        return EXIT_NOTHING_STANDS  # the input is not to blame
     return EXIT_BAD_INPUT
 
 
@@ -112,7 +124,7 @@ def _report(kind: str, message: str) -> None:
 
 def _left_behind() -> str:
     if sys.argv[1:2] == ["run"]:
-        return "What was recorded is kept; the same arguments with --resume go on."
+        return STILL_THERE
     return "Nothing half-written was left behind."
 
 

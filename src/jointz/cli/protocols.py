@@ -59,7 +59,7 @@ def list_protocols(
             ]
             for entry in about
         ]
-        emit_table(rows, ["protocol", "section", "participants", "pulses", "each takes", "title"])
+        emit_table(rows, ["protocol", "section", "people or loads", "pulses each", "each takes", "title"])
 
 
 @protocols.command("show")

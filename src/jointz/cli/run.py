@@ -1,8 +1,8 @@
 """``jointz run``: run an experiment and write its study."""
 
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,9 +11,13 @@ import typer
 
 from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
 from jointz.cli.options import Debug, Json, Quiet
+from jointz.core.errors import DeviceError, WriteError
 
 if TYPE_CHECKING:
     from jointz.workflows.run import StudyRun
+
+
+STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
 
 
 class Device(StrEnum):
@@ -97,7 +101,8 @@ def run(
     from jointz.workflows.run import run as run_study
 
     real = clock is ClockName.real
-    with experiment_bars(shown=not (quiet or as_json)) as bars:
+    simulated = device is Device.sim and not real
+    with experiment_bars(shown=not (quiet or as_json)) as bars, _resume_advised(out):
         made = run_study(
             protocol,
             device=device.value,
@@ -108,13 +113,24 @@ def run(
             participants=participants,
             workers=workers or (1 if real else os.cpu_count() or 1),
             resume=resume,
-            operator=NoOperator() if device is Device.sim and not real else _Prompting(bars.paused),
+            operator=NoOperator() if simulated else _Prompting(bars.paused),
             progress=bars.experiment,
         )
     if as_json:
         emit_json({"status": "ok", "study": str(made.study), **_numbers(made)})
     elif not quiet:
         _print(made)
+
+
+@contextmanager
+def _resume_advised(out: Path) -> Iterator[None]:
+    """Say how to go on after what is nobody's mistake."""
+    try:
+        yield
+    except (DeviceError, WriteError) as exc:
+        if out.is_dir():
+            exc.add_note(STILL_THERE)
+        raise
 
 
 def _numbers(made: "StudyRun") -> dict[str, Any]:
@@ -126,6 +142,7 @@ def _numbers(made: "StudyRun") -> dict[str, Any]:
         "pulses_completed": int(table["completed"].sum()),
         "pulses_missed": int(table["missed"].sum()),
         "pulses_aborted": int(table["aborted"].sum()),
+        "pulses_lost": int(table["lost"].sum()),
         "onsets": made.report.onset_rows(),
         "gaps": [dict(row) for row in made.report.gaps],
         "timing": [dict(row) for row in made.report.timing],
@@ -137,15 +154,17 @@ def _print(made: "StudyRun") -> None:
         [
             f"{row['participant']} {row['timing_point']}",
             f"{row['completed']}/{row['planned']}",
-            str(row["missed"] + row["aborted"]),
+            str(row["missed"] + row["aborted"] + row["lost"]),
             "-" if row["error_mean_pct"] is None else f"{row['error_mean_pct']:+.2f}",
             "-" if row["error_sd_pct"] is None else f"{row['error_sd_pct']:.2f}",
             "-" if row["theory_sd_pct"] is None else f"{row['theory_sd_pct']:.2f}",
         ]
         for row in made.report.onset_rows()
+        if row["planned_pct"] is not None
     ]
     header = ["participant, point", "pulses", "done again", "onset error %", "SD %", "theory SD %"]
     if rows:
         emit_table(rows, header, title="Pulses, and where in the gait cycle they fired")
-    emit(made.report.summary().splitlines()[0])
+    for line in made.report.summary().splitlines()[:2]:
+        emit(line)
     emit(f"Study: {made.study / 'study.toml'}")

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 
 SCHEMA = "jointz.StudyAnalysis/1"
 
+#: Said where a bench has more than one "participant".
+NO_MEANS_ON_A_BENCH = (
+    "Means over participants are left out: those of a bench study are loads, and a mean over "
+    "unlike loads means nothing."
+)
 #: Columns of ``excluded.csv``.
 EXCLUDED_COLUMNS = (
     "participant",
@@ -71,7 +76,7 @@ class StudyAnalysis:
     comparison : tuple of CellEstimate
         Other methods on the same pulses.
     population : tuple of PopulationEstimate
-        Means over people.
+        Means over people; none in a bench study.
     pulses, strides, gaps : tuple
         Everything found in the recordings, used or not.
     single : tuple of PulseEstimate

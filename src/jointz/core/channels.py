@@ -77,6 +77,7 @@ PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
         "viscous_friction": "N*m*s/rad",
         "coulomb_friction": "N*m",
         "gear_friction": "N*m/A",
+        "load_friction": "1",
         "rotor_inertia": "kg*m^2",
         "torque_lag": "s",
         "bandwidth": "Hz",

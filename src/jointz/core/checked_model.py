@@ -26,6 +26,22 @@ class Problem:
     message: str
 
 
+def place_of(key: tuple[str | int, ...]) -> str:
+    """Return the path of a key as people read it: entries of lists count from 1.
+
+    Parameters
+    ----------
+    key : tuple of str and int
+        As :class:`Problem` has it.
+
+    Examples
+    --------
+    >>> place_of(("conditions", 0, "torque_nm"))
+    'conditions[1].torque_nm'
+    """
+    return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in key)[1:]
+
+
 Check = Callable[[], Iterable[Problem]]
 
 

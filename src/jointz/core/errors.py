@@ -9,16 +9,28 @@
     │   ├── NotConnectedError       it does not answer
     │   └── SafetyStop              the safety gate ended the trial
     ├── EstimationError             a single fit that has no answer
-    └── OutputError                 a place to write to that may not be used
+    └── OutputError                 a place to write to that may not be used; exit status 2
+        └── WriteError              the system did not let it be written; exit status 1
 
 A message says where, what was expected, what was found and what to do.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 
 class JointzError(Exception):
     """Base of all errors that jointz raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come whole out of a worker process, whatever ``__init__`` asks for."""
+        return _revived, (type(self), self.args, self.__dict__)
+
+
+def _revived(kind: type[JointzError], args: tuple[Any, ...], state: dict[str, Any]) -> JointzError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class DataError(JointzError, ValueError):
@@ -98,6 +110,23 @@ class EstimationError(JointzError):
 
 class OutputError(JointzError):
     """A place to write to that exists or that may not be replaced."""
+
+
+class WriteError(OutputError):
+    """The system did not let something be written: disk full, permission, name too long.
+
+    Parameters
+    ----------
+    what : str
+        The file or folder.
+    cause : OSError
+        What the system said.
+    todo : str
+        What to do.
+    """
+
+    def __init__(self, what: str, cause: OSError, todo: str = "Make room.") -> None:
+        super().__init__(f"{what}: cannot be written ({cause.strerror or cause}). {todo}")
 
 
 class DeviceError(JointzError):

@@ -86,7 +86,7 @@ class GapRecord:
 
 @dataclass(frozen=True, slots=True)
 class PulseEstimate:
-    """Impedance from one pulse on a bench, by least squares without bounds (2.2.3).
+    """Impedance from one pulse on a bench by itself (2.2.3).
 
     Parameters
     ----------
@@ -104,6 +104,9 @@ class PulseEstimate:
         N*m/rad, N*m*s/rad, kg*m^2; the intrinsic impedance is not subtracted.
     vaf_pct : float
         Variance accounted for (2.7), %.
+    method : str
+        ``dissertation``: least squares without bounds on the response; ``pulse_likelihood``:
+        errors in variables on the raw signals.
     """
 
     participant: str
@@ -117,3 +120,4 @@ class PulseEstimate:
     damping: float
     inertia: float
     vaf_pct: float
+    method: str = "dissertation"

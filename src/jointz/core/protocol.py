@@ -32,6 +32,8 @@ Strides = Annotated[int, Field(le=10_000)]
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _LONGEST_NAME = 64
+#: Of a load that can be told from a locked output, SI units.
+_LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3}
 
 
 def _name_problems(name: str, *key: str, why: str = "names files") -> Iterator[Problem]:
@@ -141,7 +143,9 @@ class PerturbationPlan(CheckedModel):
 
     def _points_named(self) -> Iterator[Problem]:
         for name in self.timing_points or {}:
-            yield from _name_problems(name, "timing_points", name, why="stands in tables")
+            if not name.isprintable() or name != name.strip() or not 0 < len(name) <= _LONGEST_NAME:
+                told = f"expected a name of at most {_LONGEST_NAME} characters that print, without "
+                yield Problem(("timing_points", name), f"{told}space around it; got {name[:80]!r}.")
 
     def _points_in_cycle(self) -> Iterator[Problem]:
         for name, pct in (self.timing_points or {}).items():
@@ -320,8 +324,12 @@ class LoadSpec(CheckedModel):
     def _positive(self) -> Iterator[Problem]:
         for key in ("stiffness", "damping", "inertia"):
             entry: Calibrated | None = getattr(self, key)
-            if entry is not None and entry.value < 0:
-                yield Problem((key, "value"), f"expected at least 0, got {entry.value:g}.")
+            if entry is not None and not 0 <= entry.value <= _LARGEST[key]:
+                yield Problem(
+                    (key, "value"),
+                    f"expected 0 to {_LARGEST[key]:g} in SI units, got {entry.value:g}. What gives "
+                    "way less is locked = true.",
+                )
 
 
 class Protocol(CheckedModel):

@@ -40,8 +40,8 @@ def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
     if pulse is None or limit is None:
         return
     for key in ("ramp_up_s", "ramp_down_s"):
-        ramp_s: float = getattr(pulse, key)
-        if ramp_s and pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
+        ramp_s: float = getattr(pulse, key) or 1.0 / protocol.rates.control_hz
+        if pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
             yield Problem(
                 ("pulse", key),
                 f"{pulse.amplitude_nm:g} N*m in {ramp_s:g} s is steeper than "

@@ -20,6 +20,7 @@ _COLUMNS = (
     "completed",
     "missed",
     "aborted",
+    "lost",
     "n",
     "error_mean_pct",
     "error_sd_pct",
@@ -39,9 +40,10 @@ class RunReport:
         Of plan and simulation.
     onsets : tuple of dict
         ``participant, condition, timing_point, planned_pct, planned, completed,
-        missed, aborted`` and the error of the onsets against the recorded heel
-        strikes: ``n, error_mean_pct, error_sd_pct`` and ``theory_sd_pct``, the SD that
-        the variation of the strides alone makes; all in % of the gait cycle.
+        missed, aborted, lost`` (completed, but the log lost them) and the error of the
+        onsets against the recorded heel strikes: ``n, error_mean_pct, error_sd_pct`` and
+        ``theory_sd_pct``, the SD that the variation of the strides alone makes; all in %
+        of the gait cycle.
     gaps : tuple of dict
         ``participant, condition, fewest, most, planned_fewest, planned_most``: strides
         between pulses.
@@ -69,14 +71,16 @@ class RunReport:
     def summary(self) -> str:
         """Return a few lines of text."""
         table = self.to_frame()
-        lines = [
-            f"{self.protocol}, seed {self.seed}: {table['participant'].nunique()} participants"
-        ]
-        lines.append(
-            f"{table['completed'].sum()} of {table['planned'].sum()} pulses, "
-            f"{table['missed'].sum()} missed and {table['aborted'].sum()} aborted were done again"
-        )
-        for name, rows in table.groupby("timing_point", sort=False):
+        count = len({row["participant"] for row in self.timing})
+        lines = [f"{self.protocol}, seed {self.seed}: {count} session{'s' if count != 1 else ''}"]
+        if table.empty:
+            return lines[0]
+        again = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
+        told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
+        done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
+        lines.append(f"{done}; done again: {told}" if told else done)
+        fired = table[table["planned_pct"].notna()]  # on a bench nothing has a phase
+        for name, rows in fired.groupby("timing_point", sort=False):
             lines.append(
                 f"{name}: onset error {rows['error_mean_pct'].mean():+.2f} % of the cycle, "
                 f"SD {rows['error_sd_pct'].mean():.2f} (theory {rows['theory_sd_pct'].mean():.2f})"

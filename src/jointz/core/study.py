@@ -121,6 +121,11 @@ class TorqueModelSpec(_Model):
     gear_friction: float = 0.0
     rotor_inertia: float = 0.0
 
+    @property
+    def torque_per_ampere(self) -> float:
+        """Size of the torque at the output of one ampere, N*m/A."""
+        return abs(self.gear_ratio * self.torque_constant)
+
 
 class ParticipantSpec(_Model):
     """A person, or a case on a bench."""

@@ -16,6 +16,7 @@ class Trip(StrEnum):
     DEVICE_FAULT = "device_fault"
     OVERRUN = "overrun"
     PULSE_COUNT = "pulse_count"
+    BROKEN_OFF = "broken_off"
     NO_STRIDES = "no_strides"
 
     @property
@@ -35,5 +36,6 @@ _MEANING = {
     Trip.DEVICE_FAULT: "the device reported a fault of its own",
     Trip.OVERRUN: "the loop missed too many slots in a row",
     Trip.PULSE_COUNT: "more pulses than the wearer may be given",
+    Trip.BROKEN_OFF: "pulse after pulse was broken off and none done",
     Trip.NO_STRIDES: "no accepted stride for too long",
 }

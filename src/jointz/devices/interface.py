@@ -350,16 +350,20 @@ class Devices:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the devices say about themselves, as plain values."""
-        named = {name: getattr(self, name) for name in self.__slots__}
+        devices = {name: getattr(self, name) for name in self.__slots__}
         return {
             name: None if device is None else device.describe().to_dict()
-            for name, device in named.items()
+            for name, device in devices.items()
         }
 
+    def named(self) -> dict[str, Device]:
+        """Return every device by what it is here, the actuator first: it is stopped first."""
+        names = ("actuator", "positioner", "angle", "contact", "torque")
+        return {name: device for name in names if (device := getattr(self, name)) is not None}
+
     def all(self) -> tuple[Device, ...]:
-        """Return every device, the actuator first: it is the first to be stopped."""
-        ordered = (self.actuator, self.positioner, self.angle, self.contact, self.torque)
-        return tuple(device for device in ordered if device is not None)
+        """Return every device in the order of :meth:`named`."""
+        return tuple(self.named().values())
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 Every line is JSON followed by its CRC-32, written in one piece. A line that a
 crash cut off is recognised and left out. The journal decides what counts as
-done: a pulse is done when its end stands here, and then only once.
+done: a pulse is done when its end stands here, and then only once. What stands
+here and not in the log was lost, and is written down as that.
 """
 
 import json
@@ -13,23 +14,44 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, WriteError
+from jointz.experiment import file_lock
+from jointz.experiment.whole_files import append_whole
 
 Event = dict[str, Any]
 
+#: What says whether a condition is done; the last one counts.
+_ENDS = ("condition_completed", "records_lost")
+
 
 class Journal:
-    """Appends events to a file, each by one unbuffered write.
+    """Appends events to a file, each by one unbuffered write; one process at a time.
 
     Parameters
     ----------
     path : pathlib.Path
         The file; it is made, or gone on with.
+
+    Raises
+    ------
+    OutputError
+        When another process is at it: both would count its pulses.
+    WriteError
+        When it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
-        _cut_off_torn_line(path)
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        self._path = path
+        try:
+            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        except OSError as exc:
+            raise WriteError(str(path), exc) from exc
+        try:
+            file_lock.hold(self._fd, path)
+            _cut_off_torn_line(path)
+        except BaseException:
+            os.close(self._fd)
+            raise
 
     def __enter__(self) -> "Journal":
         return self
@@ -54,13 +76,11 @@ class Journal:
 
         Raises
         ------
-        OSError
+        WriteError
             When the line could not be written whole.
         """
         text = json.dumps({"event": event, **details}).encode()
-        line = text + b" %08x\n" % zlib.crc32(text)
-        if os.write(self._fd, line) != len(line):
-            raise OSError(f"journal: the disk took only a part of the event {event!r}.")
+        append_whole(self._fd, text + b" %08x\n" % zlib.crc32(text), self._path)
 
 
 def read_journal(path: Path) -> list[Event]:
@@ -102,12 +122,26 @@ def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
         Of the journal.
     condition : str
         Name of the condition.
+
+    Raises
+    ------
+    DataError
+        When a pulse was completed twice: two processes ran the session.
     """
-    return {
-        event["pulse"]: event
-        for event in events
-        if event["event"] == "pulse_completed" and event["condition"] == condition
-    }
+    done: dict[int, Event] = {}
+    for event in events:
+        if event["condition"] != condition:
+            continue
+        if event["event"] == "pulse_completed":
+            if event["pulse"] in done:
+                raise DataError(
+                    f"journal: pulse {event['pulse']} of {condition} was completed twice; expected "
+                    "once. The session was run by two programs at a time: leave it out."
+                )
+            done[event["pulse"]] = event
+        elif event["event"] == "pulse_lost":
+            done.pop(event["pulse"], None)
+    return done
 
 
 def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
@@ -152,10 +186,11 @@ def is_completed(events: Iterable[Event], condition: str) -> bool:
     condition : str
         Name of the condition.
     """
-    return any(
-        event["event"] == "condition_completed" and event["condition"] == condition
-        for event in events
-    )
+    completed = False
+    for event in events:
+        if event["condition"] == condition and event["event"] in _ENDS:
+            completed = event["event"] == "condition_completed"
+    return completed
 
 
 def _cut_off_torn_line(path: Path) -> None:

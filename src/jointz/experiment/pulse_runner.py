@@ -160,9 +160,9 @@ class PulseRunner:
         self._broken_off += 1
         if self._broken_off >= _MOST_BROKEN_OFF:
             raise SafetyStop(
-                Trip.PULSE_COUNT,
+                Trip.BROKEN_OFF,
                 f"{self._broken_off} pulses in a row were broken off, the last because of: "
-                f"{self._why}. Correct the cause, then go on with --resume.",
+                f"{self._why}. Correct the cause.",
             )
 
     def _missed(self, pulse: PlannedPulse | None, why: str) -> None:

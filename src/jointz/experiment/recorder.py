@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Mapping
-from errno import EEXIST
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from jointz.core.errors import OutputError, WriteError
 from jointz.core.session_log import Layout
+from jointz.experiment.whole_files import append_whole
 
 
 class Recorder:
@@ -24,26 +25,35 @@ class Recorder:
 
     Raises
     ------
-    OSError
-        When the file exists, or the disk does not take the header.
+    OutputError
+        When the file exists.
+    WriteError
+        When the disk does not take the header.
     """
 
     def __init__(self, path: Path, header: Mapping[str, Any], layout: Layout) -> None:
         self._path = path
         self._pack = layout.pack
         if path.exists():
-            raise FileExistsError(EEXIST, "a log is never written over", str(path))
+            raise OutputError(
+                f"{path}: a log that the journal knows nothing of; no log is ever written over. "
+                "Restore the journal from a copy, or move the log away."
+            )
         # A name of its own at first: a log without its header, left by a crash or a full disk,
         # would keep the whole session from being read.
         partial = path.with_name(f"{path.name}.partial")
-        self._fd = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
         try:
-            self._write_all(layout.encode_header(header))
-            os.rename(partial, path)
-        except OSError:
+            self._fd = os.open(partial, flags, 0o644)
+        except OSError as exc:
+            raise WriteError(str(path), exc) from exc
+        try:
+            append_whole(self._fd, layout.encode_header(header), path)
+            partial.rename(path)
+        except (OSError, WriteError) as exc:
             os.close(self._fd)
             partial.unlink()
-            raise
+            raise exc if isinstance(exc, WriteError) else WriteError(str(path), exc) from exc
 
     def __enter__(self) -> "Recorder":
         return self
@@ -66,15 +76,14 @@ class Recorder:
 
         Raises
         ------
-        OSError
+        WriteError
             When the disk does not take them whole.
         """
         pack = self._pack
-        self._write_all(
-            pack(records[0]) if len(records) == 1 else b"".join(pack(r) for r in records)
-        )
+        data = pack(records[0]) if len(records) == 1 else b"".join(pack(r) for r in records)
+        append_whole(self._fd, data, self._path)
 
-    def _write_all(self, data: bytes) -> None:
-        written = os.write(self._fd, data)
-        if written != len(data):
-            raise OSError(f"{self._path}: the disk took {written} of {len(data)} bytes.")
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the log so far."""
+        return os.fstat(self._fd).st_size

@@ -11,26 +11,27 @@ Nothing of it is ever rewritten; a session that was interrupted goes on in a new
 stretch with the pulses that the journal does not count as done.
 """
 
-import json
-import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Protocol
 
 import numpy as np
 
 from jointz.core.clock import Clock
-from jointz.core.errors import DeviceError, OutputError, SafetyStop
-from jointz.core.limits import tightened
+from jointz.core.device_limits import limits_on_device
+from jointz.core.errors import DeviceError, SafetyStop, WriteError
 from jointz.core.protocol import ConditionSpec
 from jointz.core.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
 from jointz.core.session_log import BENCH, WALKING
-from jointz.devices.interface import Devices, Rig
+from jointz.devices.interface import Device, Devices, Rig
 from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
+from jointz.experiment.driver_errors import driver_error
 from jointz.experiment.journal import (
     Event,
     Journal,
@@ -44,9 +45,16 @@ from jointz.experiment.loop import ControlLoop, undisturbed
 from jointz.experiment.plan import PlannedPulse, make_plan
 from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
+from jointz.experiment.session_files import (
+    JOURNAL_FILE,
+    bench_plan_of,
+    keep_description,
+    keep_plan,
+    log_path,
+    plan_of,
+)
 from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
-
-SESSION_FILE, PLAN_FILE, JOURNAL_FILE = "session.json", "plan.json", "journal.jsonl"
+from jointz.experiment.whole_files import make_folder
 
 #: Called with the trial and how far it is: of walking accepted strides, completed pulses and
 #: planned pulses; of a bench trial seconds done, the same again and seconds in all.
@@ -102,56 +110,6 @@ class SessionPlan:
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
-def log_path(folder: Path, condition: str, segment: int) -> Path:
-    """Return where the log of a stretch is kept.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    condition : str
-        Name of the condition.
-    segment : int
-        Number of the stretch, from 0.
-    """
-    return folder / "logs" / f"{condition}-{segment}.jzlog"
-
-
-def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
-    """Return the plan that a walking session wrote down, condition by condition.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    """
-    return {
-        name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in _written_plan(folder).items()
-    }
-
-
-def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
-    """Return the plan that a session on a bench wrote down, trial by trial.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    """
-    return {
-        name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in _written_plan(folder).items()
-    }
-
-
-def _written_plan(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    plan: dict[str, list[dict[str, Any]]] = json.loads(
-        (folder / PLAN_FILE).read_text(encoding="utf-8")
-    )
-    return plan
-
-
 class Session:
     """Runs what is still to be done of a session.
 
@@ -191,10 +149,17 @@ class Session:
         self._stop_requested = False
 
     def request_stop(self) -> None:
-        """End the session soon, fading out a pulse that is on."""
+        """End the session soon, fading out a pulse that is on.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            When no trial is running, so that nothing is to be faded out.
+        """
         self._stop_requested = True
-        if self._trial is not None:
-            self._trial.request_stop()
+        if self._trial is None:
+            raise KeyboardInterrupt
+        self._trial.request_stop()
 
     def run(self) -> None:
         """Run all conditions that are not done yet.
@@ -209,9 +174,9 @@ class Session:
             When a stop was requested.
         """
         folder = self._plan.folder
-        (folder / "logs").mkdir(parents=True, exist_ok=True)
-        self._write_down_once()
+        make_folder(folder / "logs")
         with Journal(folder / JOURNAL_FILE) as journal:
+            self._write_down_once()
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
                 left = [name for name in condition.trial_names if not is_completed(events, name)]
@@ -222,9 +187,8 @@ class Session:
 
     def _write_down_once(self) -> None:
         """Write the plan and what the session is of; an interrupted session has them already."""
-        folder, protocol = self._plan.folder, self._plan.protocol
-        _write_json_once(folder / PLAN_FILE, self._make_plans())
-        wearer = self._rig.wearer
+        folder, protocol, wearer = self._plan.folder, self._plan.protocol, self._rig.wearer
+        keep_plan(folder, self._make_plans())
         about = {
             "wearer": {"id": wearer.id, "mass_kg": wearer.mass_kg, "height_m": wearer.height_m},
             "protocol": protocol.model_dump(mode="json"),
@@ -233,7 +197,7 @@ class Session:
             "rig": dict(self._rig.notes()),
             "software": software(),
         }
-        _write_json_once(folder / SESSION_FILE, about)
+        keep_description(folder, about)
 
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""
@@ -256,16 +220,17 @@ class Session:
     def _run_trial_of(
         self, condition: ConditionSpec, name: str, events: list[Event], journal: Journal
     ) -> None:
-        protocol, segment = self._plan.protocol, segments_begun(events, name)
-        clock = self._clocks()
-        devices = self._rig.open(name, worn=condition.worn, segment=segment, clock=clock)
-        walking = protocol.kind == "walking"
+        segment, clock = segments_begun(events, name), self._clocks()
+        walking = self._plan.protocol.kind == "walking"
+        drivers: dict[str, object] = {"rig": self._rig}
         with ExitStack() as stack:
-            stack.enter_context(_journaled(journal, name, segment))
+            stack.enter_context(_journaled(journal, name, segment, drivers))
+            devices = self._rig.open(name, worn=condition.worn, segment=segment, clock=clock)
+            drivers |= devices.named()
             for device in devices.all():
-                stack.callback(device.close)
-            journal.write("segment_started", condition=name, segment=segment)
+                stack.push(partial(_close, device))
             gate = self._gate(devices, self._felt(events, name) if walking else 0)
+            journal.write("segment_started", condition=name, segment=segment)
             recorder = stack.enter_context(
                 Recorder(
                     log_path(self._plan.folder, name, segment),
@@ -274,7 +239,7 @@ class Session:
                 )
             )
             setup = TrialSetup(
-                protocol=protocol,
+                protocol=self._plan.protocol,
                 condition=condition,
                 name=name,
                 segment=segment,
@@ -283,17 +248,20 @@ class Session:
                 recorder=recorder,
                 clock=clock,
             )
-            if walking:
-                self._trial = self._walking(setup, events, journal)
-            else:
-                self._trial = bench_trial(
-                    setup,
-                    bench_plan_of(self._plan.folder).get(name, ()),
-                    rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
-                    progress=lambda done, total: self._progress(name, done, done, total),
-                )
-            self._run_trial(self._trial, devices, gate, clock)
-            journal.write("condition_completed", condition=name, segment=segment)
+            trial = (self._walking if walking else self._bench)(setup, events, journal)
+            self._run_trial(trial, devices, gate, clock)
+            # How long the log is then: one that is found shorter has lost something.
+            size = recorder.size_bytes
+            journal.write("condition_completed", condition=name, segment=segment, log_bytes=size)
+
+    def _bench(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
+        del events, journal  # a trial on a bench is done again from its beginning
+        return bench_trial(
+            setup,
+            bench_plan_of(self._plan.folder).get(setup.name, ()),
+            rng=self._plan.stream(self._rig.wearer.id, f"references of {setup.name}"),
+            progress=lambda done, total: self._progress(setup.name, done, done, total),
+        )
 
     def _walking(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
         pulses = plan_of(self._plan.folder).get(setup.name, ())
@@ -311,18 +279,18 @@ class Session:
         self, trial: AnyTrial, devices: Devices, gate: SafetyGate | None, clock: Clock
     ) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
-        if self._stop_requested:
-            raise KeyboardInterrupt
-        try:
+        self._trial = trial
+        with ExitStack() as stack:
+            stack.callback(setattr, self, "_trial", None)
+            # The last is called first: the actuator is stopped before all others.
+            for name, device in reversed(devices.named().items()):
+                stack.push(partial(_stop, name, device))
             for device in devices.all():
                 device.configure()
             for device in devices.all():
                 device.activate()
             with undisturbed() if self._real_time else nullcontext():
                 ControlLoop(clock, self._plan.period_ns).run(trial.tick)
-        finally:
-            for device in devices.all():
-                device.stop()
         if gate is not None and gate.tripped is not None:
             raise SafetyStop(gate.tripped, gate.detail)
         if self._stop_requested:
@@ -337,11 +305,13 @@ class Session:
         if devices.actuator is None:
             return None
         described = devices.actuator.describe()
-        model = described.torque_model
+        torque_per_ampere = described.torque_model.torque_per_ampere
         return SafetyGate(
-            tightened(described.limits, self._plan.protocol.safety),
+            limits_on_device(
+                self._plan.protocol, described.limits, torque_per_ampere=torque_per_ampere
+            ),
             control_period_s=self._plan.period_ns * 1e-9,
-            torque_per_ampere=abs(model.gear_ratio * model.torque_constant),
+            torque_per_ampere=torque_per_ampere,
             pulses_before=pulses_before,
         )
 
@@ -358,8 +328,45 @@ class Session:
         }
 
 
+def _stop(
+    name: str,
+    device: Device,
+    kind: type[BaseException] | None,
+    error: BaseException | None,
+    trace: TracebackType | None,
+) -> None:
+    """Stop a device; one that cannot be stopped is what the operator must hear of first."""
+    del kind, trace
+    try:
+        device.stop()
+    except Exception as exc:
+        before = f" What came before: {error}" if error else ""
+        raise DeviceError(
+            name,
+            f"could not be stopped ({type(exc).__name__}: {exc}). Switch its power off.{before}",
+        ) from exc
+
+
+def _close(
+    device: Device,
+    kind: type[BaseException] | None,
+    error: BaseException | None,
+    trace: TracebackType | None,
+) -> None:
+    """Close a device; what went wrong before matters more than a device that does not close."""
+    del kind, trace
+    try:
+        device.close()
+    except Exception as exc:
+        if error is None:
+            raise
+        error.add_note(f"A device could not be closed either ({exc}).")
+
+
 @contextmanager
-def _journaled(journal: Journal, condition: str, segment: int) -> Iterator[None]:
+def _journaled(
+    journal: Journal, condition: str, segment: int, drivers: Mapping[str, object]
+) -> Iterator[None]:
     """Write down what ended a stretch before its time."""
 
     def note(event: str, why: str) -> None:
@@ -370,27 +377,16 @@ def _journaled(journal: Journal, condition: str, segment: int) -> Iterator[None]
     except KeyboardInterrupt:
         note("stopped", "asked for")
         raise
+    except WriteError as exc:
+        # Not into the journal: it most likely lies on the same disk.
+        exc.add_note("The devices were stopped.")
+        raise
     except DeviceError as exc:
         note("tripped", str(exc))
         raise
-    except OSError as exc:
-        # The journal most likely lies on the same disk and cannot be written either.
-        raise OutputError(
-            f"{exc.filename or 'log'}: the records could not be written ({exc.strerror or exc}). "
-            "The devices were stopped. Make room, then go on with --resume."
-        ) from exc
     except Exception as exc:
-        note("failed", f"{type(exc).__name__}: {exc}")
-        raise
-
-
-def _write_json_once(file: Path, content: Mapping[str, Any]) -> None:
-    """Write a file that is there whole or not at all; one that is there stays."""
-    if file.exists():
-        return
-    partial = file.with_suffix(".partial")
-    with partial.open("w", encoding="utf-8") as stream:
-        json.dump(content, stream, indent=1)
-        stream.flush()
-        os.fsync(stream.fileno())
-    partial.replace(file)
+        of_device = driver_error(exc, drivers)
+        note("failed", str(of_device or f"{type(exc).__name__}: {exc}"))
+        if of_device is None:
+            raise
+        raise of_device from exc

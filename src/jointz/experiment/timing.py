@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from jointz.core.session_log import Flag
+
 _QUANTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 
 
@@ -20,13 +22,14 @@ def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``ticks``, ``missed_slots``, ``mean_rate_hz`` and, in us, quantiles p50,
-        p99, p99_9 and max of ``lateness_us`` (after the slot), ``period_error_us``
-        (size, from tick to tick) and ``busy_us`` (work of a tick).
+        ``ticks``, ``missed_slots``, ``clamped_ticks`` (less torque was let through than
+        was asked for), ``mean_rate_hz`` and, in us, quantiles p50, p99, p99_9 and max of
+        ``lateness_us`` (after the slot), ``period_error_us`` (size, from tick to tick)
+        and ``busy_us`` (work of a tick).
     """
     ticks = records[records["part"] == 0]
     if ticks.size < 2:
-        return {"ticks": int(ticks.size), "missed_slots": 0}
+        return {"ticks": int(ticks.size), "missed_slots": 0, "clamped_ticks": 0}
     slot = ticks["slot"].astype(np.int64)
     host_ns = ticks["host_time_ns"]
     steps = np.diff(slot)
@@ -34,11 +37,18 @@ def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
     return {
         "ticks": int(ticks.size),
         "missed_slots": int((steps - 1).sum()),
+        "clamped_ticks": int(np.count_nonzero(_clamped(ticks))),
         "mean_rate_hz": float((ticks.size - 1) * 1e9 / (host_ns[-1] - host_ns[0])),
         "lateness_us": _quantiles((host_ns % period_ns) / 1e3),
         "period_error_us": _quantiles(period_error_ns / 1e3),
         "busy_us": _quantiles(ticks["busy_us"][1:]),
     }
+
+
+def _clamped(ticks: np.ndarray) -> np.ndarray:
+    """Tell which ticks sent less than was asked for; before the first samples nothing is asked."""
+    differs = ticks["requested_torque"] != ticks["sent_torque"]
+    return np.asarray(differs & ((ticks["flags"] & Flag.CLAMPED) != 0))
 
 
 def _quantiles(values: np.ndarray) -> dict[str, float]:

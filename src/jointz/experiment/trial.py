@@ -225,7 +225,7 @@ class Trial:
             raise SafetyStop(
                 Trip.NO_STRIDES,
                 f"no accepted stride for {_NO_STRIDE_NS * 1e-9:.0f} s. Check that the participant "
-                "walks and the footswitch is connected, then go on with --resume.",
+                "walks and the footswitch is connected.",
             )
 
     def _record(self, slot: int, host_ns: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError, WriteError
 from jointz.core.recording import validate_recording
 from jointz.core.study import FilesSpec
 from jointz.io.registry import (
@@ -92,7 +92,7 @@ def write_recording(recording: xr.Dataset, path: Path) -> None:
     ------
     DataError
         When it is not a valid recording.
-    OutputError
+    WriteError
         When the file cannot be written.
     """
     validate_recording(recording)
@@ -102,10 +102,7 @@ def write_recording(recording: xr.Dataset, path: Path) -> None:
         part.write_bytes(content)
         os.replace(part, path)
     except OSError as exc:
-        raise OutputError(
-            f"{path}: cannot be written ({exc.strerror or exc}). Make room or choose another "
-            "place; a run that was writing it goes on with --resume."
-        ) from exc
+        raise WriteError(str(path), exc, "Make room or name another place.") from exc
     finally:
         part.unlink(missing_ok=True)
 

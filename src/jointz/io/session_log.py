@@ -11,6 +11,10 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.core.session_log import LAYOUTS, VERSION, Layout
 
+#: So many bad records at the end are what a crash left of it, more are damage; zeros, which
+#: a disk without power leaves, may be any number.
+_MOST_TORN = 100
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionLog:
@@ -22,12 +26,14 @@ class SessionLog:
         Its first line.
     records : (n,) structured array
         Fields of the layout of :mod:`jointz.core.session_log` that the header names.
-    torn_bytes : int
-        Bytes of a last record that was cut off.
+    whole_bytes, torn_bytes : int
+        Of the header and the records, and of what follows them: a record that was cut off,
+        or an end that the disk never got right.
     """
 
     header: dict[str, Any]
     records: np.ndarray
+    whole_bytes: int
     torn_bytes: int
 
 
@@ -52,10 +58,11 @@ def read_log(path: Path) -> SessionLog:
     """
     line, _, body = path.read_bytes().partition(b"\n")
     header, layout = _header(path, line)
-    whole = len(body) // layout.record_bytes
-    records = np.frombuffer(body, dtype=layout.dtype, count=whole)
-    _check(path, body, records["crc"], size=layout.record_bytes)
-    return SessionLog(header, records, len(body) - whole * layout.record_bytes)
+    size = layout.record_bytes
+    records = np.frombuffer(body, dtype=layout.dtype, count=len(body) // size)
+    records = records[: _whole_records(path, body, records["crc"], size=size)]
+    kept = records.size * size
+    return SessionLog(header, records, len(line) + 1 + kept, len(body) - kept)
 
 
 def _header(path: Path, line: bytes) -> tuple[dict[str, Any], Layout]:
@@ -78,7 +85,8 @@ def _header(path: Path, line: bytes) -> tuple[dict[str, Any], Layout]:
     return dict(header), layout
 
 
-def _check(path: Path, body: bytes, expected: np.ndarray, *, size: int) -> None:
+def _whole_records(path: Path, body: bytes, expected: np.ndarray, *, size: int) -> int:
+    """Return how many records stand before the torn end; refuse damage before that."""
     view = memoryview(body)
     crc32 = zlib.crc32
     found = np.fromiter(
@@ -87,10 +95,13 @@ def _check(path: Path, body: bytes, expected: np.ndarray, *, size: int) -> None:
         count=expected.size,
     )
     bad = np.flatnonzero(found != expected)
-    if bad.size:
+    whole = expected.size - bad.size
+    torn = bad.size <= _MOST_TORN or not any(view[whole * size :])
+    if bad.size and not (bad[0] == whole and torn):
         raise DataError(
             f"{path}: record {bad[0] + 1} of {expected.size} is damaged ({bad.size} in all): its "
             "checksum does not fit. Restore the file from a copy.",
             path=str(path),
             row=int(bad[0]) + 1,
         )
+    return whole

@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
 
-from jointz.core.checked_model import INCONSISTENT, CheckedModel
+from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
 from jointz.core.errors import ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
@@ -112,7 +112,7 @@ def _follows_from_entries(error: Mapping[str, Any]) -> bool:
 
 def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str, Any]) -> str:
     location = _written(error["loc"], raw)
-    place, kind, shown = _place(location), error["type"], repr(error["input"])
+    place, kind, shown = place_of(location), error["type"], repr(error["input"])
     shown = shown if len(shown) <= _LONGEST_SHOWN else f"{shown[:_LONGEST_SHOWN]}..."
     if kind == "extra_forbidden":
         return f"{place}: unknown key.{_hint(location, model, raw)}"
@@ -166,13 +166,6 @@ def _inside(value: Any, part: str | int) -> Any:
     if isinstance(value, list) and isinstance(part, int) and part < len(value):
         return value[part]
     return None
-
-
-def _place(location: Location) -> str:
-    place = ""
-    for part in location:
-        place += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if place else str(part)
-    return place
 
 
 # --- models ------------------------------------------------------------------------------------
@@ -255,4 +248,4 @@ def _inconsistencies(part: Any, place: Location) -> Iterator[str]:
         except AttributeError:  # it needs what cannot be read: a problem that is told already
             continue
         for problem in problems:
-            yield f"{_place((*place, *problem.key))}: {problem.message}"
+            yield f"{place_of((*place, *problem.key))}: {problem.message}"

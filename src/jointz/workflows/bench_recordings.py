@@ -11,7 +11,7 @@ from jointz.core.protocol import ConditionSpec, Protocol
 from jointz.core.recording import build_recording
 from jointz.core.session_log import Flag
 from jointz.experiment.journal import Event, segments_begun
-from jointz.experiment.session import log_path
+from jointz.experiment.session_files import log_path
 from jointz.io.session_log import SessionLog, read_log
 from jointz.workflows.session_recordings import PAUSE_S, command_at_samples
 from jointz.workflows.stream_alignment import clock_notes, fresh, onto

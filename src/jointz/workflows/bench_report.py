@@ -1,11 +1,14 @@
 """The recordings of one load of a bench, and the report of what was done."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jointz.core.protocol import ConditionSpec
 from jointz.devices.interface import Rig
+from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.journal import read_journal
-from jointz.experiment.session import JOURNAL_FILE
+from jointz.experiment.session_files import JOURNAL_FILE, bench_plan_of
 from jointz.io.netcdf import write_recording
 from jointz.workflows.bench_recordings import bench_record
 from jointz.workflows.run_settings import RunSettings, recording_name, timing_rows
@@ -24,7 +27,7 @@ def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]
         Of the session.
     """
     protocol, load = settings.protocol, rig.wearer.id
-    events = read_journal(folder / JOURNAL_FILE)
+    events, plans = read_journal(folder / JOURNAL_FILE), bench_plan_of(folder)
     report: dict[str, Any] = {"onsets": [], "gaps": [], "timing": [], "aborted": [], "truth": {}}
     for condition in protocol.conditions:
         name = recording_name(load, condition.name)
@@ -32,6 +35,7 @@ def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]
             folder, condition, events=events, file=name, participant=load, protocol=protocol
         )
         write_recording(recording, settings.study / name)
+        report["onsets"] += _pulses(load, condition, plans)
         report["timing"] += timing_rows(load, condition.name, logs, settings)
         report["devices"] = logs[0].header["devices"]
     report["torque_model"] = report["devices"]["actuator"]["torque_model"]
@@ -39,3 +43,29 @@ def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]
     if truth is not None:
         report["truth"] = truth()
     return report
+
+
+def _pulses(
+    load: str, condition: ConditionSpec, plans: Mapping[str, Sequence[TimedPulse]]
+) -> list[dict[str, Any]]:
+    """Return how many pulses a condition had: a trial that was interrupted was done again whole."""
+    count = sum(len(plans.get(name, ())) for name in condition.trial_names)
+    if count == 0:
+        return []
+    return [
+        {
+            "participant": load,
+            "condition": condition.name,
+            "timing_point": "",
+            "planned_pct": None,
+            "planned": count,
+            "completed": count,
+            "missed": 0,
+            "aborted": 0,
+            "lost": 0,
+            "n": 0,
+            "error_mean_pct": None,
+            "error_sd_pct": None,
+            "theory_sd_pct": None,
+        }
+    ]

@@ -1,23 +1,27 @@
 """One participant of an experiment, or one load of a bench: session, recordings, report."""
 
 import json
-import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from jointz.core.clock import RealClock, VirtualClock
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError
 from jointz.devices.interface import Rig
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
+from jointz.experiment.whole_files import read_object, write_whole
 from jointz.workflows.bench_report import write_bench
 from jointz.workflows.run_settings import RunSettings
+from jointz.workflows.session_check import write_down_losses
 from jointz.workflows.walking_report import write_walking
 
 REPORT_FILE = "report.json"
+#: What asks a run to stop: Ctrl-C, a batch system, a terminal that was closed.
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def run_participant(
@@ -47,8 +51,10 @@ def run_participant(
     ------
     DeviceError
         When a device failed or the safety gate tripped.
+    DataError
+        When a file of an earlier stretch is damaged.
     OutputError
-        When the disk does not take the records.
+        When another process runs this session, or the disk does not take the records.
     KeyboardInterrupt
         When the operator stopped the session.
     """
@@ -56,7 +62,7 @@ def run_participant(
     folder = settings.session_folder(rig.wearer.id)
     report_file = folder / REPORT_FILE
     if report_file.exists():
-        return dict(json.loads(report_file.read_text(encoding="utf-8")))
+        return _written_report(report_file)
     session = Session(
         SessionPlan(settings.protocol, settings.seed, folder),
         rig,
@@ -65,19 +71,21 @@ def run_participant(
         progress=progress,
         real_time=settings.clock == "real",
     )
-    try:
-        with _stopped_by_ctrl_c(session):
-            session.run()
-        write = write_bench if settings.protocol.kind == "bench" else write_walking
-        report = write(rig, settings, folder)
-        partial = report_file.with_suffix(".partial")
-        partial.write_text(json.dumps(report), encoding="utf-8")
-        os.replace(partial, report_file)
-    except OSError as exc:
-        raise OutputError(
-            f"{exc.filename or folder}: cannot be written ({exc.strerror or exc}). Make room, then "
-            "go on with --resume."
-        ) from exc
+    with _stopped_by_signals(session):
+        write_down_losses(folder, settings.protocol)
+        session.run()
+    write = write_bench if settings.protocol.kind == "bench" else write_walking
+    report = write(rig, settings, folder)
+    write_whole(report_file, json.dumps(report))
+    return report
+
+
+def _written_report(file: Path) -> dict[str, Any]:
+    again = "Delete it: it is made again from the logs."
+    report = read_object(file, otherwise=again)
+    missing = sorted({"onsets", "gaps", "timing", "aborted", "truth"} - set(report))
+    if missing:
+        raise DataError(f"{file}: damaged, without {', '.join(missing)}. {again}", path=str(file))
     return report
 
 
@@ -91,19 +99,27 @@ def _check_id(wearer: str) -> None:
 
 
 @contextmanager
-def _stopped_by_ctrl_c(session: Session) -> Iterator[None]:
-    """Let the first Ctrl-C end the session gently and the second at once."""
+def _stopped_by_signals(session: Session) -> Iterator[None]:
+    """Let Ctrl-C, a batch system and a closed terminal end the session gently.
+
+    A second Ctrl-C ends it at once. What is ignored stays ignored: ``nohup`` is meant.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def stop(number: int, frame: FrameType | None) -> None:
-        del number, frame
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        del frame
+        if number == signal.SIGINT:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         session.request_stop()
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:
+            signal.signal(number, stop)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.errors import OutputError
+from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
@@ -173,14 +173,12 @@ def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
 
 @contextmanager
 def _refusals_told(out: Path) -> Iterator[None]:
-    """Make an OutputError of what the system has against a folder."""
+    """Make a WriteError of what the system has against a folder."""
     try:
         yield
     except OSError as exc:
-        raise OutputError(
-            f"{out}: cannot be written ({exc.strerror or exc}). Make room or ask for permission, "
-            "or name another folder."
-        ) from exc
+        todo = "Make room or ask for permission, or name another folder."
+        raise WriteError(str(out), exc, todo) from exc
 
 
 @contextmanager

@@ -1,27 +1,30 @@
 """Run an experiment and write its study: ``jointz run``."""
 
-import hashlib
 import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from jointz.core.errors import DataError, OutputError
+from jointz.core.clock import VirtualClock
+from jointz.core.device_limits import limits_on_device
+from jointz.core.errors import DataError
 from jointz.core.protocol import Protocol
-from jointz.core.provenance import now, software
+from jointz.core.provenance import now
 from jointz.core.run_report import RunReport
 from jointz.core.study import TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.experiment.session import Operator
+from jointz.experiment.whole_files import write_whole
 from jointz.io.protocols import load_protocol
 from jointz.workflows.rigs import RigSettings, open_rig, rig_settings
+from jointz.workflows.run_claim import REPORT_FILE, STUDY_FILE, claimed
 from jointz.workflows.run_settings import RunSettings
 from jointz.workflows.study_file import exclusions_csv, study_toml
 from jointz.workflows.worker_pool import RunProgress, run_people
 
-RUN_FILE, REPORT_FILE = "run.json", "run_report.json"
 TRUTH_FILE = "ground_truth.json"
+_MOST_PARTICIPANTS = 1000
 
 
 class NoOperator:
@@ -107,7 +110,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     DataError
         When an argument is out of range, or ``resume`` meets another run.
     OutputError
-        When the folder exists, or cannot be written.
+        When the folder exists, another process runs it, or it cannot be written.
     DeviceError
         When a device failed or the safety gate tripped.
     """
@@ -115,20 +118,23 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     chosen = spec.seed if seed is None else seed
     rig = rig_settings(spec, device, preset, chosen)
     count = _count(spec, participants)
-    if count < 1 or workers < 1:
-        raise DataError(f"expected at least one participant and worker, got {count}, {workers}.")
-    study = Path(out)
-    settings = RunSettings(spec, rig.seed, clock, study)
-    _claim(study, _about(settings, rig, count), resume=resume)
-    reports = run_people(
-        settings,
-        rig,
-        count,
-        workers=workers,
-        operator=operator or NoOperator(),
-        progress=progress,
-    )
-    return _finish(settings, rig, reports)
+    if not 1 <= count <= _MOST_PARTICIPANTS or workers < 1:
+        raise DataError(
+            f"expected 1 to {_MOST_PARTICIPANTS} participants and at least one worker, got "
+            f"{count}, {workers}."
+        )
+    settings = RunSettings(spec, rig.seed, clock, Path(out))
+    _refuse_beyond_limits(spec, rig)
+    with claimed(settings, rig, count, resume=resume):
+        reports = run_people(
+            settings,
+            rig,
+            count,
+            workers=workers,
+            operator=operator or NoOperator(),
+            progress=progress,
+        )
+        return _finish(settings, rig, reports)
 
 
 def _count(protocol: Protocol, participants: int | None) -> int:
@@ -140,44 +146,23 @@ def _count(protocol: Protocol, participants: int | None) -> int:
     return max(1, len(protocol.loads))
 
 
-def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any]:
-    """Return what makes a run the same run."""
-    # Without defaults: a key that a later version adds does not make it another protocol.
-    protocol = settings.protocol.model_dump(mode="json", exclude_defaults=True)
-    text = json.dumps(protocol, sort_keys=True)
-    return {
-        "protocol": settings.protocol.name,
-        "protocol_sha256": hashlib.sha256(text.encode()).hexdigest(),
-        "seed": rig.seed,
-        "device": rig.device,
-        "preset": rig.preset,
-        "clock": settings.clock,
-        "participants": count,
-    }
-
-
-def _claim(study: Path, about: dict[str, Any], *, resume: bool) -> None:
-    """Make the folder, or see that the run in it is the same."""
-    file = study / RUN_FILE
-    if not study.exists() or (study.is_dir() and not any(study.iterdir())):
-        _make_folder(study)
-        _write_whole(file, json.dumps({**about, "started": now(), "software": software()}))
+def _refuse_beyond_limits(protocol: Protocol, rig: RigSettings) -> None:
+    """Refuse what the devices cannot do before a folder is made and anybody is prompted."""
+    worn = next((one for one in protocol.conditions if one.worn), None)
+    if worn is None:
         return
-    if not resume:
-        raise OutputError(
-            f"{study}: exists and is kept. Name another folder, or add --resume to go on with the "
-            "run in it."
-        )
-    if not file.is_file():
-        raise OutputError(f"{study}: holds no {RUN_FILE}: no run to go on with. Name another.")
-    written = json.loads(file.read_text(encoding="utf-8"))
-    other = [name for name, value in about.items() if written.get(name) != value]
-    if other:
-        told = "; ".join(f"{name} {written.get(name)!r}, now {about[name]!r}" for name in other)
-        raise DataError(
-            f"{study}: another run: {told}. Give the arguments it was started with.",
-            path=str(file),
-        )
+    devices = open_rig(rig, 0).open(worn.trial_names[0], worn=True, segment=0, clock=VirtualClock())
+    try:
+        if devices.actuator is not None:
+            described = devices.actuator.describe()
+            limits_on_device(
+                protocol,
+                described.limits,
+                torque_per_ampere=described.torque_model.torque_per_ampere,
+            )
+    finally:
+        for device in devices.all():
+            device.close()
 
 
 def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any]]) -> StudyRun:
@@ -190,16 +175,16 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         gaps=tuple(row for r in reports for row in r["gaps"]),
         timing=tuple(row for r in reports for row in r["timing"]),
     )
-    _write_whole(study / REPORT_FILE, json.dumps(report.to_dict(), indent=1))
+    write_whole(study / REPORT_FILE, json.dumps(report.to_dict(), indent=1))
     rigs = [open_rig(rig, number) for number in range(len(reports))]
     people: list[Wearer] = [one.wearer for one in rigs]
     truth = {p.id: r["truth"] for p, r in zip(people, reports, strict=True) if r["truth"]}
     if truth:
         content = {"protocol": protocol.name, "preset": rig.preset, "participants": truth}
-        _write_whole(study / TRUTH_FILE, json.dumps(content))
+        write_whole(study / TRUTH_FILE, json.dumps(content))
     aborted = [row for r in reports for row in r["aborted"]]
     if aborted and not (study / "exclusions.csv").exists():
-        _write_whole(study / "exclusions.csv", exclusions_csv(aborted, now()))
+        write_whole(study / "exclusions.csv", exclusions_csv(aborted, now()))
     models = [r["torque_model"] for r in reports if r["torque_model"]]
     text = study_toml(
         protocol,
@@ -208,28 +193,6 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         TorqueModelSpec.model_validate(models[0]) if models else None,
         devices=next((r["devices"] for r in reports if "devices" in r), None),
     )
-    if not (study / "study.toml").exists():
-        _write_whole(study / "study.toml", text)
+    if not (study / STUDY_FILE).exists():
+        write_whole(study / STUDY_FILE, text)
     return StudyRun(study, report)
-
-
-def _make_folder(study: Path) -> None:
-    try:
-        study.mkdir(parents=True, exist_ok=True)
-    except OSError as exc:
-        raise OutputError(
-            f"{study}: cannot be made ({exc.strerror}). Name a place that can be written."
-        ) from exc
-
-
-def _write_whole(file: Path, text: str) -> None:
-    partial = file.with_name(f".{file.name}.partial")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, file)
-    except OSError as exc:
-        raise OutputError(
-            f"{file}: cannot be written ({exc.strerror}). Make room, then go on with --resume."
-        ) from exc
-    finally:
-        partial.unlink(missing_ok=True)

@@ -1,6 +1,5 @@
 """The recordings of a walking participant, and the report of what was done."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,11 @@ import pandas as pd
 
 from jointz.core.protocol import ConditionSpec, Protocol, PulseSpec
 from jointz.devices.interface import Rig
-from jointz.experiment.journal import Event, read_journal
+from jointz.experiment.journal import Event, pulses_done, read_journal
 from jointz.experiment.onset_accuracy import onset_accuracy
 from jointz.experiment.plan import PlannedPulse
-from jointz.experiment.session import JOURNAL_FILE, plan_of
+from jointz.experiment.session_files import JOURNAL_FILE, plan_of
+from jointz.experiment.whole_files import write_whole
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import find_strides
 from jointz.gait.timestamps import find_gaps
@@ -69,9 +69,7 @@ def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, An
 
 def _write_pulses(record: ConditionRecord, file: Path) -> None:
     table = record.pulses[PULSE_COLUMNS]
-    partial = file.with_suffix(".partial")
-    table.to_csv(partial, index=False, float_format="%.9g")
-    os.replace(partial, file)
+    write_whole(file, table.to_csv(index=False, float_format="%.9g"))
 
 
 def _aborted(wearer: str, file: str, record: ConditionRecord) -> list[dict[str, Any]]:
@@ -104,6 +102,8 @@ def _onsets(
     felt = [pulse for pulse in plan if not pulse.sham]
     by_number = {pulse.number: pulse.timing_point for pulse in felt}
 
+    completed = pulses_done(events, condition.name)
+
     def count(event: str, point: str) -> int:
         return len(
             [
@@ -120,9 +120,10 @@ def _onsets(
             "participant": wearer,
             "condition": condition.name,
             "planned": sum(pulse.timing_point == row["timing_point"] for pulse in felt),
-            "completed": count("pulse_completed", row["timing_point"]),
+            "completed": sum(by_number.get(n) == row["timing_point"] for n in completed),
             "missed": count("pulse_missed", row["timing_point"]),
             "aborted": count("pulse_aborted", row["timing_point"]),
+            "lost": count("pulse_lost", row["timing_point"]),
             **{str(name): value for name, value in row.items()},
         }
         for row in accuracy.to_dict("records")

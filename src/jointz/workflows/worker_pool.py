@@ -1,15 +1,21 @@
 """Participants one after the other, or several at once in processes of their own."""
 
 import multiprocessing
-from collections.abc import Callable
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager
+from multiprocessing.connection import Connection
 from queue import Empty
+from types import FrameType
 from typing import Any
 
 from jointz.core.errors import DeviceError
 from jointz.experiment.session import Operator
-from jointz.workflows.participant_run import run_participant
+from jointz.workflows.participant_run import STOP_SIGNALS, run_participant
 from jointz.workflows.rigs import RigSettings, open_rig
 from jointz.workflows.run_settings import RunSettings
 
@@ -65,22 +71,36 @@ def _in_processes(
 ) -> list[dict[str, Any]]:
     # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
     context = multiprocessing.get_context("spawn")
-    queue = context.Queue()
-    with ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_begin_worker, initargs=(queue,)
-    ) as pool:
-        futures = [pool.submit(_run_one, settings, rig, number) for number in range(count)]
+    # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
+    until, open_end = context.Pipe(duplex=False)
+    with ExitStack() as stack:
+        stack.callback(until.close)
+        with _signals_held():
+            queue = context.Queue()
+            pool = ProcessPoolExecutor(
+                workers, mp_context=context, initializer=_begin_worker, initargs=(queue, until)
+            )
+            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+            stack.callback(open_end.close)
+            futures = [pool.submit(_run_one, settings, rig, number) for number in range(count)]
+        while not all(future.done() for future in futures):
+            _pass_on(queue, tell)
         try:
-            while not all(future.done() for future in futures):
-                _pass_on(queue, tell)
             return [future.result() for future in futures]
         except BrokenProcessPool as exc:
             raise DeviceError(
-                "run", "a worker process was killed. What it recorded is kept; go on with --resume."
+                "run", "a worker process was killed; what it recorded is kept."
             ) from exc
-        finally:
-            for future in futures:
-                future.cancel()
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Start processes with signals held back: workers let go when they know what to do."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _pass_on(queue: Any, tell: RunProgress) -> None:
@@ -91,14 +111,42 @@ def _pass_on(queue: Any, tell: RunProgress) -> None:
         return
 
 
-def _begin_worker(queue: Any) -> None:
-    _WORKER["queue"] = queue
+def _begin_worker(queue: Any, until: Connection) -> None:
+    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
+    queue.cancel_join_thread()  # progress that nobody reads any more must not keep us
+    _WORKER.update(queue=queue, until=until, busy=threading.Lock())
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _outside_of_sessions)
+    threading.Thread(target=_stop_with_parent, daemon=True).start()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+
+
+def _outside_of_sessions(number: int, frame: FrameType | None) -> None:
+    """Leave what is being prepared or converted; who waits for work need not hear of it."""
+    del number, frame
+    if _WORKER["busy"].locked():
+        raise KeyboardInterrupt
+
+
+def _stop_with_parent() -> None:
+    """Stop the session when the parent wants it or is gone; without it nobody ends us."""
+    _WORKER["until"].poll(None)
+    os.kill(os.getpid(), signal.SIGTERM)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    with _WORKER["busy"]:
+        os._exit(1)
 
 
 def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
-    one = open_rig(rig, number)
-    tell = _named(lambda *told: _WORKER["queue"].put(told), one.wearer.id)
-    return run_participant(one, settings, operator=_Silent(), progress=tell)
+    with _WORKER["busy"]:
+        if _WORKER["until"].poll():
+            raise KeyboardInterrupt
+        one = open_rig(rig, number)
+        tell = _named(lambda *told: _WORKER["queue"].put(told), one.wearer.id)
+        return run_participant(one, settings, operator=_Silent(), progress=tell)
 
 
 class _Silent:

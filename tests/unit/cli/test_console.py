@@ -71,7 +71,7 @@ def test_where_nothing_is_shown_there_is_nothing_to_pause(monkeypatch):
 
 def test_a_closed_stdout_is_an_output_error_once(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)
-    with pytest.raises(OutputError, match=r"stdout cannot be written \(it is closed\)") as caught:
+    with pytest.raises(OutputError, match=r"stdout: cannot be written \(it is closed\)") as caught:
         emit_table([["a", "1"]], ["name", "value"])
     with sys.stdout:  # what is still to come goes nowhere
         emit("more")

@@ -16,6 +16,13 @@ from jointz.workflows import analysis, results_folder
 FEW = ("--resamples", 20)
 
 
+def test_python_runs_the_command_as_a_module():
+    told = subprocess.run(
+        [sys.executable, "-m", "jointz", "--version"], capture_output=True, text=True, check=True
+    )
+    assert told.stdout == f"jointz {__version__}\n"
+
+
 def test_the_version_is_told(jointz):
     outcome = jointz("--version")
     assert (outcome.code, outcome.out) == (0, f"jointz {__version__}\n")
@@ -128,7 +135,7 @@ def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp
     outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--json")
 
     assert outcome.code == 1
-    assert outcome.json["error"] == "OutputError"
+    assert outcome.json["error"] == "WriteError"
     assert f"{out}: cannot be written (no space left" in outcome.json["message"]
     assert "bug" not in outcome.err
     assert [p.name for p in tmp_path.iterdir()] == ["study"]

@@ -1,6 +1,7 @@
 """The tree of errors: what is caught by what, and what an error knows."""
 
 import inspect
+import pickle
 import re
 
 import pytest
@@ -40,6 +41,27 @@ def test_the_tree_of_the_documentation_is_the_tree_of_the_classes():
         assert ancestors(CLASSES[name]) == path, name
         path.append(name)
     assert {name for _, name in drawn} == set(CLASSES)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        JointzError("told"),
+        DataError("told", path="a.csv", channel="angle", row=3),
+        StudyError("study.toml", ["one", "two"]),
+        EstimationError("no_pulses", "told"),
+        errors.DeviceError("motor", "is gone"),
+        errors.SafetyStop("posture", "told"),
+        errors.WriteError("a.nc", OSError(28, "No space left on device")),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_comes_whole_out_of_another_process(error):
+    error.add_note("and how to go on")
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)
 
 
 @pytest.mark.parametrize("cls", [DataError, StudyError, UnitError, errors.ProtocolError])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.experiment.journal import (
     Journal,
     is_completed,
@@ -123,7 +123,7 @@ def test_an_event_the_disk_takes_only_in_part_is_an_error(file, monkeypatch):
         journal.write("segment_started")
         with monkeypatch.context() as patch:
             patch.setattr(os, "write", lambda fd, data: real(fd, data[: len(data) // 2]))
-            with pytest.raises(OSError, match=r"journal: the disk took only a part.*'stopped'"):
+            with pytest.raises(WriteError, match=r"journal.jsonl: cannot be written \(No space"):
                 journal.write("stopped")
     assert read_journal(file) == [{"event": "segment_started"}]
     write(file, ("stopped", {}))
@@ -139,8 +139,17 @@ def test_a_value_that_json_cannot_hold_leaves_the_journal_whole(file):
 def test_a_journal_is_let_go_of(file):
     with Journal(file) as journal:
         pass
-    with pytest.raises(OSError, match="Bad file descriptor"):
+    with pytest.raises(WriteError, match="Bad file descriptor"):
         journal.write("stopped")
+
+
+def test_two_cannot_write_one_journal(file):
+    with Journal(file) as journal:
+        with pytest.raises(OutputError, match="another process is running this"):
+            Journal(file)
+        journal.write("stopped")
+    with Journal(file):
+        assert read_journal(file) == [{"event": "stopped"}]
 
 
 def completed(pulse, condition="walk", **more):

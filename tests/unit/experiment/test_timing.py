@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.core.session_log import WALKING
+from jointz.core.session_log import WALKING, Flag
 from jointz.experiment.timing import timing_report
 
 PERIOD = 2_000_000
@@ -73,4 +73,13 @@ def test_work_of_the_tick_before_the_first_is_left_out():
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_loop_of_less_than_two_ticks_has_no_timing(count):
-    assert timing_report(ticks(range(count)), PERIOD) == {"ticks": count, "missed_slots": 0}
+    report = timing_report(ticks(range(count)), PERIOD)
+    assert report == {"ticks": count, "missed_slots": 0, "clamped_ticks": 0}
+
+
+def test_ticks_whose_torque_was_cut_are_counted():
+    records = ticks(range(10))
+    records["flags"][[0, 4, 5]] = Flag.CLAMPED  # in the first nothing was asked for
+    records["requested_torque"][[4, 5, 8]] = 2.0
+    records["sent_torque"][4] = 1.0
+    assert timing_report(records, PERIOD)["clamped_ticks"] == 2

@@ -147,7 +147,7 @@ def test_a_full_disk_is_an_output_error_and_no_crash(tmp_path):
     assert os.waitpid(child, 0)[1] == 0
     assert "OSError" in told.read_text()
     assert "cannot be written (File too large)" in told.read_text()
-    assert "--resume" in told.read_text()
+    assert "Make room" in told.read_text()
     assert [p.name for p in tmp_path.iterdir()] == ["told"]
 
 

@@ -15,6 +15,8 @@ from jointz.experiment.recorder import Recorder
 from jointz.io.session_log import read_log
 
 HEADER = {"participant": "S01", "condition": "perturbed", "segment": 3}
+#: Records that a crash may leave bad at the end.
+LONGEST_TORN_END = 100
 
 
 def records(count, seed=1):
@@ -90,11 +92,33 @@ def test_damage_is_counted_and_its_first_place_named(path):
 
 @given(st.integers(0, 4), st.binary(min_size=1, max_size=WALKING.record_bytes))
 def test_bytes_put_in_anywhere_are_noticed(tmp_path_factory, place, junk):
-    rows = [WALKING.pack(row) for row in records(5)]
+    rows = [WALKING.pack(row) for row in records(5 + LONGEST_TORN_END)]
     rows.insert(place, junk)
     path = tmp_path_factory.mktemp("log") / "log"
     path.write_bytes(WALKING.encode_header(HEADER) + b"".join(rows))
     with pytest.raises(DataError, match="is damaged"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("junk", [bytes(4096), bytes(10**6), b"\xff" * 4096])
+def test_what_the_power_left_after_the_last_record_is_torn(path, junk):
+    path.write_bytes(log_bytes(records(10)) + junk)
+    log = read_log(path)
+    assert log.records["slot"].tolist() == [row[6] for row in records(10)]
+    assert (log.whole_bytes, log.torn_bytes) == (len(log_bytes(records(10))), len(junk))
+
+
+def test_a_bad_last_record_is_torn(path):
+    whole = log_bytes(records(10))
+    path.write_bytes(whole[:-3] + b"\0\0\0")
+    log = read_log(path)
+    assert (log.records.size, log.torn_bytes) == (9, WALKING.record_bytes)
+
+
+def test_a_long_bad_end_is_damage(path):
+    junk = b"\xff" * (WALKING.record_bytes * (LONGEST_TORN_END + 1))
+    path.write_bytes(log_bytes(records(10)) + junk)
+    with pytest.raises(DataError, match="record 11 of 111 is damaged"):
         read_log(path)
 
 

@@ -12,7 +12,7 @@ from jointz.core.session_log import NO_SAMPLE, WALKING, Flag
 from jointz.experiment.journal import Journal, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.recorder import Recorder
-from jointz.experiment.session import log_path
+from jointz.experiment.session_files import log_path
 from jointz.gait.timestamps import find_gaps
 from jointz.io.protocols import load_protocol
 from jointz.workflows.session_recordings import condition_record

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import jointz
@@ -124,7 +124,7 @@ def test_people_may_have_any_name_that_files_can_have(tmp_path, name):
     assert recording.attrs["participant"] == name
 
 
-@pytest.mark.parametrize("name", [*ODD_NAMES, "a\tb", "x.y", "LRE-1", "LRE_2"])
+@pytest.mark.parametrize("name", [*ODD_NAMES, "a/b,c", "x.y", "LRE-1", "LRE_2"])
 def test_timing_points_may_have_any_name(tmp_path, name):
     study = make(tmp_path, with_points(**{name: 7.0, "other": 40.25}))
     assert study.spec.perturbations.timing_points == {name: 7.0, "other": 40.25}
@@ -134,15 +134,14 @@ def test_timing_points_may_have_any_name(tmp_path, name):
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    name=st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12),
+    name=st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=12),
     pct=st.floats(0.0, 99.9),
 )
 def test_text_and_numbers_survive_the_file(tmp_path, name, pct):
-    if not name.strip():
-        return
+    assume(name == name.strip() and name.isprintable())
     study = make(tmp_path, with_points(**{name: pct}))
     ((found, value),) = study.spec.perturbations.timing_points.items()
-    assert found.strip() == name.strip()
+    assert found == name
     assert value == pct
 
 

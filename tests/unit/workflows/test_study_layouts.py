@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.core.analysis import NO_MEANS_ON_A_BENCH
 from jointz.core.errors import StudyError
+from jointz.report.page import render_report
 from jointz.workflows.analysis import analyze
 
 RATE_HZ = 500.0
@@ -210,6 +212,28 @@ def test_a_bench_with_trials_takes_pulses_from_the_difference_of_references(tmp_
     for cell in found.cells:
         assert_finds_the_joint(cell, n_used=3)
         assert cell.onset_gait_pct is None
+
+
+def test_loads_of_a_bench_have_no_mean_and_the_results_say_so(tmp_path):
+    toml = HEAD.format(kind="bench") + COMMAND + PERSON + PERSON.replace("S01", "S02")
+    toml += entry("perturbed", "one.csv") + entry("perturbed", "two.csv").replace("S01", "S02")
+
+    found = analyzed(tmp_path, toml, one=rows(pulses=PULSES), two=rows(pulses=PULSES))
+
+    assert {c.participant for c in found.cells} == {"S01", "S02"}
+    assert found.population == ()
+    assert NO_MEANS_ON_A_BENCH in found.statistics["notes"]
+    assert NO_MEANS_ON_A_BENCH in render_report(found, {}, title="Loads")
+    assert "Means over participants carry" not in render_report(found, {}, title="Loads")
+
+
+def test_one_load_on_a_bench_needs_no_such_note(tmp_path):
+    toml = HEAD.format(kind="bench") + COMMAND + PERSON + entry("perturbed", "one.csv")
+
+    found = analyzed(tmp_path, toml, one=rows(pulses=PULSES))
+
+    assert found.population == ()
+    assert found.statistics["notes"] == []
 
 
 def test_walking_without_a_contact_uses_the_names_of_the_table(tmp_path):

@@ -1,0 +1,112 @@
+"""The files of a session's folder: what was planned, of whom, and where the records are."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jointz.core.errors import DataError
+from jointz.experiment.bench_plan import TimedPulse
+from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.whole_files import read_object, write_whole
+
+JOURNAL_FILE = "journal.jsonl"
+_SESSION_FILE, _PLAN_FILE = "session.json", "plan.json"
+
+
+def log_path(folder: Path, condition: str, segment: int) -> Path:
+    """Return where the log of a stretch is kept.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    condition : str
+        Name of the condition.
+    segment : int
+        Number of the stretch, from 0.
+    """
+    return folder / "logs" / f"{condition}-{segment}.jzlog"
+
+
+def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
+    """Return the plan that a walking session wrote down, condition by condition.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    """
+    return {
+        name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
+        for name, pulses in read_object(folder / _PLAN_FILE).items()
+    }
+
+
+def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
+    """Return the plan that a session on a bench wrote down, trial by trial.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    """
+    return {
+        name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
+        for name, pulses in read_object(folder / _PLAN_FILE).items()
+    }
+
+
+def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+    """Write the plan down, or see that the one that stands there is the same.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    plan : mapping of str to sequence of dict
+        Trial -> pulses.
+
+    Raises
+    ------
+    DataError
+        When another plan stands there: pulses are counted by their number in it.
+    """
+    file = folder / _PLAN_FILE
+    text = json.dumps(plan, indent=1)
+    if not file.exists():
+        write_whole(file, text)
+    elif read_object(file) != json.loads(text):
+        raise DataError(
+            f"{file}: altered, it is not the plan of this protocol and seed. Restore it from a "
+            "copy, or go on with the jointz that wrote it.",
+            path=str(file),
+        )
+
+
+def keep_description(folder: Path, about: Mapping[str, Any]) -> None:
+    """Write down what the session is of, or see that the one there is of the same wearer.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the session.
+    about : mapping
+        With ``wearer``; devices and software may be others after an interruption.
+
+    Raises
+    ------
+    DataError
+        When the file is damaged or of somebody else.
+    """
+    file = folder / _SESSION_FILE
+    if not file.exists():
+        write_whole(file, json.dumps(about, indent=1))
+        return
+    wearer, now = read_object(file).get("wearer"), json.loads(json.dumps(about["wearer"]))
+    if wearer != now:
+        raise DataError(
+            f"{file}: of another wearer: {wearer}, now {now}. Give the arguments the run was "
+            "started with.",
+            path=str(file),
+        )

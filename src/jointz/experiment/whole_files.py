@@ -1,0 +1,110 @@
+"""The files of an experiment: written whole or not at all, read or refused."""
+
+import json
+import os
+from collections.abc import Mapping
+from errno import ENOSPC
+from pathlib import Path
+from typing import Any
+
+from jointz.core.errors import DataError, WriteError
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; one that is there stays.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Which.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise WriteError(str(folder), exc, "Name a place that can be written.") from exc
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Write a file that is there whole or not at all.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file; one that exists is replaced.
+    text : str
+        What is to stand in it.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be written.
+    """
+    partial = file.with_name(f".{file.name}.partial")
+    try:
+        try:
+            with partial.open("w", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            partial.replace(file)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as exc:
+        raise WriteError(str(file), exc) from exc
+
+
+def append_whole(fd: int, data: bytes, path: Path) -> None:
+    """Append to a file by one write.
+
+    Parameters
+    ----------
+    fd, path : int, pathlib.Path
+        The file, open for appending, and its name.
+    data : bytes
+        What to append.
+
+    Raises
+    ------
+    WriteError
+        When the system does not take it whole.
+    """
+    try:
+        written = os.write(fd, data)
+    except OSError as exc:
+        raise WriteError(str(path), exc) from exc
+    if written != len(data):
+        raise WriteError(str(path), OSError(ENOSPC, os.strerror(ENOSPC)))
+
+
+def read_object(file: Path, *, otherwise: str = "Restore it from a copy.") -> dict[str, Any]:
+    """Return the object that stands in a JSON file.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file.
+    otherwise : str
+        What to do where it cannot be read.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read or holds something else.
+    """
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise DataError(
+            f"{file}: damaged, it cannot be read as JSON ({exc}). {otherwise}", path=str(file)
+        ) from exc
+    if not isinstance(content, Mapping):
+        raise DataError(
+            f"{file}: damaged, expected a JSON object, got {type(content).__name__}. {otherwise}",
+            path=str(file),
+        )
+    return dict(content)

@@ -1,0 +1,112 @@
+"""Whose folder a study is: one run at a time, and only the run that began it."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from jointz.core.errors import DataError, OutputError, WriteError
+from jointz.core.provenance import now, software
+from jointz.experiment import file_lock
+from jointz.experiment.whole_files import append_whole, make_folder, read_object
+from jointz.workflows.rigs import RigSettings
+from jointz.workflows.run_settings import RunSettings
+
+RUN_FILE, REPORT_FILE, STUDY_FILE = "run.json", "run_report.json", "study.toml"
+
+
+@contextmanager
+def claimed(settings: RunSettings, rig: RigSettings, count: int, *, resume: bool) -> Iterator[None]:
+    """Make the study's folder, or see that the run in it is the same; hold it meanwhile.
+
+    Parameters
+    ----------
+    settings : RunSettings
+        What is run, and where.
+    rig : RigSettings
+        On which devices.
+    count : int
+        Participants or loads.
+    resume : bool
+        Whether a run may be gone on with.
+
+    Raises
+    ------
+    DataError
+        When another run is there, or its description is damaged.
+    OutputError
+        When something else is there, or another process runs it.
+    WriteError
+        When the system does not let it be written.
+    """
+    study, file = settings.study, settings.study / RUN_FILE
+    begun = _is_begun(study, resume=resume)
+    make_folder(study)
+    try:
+        fd = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+    except OSError as exc:
+        raise WriteError(str(file), exc, "Name a place that can be written.") from exc
+    try:
+        file_lock.hold(fd, file)
+        about = _about(settings, rig, count)
+        if begun or os.fstat(fd).st_size:  # two processes may have found it free
+            _see_that_it_is(about, file)
+        else:
+            text = json.dumps({**about, "started": now(), "software": software()})
+            append_whole(fd, text.encode(), file)
+        yield
+    finally:
+        os.close(fd)
+
+
+def _is_begun(study: Path, *, resume: bool) -> bool:
+    """Tell whether there is a run to go on with; refuse what is no place for one."""
+    try:
+        if not study.exists() or (study.is_dir() and not any(study.iterdir())):
+            return False
+        is_run = (study / RUN_FILE).is_file()
+    except OSError as exc:
+        raise WriteError(str(study), exc, "Name a place that can be written.") from exc
+    if not resume:
+        raise OutputError(
+            f"{study}: exists and is kept. Name another folder, or add --resume to go on with the "
+            "run in it."
+        )
+    if not is_run:
+        raise OutputError(f"{study}: holds no {RUN_FILE}: no run to go on with. Name another.")
+    if (study / STUDY_FILE).exists() and not (study / REPORT_FILE).exists():
+        raise OutputError(
+            f"{study / STUDY_FILE}: not of this run, which is not complete yet and writes its own "
+            "at the end. Move it away."
+        )
+    return True
+
+
+def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any]:
+    """Return what makes a run the same run."""
+    # Without defaults: a key that a later version adds does not make it another protocol.
+    protocol = settings.protocol.model_dump(mode="json", exclude_defaults=True)
+    text = json.dumps(protocol, sort_keys=True)
+    return {
+        "protocol": settings.protocol.name,
+        "protocol_sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "seed": rig.seed,
+        "device": rig.device,
+        "preset": rig.preset,
+        "clock": settings.clock,
+        "participants": count,
+    }
+
+
+def _see_that_it_is(about: Mapping[str, Any], file: Path) -> None:
+    written = read_object(file)
+    other = [name for name, value in about.items() if written.get(name) != value]
+    if other:
+        told = "; ".join(f"{name} {written.get(name)!r}, now {about[name]!r}" for name in other)
+        raise DataError(
+            f"{file.parent}: another run: {told}. Give the arguments it was started with.",
+            path=str(file),
+        )

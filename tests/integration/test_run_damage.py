@@ -1,0 +1,256 @@
+"""What is done when the files of an interrupted run are not as it left them."""
+
+import json
+import shutil
+
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.errors import DataError, OutputError, ProtocolError, WriteError
+from jointz.core.limits import LimitsOverride
+from jointz.experiment.journal import read_journal
+from jointz.experiment.recorder import Recorder
+from jointz.io.protocols import load_protocol
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    """A few strides, then 2 pulses a point."""
+    whole = load_protocol("walking")
+    few = whole.conditions[-1].perturbations.model_copy(update={"count_per_point": 2})
+    conditions = (
+        whole.conditions[1].model_copy(update={"strides": 6}),
+        whole.conditions[-1].model_copy(update={"perturbations": few}),
+    )
+    return whole.model_copy(update={"conditions": conditions, "participants": 1})
+
+
+def run(protocol, out, **options):
+    return jointz.run(protocol, out=out, seed=5, **options)
+
+
+@pytest.fixture(scope="module")
+def interrupted(protocol, tmp_path_factory):
+    """A run that was stopped when most of its pulses were done."""
+    out = tmp_path_factory.mktemp("interrupted") / "study"
+    write = Recorder.write
+    ticks = [0]
+
+    def stop_late(self, *records):
+        write(self, *records)
+        ticks[0] += 1
+        if ticks[0] == 36_000:
+            raise KeyboardInterrupt
+
+    Recorder.write = stop_late
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(protocol, out)
+    finally:
+        Recorder.write = write
+    assert 6 <= len(completed(out)) < 12
+    return out
+
+
+@pytest.fixture
+def out(interrupted, tmp_path):
+    return shutil.copytree(interrupted, tmp_path / "study")
+
+
+@pytest.fixture
+def session(out):
+    return out / "sessions" / "S01"
+
+
+def completed(out):
+    events = read_journal(out / "sessions" / "S01" / "journal.jsonl")
+    return [e["pulse"] for e in events if e["event"] == "pulse_completed"]
+
+
+def events_of(session, kind):
+    return [e for e in read_journal(session / "journal.jsonl") if e["event"] == kind]
+
+
+def assert_whole(out, made, *, lost):
+    """Every planned pulse is in the recordings once, the lost ones were done again."""
+    table = made.report.to_frame()
+    assert set(table["completed"]) == {2}
+    assert table["lost"].sum() == lost
+    pulses = pd.read_csv(out / "S01_perturbed_pulses.csv")
+    excluded = out / "exclusions.csv"
+    left_out = len(pd.read_csv(excluded)) if excluded.exists() else 0
+    assert len(pulses) - left_out == 12
+
+
+def test_pulses_whose_log_is_gone_are_done_again(protocol, out, session):
+    before = len(completed(out))
+    (session / "logs" / "perturbed-0.jzlog").unlink()
+    assert_whole(out, run(protocol, out, resume=True), lost=before)
+
+
+def test_pulses_that_were_cut_off_the_log_are_done_again(protocol, out, session):
+    log = session / "logs" / "perturbed-0.jzlog"
+    half = log.stat().st_size // 2
+    log.write_bytes(log.read_bytes()[:half])
+    made = run(protocol, out, resume=True)
+    lost = events_of(session, "pulse_lost")
+    assert lost
+    assert {e["reason"] for e in lost} == {"not in perturbed-0.jzlog"}
+    assert_whole(out, made, lost=len(lost))
+
+
+@pytest.mark.parametrize("junk", [bytes(4096), b"\xff" * 300])
+def test_junk_after_the_last_record_costs_nothing(protocol, out, session, junk):
+    with (session / "logs" / "perturbed-0.jzlog").open("ab") as log:
+        log.write(junk)
+    assert_whole(out, run(protocol, out, resume=True), lost=0)
+
+
+def test_a_condition_whose_log_is_gone_is_walked_again(protocol, out, session):
+    (session / "logs" / "unperturbed-0.jzlog").unlink()
+    assert_whole(out, run(protocol, out, resume=True), lost=0)
+    assert len(events_of(session, "records_lost")) == 1
+    assert (session / "logs" / "unperturbed-1.jzlog").exists()
+
+
+def test_the_damaged_end_of_a_condition_that_is_done_costs_nothing(protocol, out, session):
+    log = session / "logs" / "unperturbed-0.jzlog"
+    log.write_bytes(log.read_bytes()[:-3] + b"\0\0\0")
+    assert_whole(out, run(protocol, out, resume=True), lost=0)
+    assert not events_of(session, "records_lost")
+
+
+def damage_middle(session):
+    log = session / "logs" / "perturbed-0.jzlog"
+    content = bytearray(log.read_bytes())
+    content[len(content) // 2] ^= 1
+    log.write_bytes(content)
+
+
+def lose_journal(session):
+    (session / "journal.jsonl").unlink()
+
+
+def empty_plan(session):
+    (session / "plan.json").write_text("{}")
+
+
+def stronger_pulse(session):
+    plan = json.loads((session / "plan.json").read_text())
+    plan["perturbed"][-1]["amplitude_nm"] = 24.0
+    (session / "plan.json").write_text(json.dumps(plan))
+
+
+def cut_plan(session):
+    (session / "plan.json").write_text("[")
+
+
+def empty_description(session):
+    (session / "session.json").write_text("")
+
+
+def other_wearer(session):
+    about = json.loads((session / "session.json").read_text())
+    about["wearer"]["mass_kg"] = 140.0
+    (session / "session.json").write_text(json.dumps(about))
+
+
+def binary_run(session):
+    (session.parent.parent / "run.json").write_bytes(b"\xff\xfe\0")
+
+
+def list_run(session):
+    (session.parent.parent / "run.json").write_text("[1]")
+
+
+def empty_run(session):
+    (session.parent.parent / "run.json").write_text("")
+
+
+def broken_report(session):
+    (session / "report.json").write_text('{"onsets": []}')
+
+
+def twice_completed(session):
+    lines = (session / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (pulse, *_) = [line for line in lines if b"pulse_completed" in line]
+    (session / "journal.jsonl").write_bytes(b"".join([*lines, pulse]))
+
+
+@pytest.mark.parametrize(
+    ("harm", "told"),
+    [
+        (damage_middle, r"perturbed-0.jzlog: record \d+ of \d+ is damaged.*from a copy"),
+        (lose_journal, r"-0.jzlog: a log that the journal knows nothing of \(2 in all\)"),
+        (empty_plan, r"plan.json: altered, it is not the plan of this protocol and seed"),
+        (stronger_pulse, r"plan.json: altered"),
+        (cut_plan, r"plan.json: damaged, it cannot be read as JSON.*from a copy"),
+        (empty_description, r"session.json: damaged"),
+        (other_wearer, r"session.json: of another wearer.*140.*the run was started with"),
+        (binary_run, r"run.json: damaged"),
+        (list_run, r"run.json: damaged, expected a JSON object, got list"),
+        (empty_run, r"run.json: damaged"),
+        (broken_report, r"report.json: damaged, without aborted.*made again from the logs"),
+        (twice_completed, r"pulse \d+ of perturbed was completed twice"),
+    ],
+)
+def test_a_file_that_was_altered_is_told_before_anybody_walks(protocol, out, session, harm, told):
+    harm(session)
+    prompted = []
+
+    class Operator:
+        def prompt(self, text):
+            prompted.append(text)
+
+    with pytest.raises(DataError, match=told):
+        run(protocol, out, resume=True, operator=Operator())
+    assert prompted == []
+    assert not (out / "study.toml").exists()
+
+
+def test_a_study_file_of_another_is_not_taken_for_ones_own(protocol, out):
+    (out / "study.toml").write_text("title = 'mine'")
+    with pytest.raises(OutputError, match=r"study.toml: not of this run.*Move it away"):
+        run(protocol, out, resume=True)
+
+
+def test_a_refused_protocol_makes_no_folder(protocol, tmp_path):
+    loose = protocol.model_copy(update={"safety": LimitsOverride(torque_nm=99.0)})
+    with pytest.raises(ProtocolError, match="looser"):
+        run(loose, tmp_path / "study")
+    strong = protocol.model_copy(
+        update={"pulse": protocol.pulse.model_copy(update={"amplitude_nm": 1e300})}
+    )
+    with pytest.raises(ProtocolError, match=r"pulse.amplitude_nm: 1e\+300 N\*m is above"):
+        run(strong, tmp_path / "study")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_too_long_is_told(protocol, tmp_path):
+    with pytest.raises(WriteError, match=r"cannot be written \(File name too long\)"):
+        run(protocol, tmp_path / ("x" * 300))
+
+
+@pytest.mark.parametrize("count", [0, 1001, 10**22])
+def test_too_few_and_too_many_participants_are_refused(protocol, tmp_path, count):
+    with pytest.raises(DataError, match="expected 1 to 1000 participants"):
+        run(protocol, tmp_path / "study", participants=count)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_number_of_workers_does_not_change_the_error(protocol, tmp_path, monkeypatch, workers):
+    out = tmp_path / "study"
+    pair = protocol.model_copy(update={"participants": 2})
+    with monkeypatch.context() as patch:
+        patch.setattr(Recorder, "write", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            run(pair, out)
+    (out / "sessions" / "S02").write_text("in the way")
+    with pytest.raises(WriteError, match=r"S02.*: cannot be written \((File exists|Not a dir)"):
+        run(pair, out, resume=True, workers=workers)
+
+
+def interrupt(self, *records):
+    raise KeyboardInterrupt

@@ -1,0 +1,174 @@
+"""``jointz run`` from outside: signals, a parent that dies, two runs of one study."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from jointz.experiment.journal import read_journal
+from jointz.io.protocols import protocol_text
+
+STOPPED = 130
+TIMEOUT_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def protocol_file(tmp_path_factory):
+    """Two participants who walk for a while: a minute of the loop unless they are stopped."""
+    text = protocol_text("walking")
+    for old, new in (
+        ("participants = 10", "participants = 2"),
+        ("strides = 60", "strides = 4"),
+        ("count_per_point = 50", "count_per_point = 300"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    file = tmp_path_factory.mktemp("protocol") / "long.toml"
+    file.write_text(text)
+    return file
+
+
+def start(protocol_file, out, *options):
+    """Start the command in a process group of its own, as a shell does."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "jointz", "run", str(protocol_file), "--out", str(out), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def events(out, participant):
+    return read_journal(out / "sessions" / participant / "journal.jsonl")
+
+
+def wait_for(what, out, *participants):
+    """Wait until an event stands in every journal."""
+    until = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < until:
+        if all(any(e["event"] == what for e in events(out, one)) for one in participants):
+            return
+        time.sleep(0.02)
+    pytest.fail(f"no {what} in {TIMEOUT_S:g} s")
+
+
+def group_of(process):
+    """Return the processes of the group besides the first: workers, and their cleaner."""
+    listed = subprocess.run(
+        ["ps", "-o", "pid=", "-s", str(process.pid)], capture_output=True, text=True, check=False
+    )
+    return {int(pid) for pid in listed.stdout.split()} - {process.pid}
+
+
+def workers_of(process):
+    return {
+        pid
+        for pid in group_of(process)
+        if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    }
+
+
+def assert_group_gone(process):
+    until = time.monotonic() + TIMEOUT_S
+    while group_of(process):
+        if time.monotonic() > until:
+            pytest.fail(f"still running: {group_of(process)}")
+        time.sleep(0.05)
+
+
+def signal_parent(process, number):
+    process.send_signal(number)
+
+
+def signal_group(process, number):
+    os.killpg(process.pid, number)
+
+
+@pytest.mark.parametrize(
+    ("to", "number"),
+    [
+        (signal_parent, signal.SIGINT),
+        (signal_parent, signal.SIGHUP),
+        (signal_group, signal.SIGINT),
+        (signal_group, signal.SIGTERM),
+    ],
+)
+def test_a_signal_stops_every_worker(protocol_file, tmp_path, to, number):
+    out = tmp_path / "study"
+    running = start(protocol_file, out, "--workers", "2")
+    wait_for("pulse_started", out, "S01", "S02")
+    to(running, number)
+    said = running.communicate(timeout=TIMEOUT_S)[1]
+    assert running.returncode == STOPPED
+    assert said == (
+        "jointz: Stopped. What was recorded is kept; the same arguments with --resume go on.\n"
+    )
+    for participant in ("S01", "S02"):
+        assert events(out, participant)[-1]["event"] == "stopped"
+    assert_group_gone(running)
+
+
+@pytest.mark.parametrize("after_s", [1.2, 1.6, 2.0])
+def test_ctrl_c_while_workers_start_shows_no_traceback(protocol_file, tmp_path, after_s):
+    running = start(protocol_file, tmp_path / "study", "--workers", "2")
+    time.sleep(after_s)
+    signal_group(running, signal.SIGINT)
+    said = running.communicate(timeout=TIMEOUT_S)[1]
+    if "jointz" in said:  # else Python itself was still starting
+        assert running.returncode == STOPPED
+    assert "Process Spawn" not in said
+    assert_group_gone(running)
+
+
+def test_workers_stop_when_their_parent_dies(protocol_file, tmp_path):
+    out = tmp_path / "study"
+    running = start(protocol_file, out, "--workers", "2")
+    wait_for("pulse_started", out, "S01", "S02")
+    running.kill()
+    running.communicate(timeout=TIMEOUT_S)
+    assert_group_gone(running)
+    for participant in ("S01", "S02"):
+        assert events(out, participant)[-1]["event"] == "stopped"
+
+
+def test_a_second_run_of_a_study_is_refused(protocol_file, tmp_path):
+    out = tmp_path / "study"
+    first = start(protocol_file, out, "--workers", "2")
+    try:
+        wait_for("pulse_started", out, "S01")
+        second = start(protocol_file, out, "--workers", "2", "--resume", "--json")
+        told = json.loads(second.communicate(timeout=TIMEOUT_S)[0])
+        assert second.returncode == 2
+        assert told["error"] == "OutputError"
+        assert "another process is running this" in told["message"]
+    finally:
+        signal_group(first, signal.SIGINT)
+        first.communicate(timeout=TIMEOUT_S)
+    assert first.returncode == STOPPED
+
+
+def test_a_session_left_by_a_dead_parent_is_not_run_twice(protocol_file, tmp_path):
+    out = tmp_path / "study"
+    first = start(protocol_file, out, "--workers", "2")
+    wait_for("pulse_started", out, "S01", "S02")
+    slow = workers_of(first)
+    for worker in slow:
+        os.kill(worker, signal.SIGSTOP)
+    try:
+        first.kill()
+        first.wait(timeout=TIMEOUT_S)
+        second = start(protocol_file, out, "--workers", "1", "--resume")
+        said = second.communicate(timeout=TIMEOUT_S)[1]
+    finally:
+        for worker in slow:
+            os.kill(worker, signal.SIGCONT)
+        first.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 2
+    assert "another process is running this" in said
+    assert_group_gone(first)
