@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from jointz.identify.actuator import identify_actuator
     from jointz.identify.bandwidth import identify_bandwidth
+    from jointz.identify.dither_stiffness import identify_dither_stiffness
     from jointz.identify.joint import identify_joint
+    from jointz.identify.paired_runs import identify_paired_runs
+    from jointz.identify.static_stiffness import identify_static_stiffness
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
     from jointz.workflows.run import run
@@ -21,7 +24,10 @@ _HOMES = {
     "analyze": "jointz.workflows.analysis",
     "identify_actuator": "jointz.identify.actuator",
     "identify_bandwidth": "jointz.identify.bandwidth",
+    "identify_dither_stiffness": "jointz.identify.dither_stiffness",
     "identify_joint": "jointz.identify.joint",
+    "identify_paired_runs": "jointz.identify.paired_runs",
+    "identify_static_stiffness": "jointz.identify.static_stiffness",
     "open_study": "jointz.io.study",
     "run": "jointz.workflows.run",
 }
@@ -31,7 +37,10 @@ __all__ = [
     "analyze",
     "identify_actuator",
     "identify_bandwidth",
+    "identify_dither_stiffness",
     "identify_joint",
+    "identify_paired_runs",
+    "identify_static_stiffness",
     "open_study",
     "run",
 ]

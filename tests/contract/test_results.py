@@ -27,6 +27,7 @@ from jointz.core.bench_fits import FullRecordFit, PulseFit
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
+from jointz.core.paired_runs_fit import PairedRunsFit
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
 from jointz.core.reproduction import Compared, ComparedTable, Reproduction
 from jointz.core.run_report import RunReport
@@ -202,6 +203,38 @@ def actuator_fit() -> Any:
     )
 
 
+def static_stiffness_fit() -> Any:
+    made = responding()
+    return jointz.identify_static_stiffness(
+        angle=made["angle"], torque=made["torque"], rate_hz=500.0, direction=made["velocity"]
+    )
+
+
+def dither_stiffness_fit() -> Any:
+    wave = np.exp(0.04j * np.pi * np.arange(5000))
+    return jointz.identify_dither_stiffness(
+        angle=wave.real, torque=((50.0 + 3.0j) * wave).real, rate_hz=500.0, frequency_hz=10.0
+    )
+
+
+def paired_runs_fit() -> Any:
+    made, time = responding(), np.arange(5000) / 500.0
+    run = {"time": time, "reference": np.sin(time), "command": (time % 2.0 > 1.8) * 1.0}
+    still = {"angle": np.zeros(5000), "torque": np.zeros(5000)}
+    return jointz.identify_paired_runs([(run | still, run | made)])
+
+
+def undecided_paired_runs() -> PairedRunsFit:
+    fit = paired_runs_fit()
+    unknown = ParameterEstimate("stiffness", None, None, None, "undecided", unbounded=-1.0)
+    return dataclasses.replace(
+        fit,
+        parameters=(unknown, *fit.parameters[1:]),
+        left_out=("pair 1, pulse at 3 s: its window runs past the end of a run",),
+        warnings=("the stiffness is negative",),
+    )
+
+
 def reproduction() -> Reproduction:
     rows = (
         Compared("error", "%", -2.15, -6.7, -2.7, None, 3.49, 1.9, -3.0, -2.4, "of 20"),
@@ -225,6 +258,10 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "frequency response": lambda: joint_model("frf"),
     "impulse response": lambda: joint_model("irf"),
     "actuator": actuator_fit,
+    "static stiffness": static_stiffness_fit,
+    "dither stiffness": dither_stiffness_fit,
+    "paired runs": paired_runs_fit,
+    "undecided paired runs": undecided_paired_runs,
     "chapter": reproduction,
 }
 
@@ -364,11 +401,12 @@ def test_no_schema_is_refused(result):
 
 
 def test_a_schema_belongs_to_one_class():
-    for make in EXAMPLES.values():
-        for other in EXAMPLES.values():
-            if type(make()) is not type(other()):
+    made = [make() for make in EXAMPLES.values()]
+    for one in made:
+        for other in made:
+            if type(one) is not type(other):
                 with pytest.raises(ValueError, match="expected schema"):
-                    type(make()).from_dict(other().to_dict())
+                    type(one).from_dict(other.to_dict())
 
 
 def test_results_load_no_matplotlib_until_they_draw():

@@ -25,7 +25,9 @@ def analyze(
     out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
     method: Annotated[
         str,
-        typer.Option("--method", help="recommended, dissertation, pre_pulse or matched_strides."),
+        typer.Option(
+            "--method", help="recommended, dissertation, pre_pulse, matched_strides or full_record."
+        ),
     ] = "recommended",
     resamples: Annotated[
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")
@@ -105,7 +107,7 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
         emit_table(rows, header, title="Means over people")
     else:
         _print_cells(analysis)
-    emit(analysis.summary().splitlines()[0])
+    emit(_counted(analysis))
     for note in analysis.statistics.get("notes", []):
         emit(f"note: {note}")
     failed = {p.status for c in analysis.cells for p in c.parameters if not p.stands}
@@ -114,9 +116,34 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
     emit(f"Report: {report}")
 
 
+def _counted(analysis: "StudyAnalysis") -> str:
+    """Say who was measured, by which methods, with how many pulses."""
+    from jointz.report.prose import pulse_counts
+    from jointz.report.subjects import subjects
+
+    words = subjects(analysis)
+    used, left_out = pulse_counts(analysis)
+    methods = dict.fromkeys(c.method for c in analysis.cells)
+    return (
+        f"{words.counted(len({c.participant for c in analysis.cells}))}, "
+        f"{len(analysis.cells)} cells, method {' and '.join(methods) or '-'}: {used} pulses used, "
+        f"{left_out} left out."
+    )
+
+
 def _print_cells(analysis: "StudyAnalysis") -> None:
+    from jointz.report.subjects import subjects
+
+    words = subjects(analysis)
     rows = [row for cell in analysis.cells for row in _cell_rows(cell)]
-    header = ["participant, point", "parameter", "value", "95 % interval", "unit", "status"]
+    header = [
+        f"{words.one}, {words.point}",
+        "parameter",
+        "value",
+        "95 % interval",
+        "unit",
+        "status",
+    ]
     emit_table(rows, header, title="Estimates")
 
 

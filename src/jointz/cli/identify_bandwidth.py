@@ -1,7 +1,10 @@
 """``jointz identify bandwidth``: the bandwidth of a closed torque loop."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +23,8 @@ from jointz.cli.identify_options import (
 )
 from jointz.cli.identify_report import Output
 from jointz.cli.options import Debug, Json, Quiet
+from jointz.core.codes import Failure
+from jointz.core.errors import EstimationError
 
 
 class Method(StrEnum):
@@ -68,14 +73,15 @@ def bandwidth(
     del debug
     from jointz.workflows.identification import identify_bandwidth_file
 
-    if drop_db <= 0.0:
+    if not 0.0 < drop_db < float("inf"):
         raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
     output = Output("bandwidth", figure, as_json, quiet, (7.1, 4.0))
-    with output.failures():
+    files = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
+    with output.failures(), _other_command(file, command, files):
         fit, columns = identify_bandwidth_file(
             file,
             given_columns(command=command, torque=torque, time=time),
-            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            files=files,
             rate_hz=rate,
             method=method.value,
             window_s=window_s,
@@ -85,3 +91,24 @@ def bandwidth(
     estimate = {"value": fit.bandwidth_hz, "unit": "Hz", "ci": interval, "status": fit.status}
     more = {"model": "bandwidth", "status": fit.status, "parameters": {"bandwidth_hz": estimate}}
     output.report(fit, columns, file=file, more=more)
+
+
+@contextmanager
+def _other_command(file: Path, command: str, files: Mapping[str, Any]) -> Iterator[None]:
+    """Name the column of a jointz recording that holds the whole commanded torque."""
+    try:
+        yield
+    except EstimationError as exc:
+        if exc.code != Failure.CONSTANT_COMMAND.value:
+            raise
+        from jointz.core.study import FilesSpec
+        from jointz.io.registry import list_columns
+
+        there = list_columns(file, FilesSpec.model_validate(files)) or []
+        if "reference" not in there or command.partition(":")[0] == "reference":
+            raise
+        raise EstimationError(
+            exc.code,
+            f"{exc} The file has a column 'reference': in recordings of jointz it holds the torque "
+            "that was commanded, 'command' the pulses alone. Try --command reference.",
+        ) from exc

@@ -14,7 +14,9 @@ class Decimal(StrEnum):
     COMMA = ","
 
 
-File = Annotated[Path, typer.Argument(help="Recording: csv, csv.gz, parquet, nc, mat.")]
+File = Annotated[
+    Path, typer.Argument(dir_okay=False, help="Recording: csv, csv.gz, parquet, nc, mat.")
+]
 Time = Annotated[str | None, typer.Option("--time", help="COL[:unit] of time (s).")]
 Rate = Annotated[
     float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
@@ -58,7 +60,14 @@ def text_layout(
         Rows before the table.
     no_header : bool
         Whether columns have no names.
+
+    Raises
+    ------
+    typer.BadParameter
+        An empty delimiter.
     """
+    if delimiter == "":
+        raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
     return {
         "delimiter": delimiter,
         "decimal": decimal.value,

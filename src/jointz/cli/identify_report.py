@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import typer
 
 from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
-from jointz.core.errors import EstimationError, OutputError
+from jointz.core.errors import EstimationError, WriteError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,10 +140,8 @@ def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
         canvas.savefig(partial, bbox_inches="tight", dpi=150)
         partial.replace(figure)
     except OSError as exc:
-        raise OutputError(
-            f"{figure}: cannot be written ({exc.strerror or exc}). Make room or ask for "
-            "permission, or name another file."
-        ) from exc
+        todo = "Make room or ask for permission, or name another file."
+        raise WriteError(str(figure), exc, todo) from exc
     finally:
         partial.unlink(missing_ok=True)
 

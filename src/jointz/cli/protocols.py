@@ -59,7 +59,8 @@ def list_protocols(
             ]
             for entry in about
         ]
-        emit_table(rows, ["protocol", "section", "people or loads", "pulses each", "each takes", "title"])
+        header = ["protocol", "section", "people or loads", "pulses each", "each takes", "title"]
+        emit_table(rows, header)
 
 
 @protocols.command("show")

@@ -45,6 +45,7 @@ def reproduce(
     Example: jointz reproduce 2 --out reproduced
     """
     del debug
+    from jointz.report.chapter_text import chapter_text
     from jointz.workflows.reproduce import CHAPTERS
     from jointz.workflows.reproduce import reproduce as run_chapters
 
@@ -64,5 +65,5 @@ def reproduce(
         emit_json({"status": "ok", "chapters": shown})
         return
     for one in made if not quiet else ():
-        emit(one.reproduction.summary())
+        emit(chapter_text(one.reproduction))
         emit(f"Page: {one.page}")

@@ -13,6 +13,7 @@ from jointz.core.actuator_fit import ActuatorFit, ActuatorSeries
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import ParameterEstimate
+from jointz.identify.actuator_notes import explains_nothing, notes
 from jointz.identify.actuator_record import ActuatorRecord, gather_actuator
 from jointz.identify.actuator_regression import Regression, regress
 from jointz.identify.actuator_terms import MODEL_TERMS, Terms, find_terms, is_constant
@@ -20,13 +21,6 @@ from jointz.identify.joint_record import check_choice
 
 Model = Literal["current", "motor", "friction"]
 
-#: Code of EstimationError.
-
-#: Torque constants of motors in robot joints and exoskeletons, N*m/A on the motor's side.
-PLAUSIBLE_TORQUE_CONSTANT = (0.02, 0.5)
-#: Above this share of noise in a differenced speed the bias of the inertia is told.
-_NOTED_NOISE_SHARE = 0.01
-_FRICTIONS = ("viscous_friction", "coulomb_friction")
 _SERIES_POINTS = 1500
 
 
@@ -270,7 +264,7 @@ def _report(
         fitted=regression.names,
         ci_method=regression.ci_method,
         settings=settings,
-        warnings=_warnings(record, terms, regression),
+        warnings=notes(record, terms, regression, gear_ratio=settings["gear_ratio"]),
         series=_series(record, record.torque - residual),
     )
 
@@ -287,64 +281,12 @@ def _parameter(
             name, None, None, None, "undecided", level, "none", unbounded=raw.get(name)
         )
     value = regression.value(name)
-    if regression.doubt or _holds_nothing(name, regression):
+    if regression.doubt or (name == "torque_constant" and explains_nothing(regression)):
         return ParameterEstimate(
             name, None, None, None, "undecided", level, regression.ci_method, unbounded=value
         )
     low, high = regression.interval(name)
     return ParameterEstimate(name, value, low, high, "ok", level, regression.ci_method)
-
-
-def _holds_nothing(name: str, regression: Regression) -> bool:
-    """Tell whether the current explains none of the torque."""
-    if name != "torque_constant" or regression.doubt:
-        return False
-    low, high = regression.interval(name)
-    return low <= 0.0 <= high
-
-
-def _warnings(record: ActuatorRecord, terms: Terms, regression: Regression) -> tuple[str, ...]:
-    notes = [f"undecided: {regression.doubt}"] if regression.doubt else []
-    notes += [regression.caution] if regression.caution else []
-    notes += [f"{name} is undecided: {why}" for name, why in terms.left_out.items()]
-    notes += _notes_on_constant(regression)
-    if not regression.doubt and regression.value("torque_constant") > 0.0:
-        notes += [
-            f"{name} is negative: the speed counts against the current. Turn the sign of the speed"
-            for name in _FRICTIONS
-            if name in regression.names and regression.interval(name)[1] < 0.0
-        ]
-    noise = record.acceleration_noise_share
-    if "rotor_inertia" in regression.names and noise > _NOTED_NOISE_SHARE:
-        notes.append(
-            f"the acceleration is a difference of the speed, about {100 * noise:.0f} % of its "
-            "variance is noise: rotor_inertia reads low by about as much"
-        )
-    return tuple(notes)
-
-
-def _notes_on_constant(regression: Regression) -> list[str]:
-    """Judge the torque constant: its sign, and whether a motor has such a one."""
-    if _holds_nothing("torque_constant", regression):
-        low, high = regression.interval("torque_constant")
-        return [
-            f"torque_constant is undecided: its interval, {low:.2g} to {high:.2g} N*m/A, holds "
-            "zero: the current explains none of the torque. Check both columns"
-        ]
-    value = regression.value("torque_constant")
-    if value < 0.0:
-        return [
-            f"the torque constant is negative ({value:.3g} N*m/A): the sensor counts against the "
-            "current. Turn it with torque_sign -1 (--torque-sign -1), or 1 if it was -1"
-        ]
-    low, high = PLAUSIBLE_TORQUE_CONSTANT
-    if low <= value <= high:
-        return []
-    return [
-        f"the torque constant of {value:.3g} N*m/A is implausible: motors of robot joints have "
-        f"{low:g} to {high:g} N*m/A. Check gear_ratio and the units of current and torque; if the "
-        "motor's data sheet agrees, all is well"
-    ]
 
 
 def _series(record: ActuatorRecord, modelled: np.ndarray) -> ActuatorSeries:

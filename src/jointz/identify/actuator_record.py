@@ -156,12 +156,30 @@ def _check_plausible(source: Samples | Mapping[str, npt.ArrayLike | None]) -> No
         raise DataError(" ".join(problems), channel=worst[0], row=worst[1])
 
 
-def _noise_share(velocity: np.ndarray, acceleration: np.ndarray, rate_hz: float) -> float:
-    """Return which share of the differenced velocity's variance is noise, 0..1.
+def velocity_noise(velocity: np.ndarray) -> float:
+    """Return the sd of white noise in a velocity, from its third differences.
 
     White noise (quantisation is nearly that) shows in third differences, where
     motion hardly does; motion near half the rate counts as noise.
+
+    Parameters
+    ----------
+    velocity : (n,) float
+        Evenly sampled.
+
+    Examples
+    --------
+    >>> noise = 0.1 * np.random.default_rng(0).standard_normal(10_000)
+    >>> round(velocity_noise(np.linspace(0.0, 5.0, 10_000) + noise), 2)
+    0.1
     """
-    noise = float(np.var(np.diff(velocity, 3))) / _THIRD_DIFFERENCE
+    if velocity.size <= 3:
+        return 0.0
+    return float(np.sqrt(np.var(np.diff(velocity, 3)) / _THIRD_DIFFERENCE))
+
+
+def _noise_share(velocity: np.ndarray, acceleration: np.ndarray, rate_hz: float) -> float:
+    """Return which share of the differenced velocity's variance is noise, 0..1."""
     power = float(np.var(acceleration))
+    noise = velocity_noise(velocity) ** 2
     return min(0.5 * noise * rate_hz**2 / power, 1.0) if power > 0.0 else 1.0

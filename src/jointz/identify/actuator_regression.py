@@ -17,6 +17,7 @@ from jointz.kernels.block_sandwich import (
 #: Ten blocks of so many correlation times still make an interval, with a caution: the variance
 #: is then read low by up to a third.
 _FEWEST_TIMES = 3.0
+_SAMPLES_PER_BLOCK = 2
 _ROUNDING = 1e-9
 
 
@@ -110,14 +111,14 @@ def regress(
     values = np.linalg.lstsq(scaled, measured, rcond=None)[0]
     residual = measured - scaled @ values
     scores = scaled * residual[:, None]
-    clock = _Clock.of(measured, residual, scores, rate_hz)
+    plan = BlockPlan.of(measured, residual, scores, rate_hz)
     covariance, half = np.empty((0, 0)), np.empty(0)
-    if clock.n_blocks > len(names):
+    if plan.n_blocks > len(names):
         # As many parameters as were fitted make the block sums smaller than they are.
-        spent = (clock.n_blocks - 1) / (clock.n_blocks - len(names))
-        scaled_covariance = spent * block_sandwich(scores, scaled.T @ scaled, clock.n_blocks)
+        spent = (plan.n_blocks - 1) / (plan.n_blocks - len(names))
+        scaled_covariance = spent * block_sandwich(scores, scaled.T @ scaled, plan.n_blocks)
         covariance = scaled_covariance / np.outer(length, length)
-        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, clock.n_blocks - len(names)))
+        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, plan.n_blocks - len(names)))
         half = wide * np.sqrt(np.diag(covariance))
     return Regression(
         names=names,
@@ -126,15 +127,25 @@ def regress(
         covariance=covariance,
         half_width=half,
         condition_number=float(np.linalg.cond(scaled)),
-        ci_method=clock.ci_method,
-        doubt=clock.doubt,
-        caution=clock.caution,
+        ci_method=plan.ci_method,
+        doubt=plan.doubt,
+        caution=plan.caution,
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Clock:
-    """How many blocks a record makes, and how good they are."""
+class BlockPlan:
+    """How many blocks a record makes, and how good they are.
+
+    Parameters
+    ----------
+    n_blocks : int
+        0 where the record is too short for any.
+    ci_method : str
+        How a covariance is made of them.
+    doubt, caution : str
+        Why there are none, and why they are few; empty where all is well.
+    """
 
     n_blocks: int
     ci_method: str
@@ -148,17 +159,37 @@ class _Clock:
         residual: np.ndarray,
         scores: np.ndarray,
         rate_hz: float | None,
-    ) -> "_Clock":
+    ) -> "BlockPlan":
+        """Plan the blocks of a regression.
+
+        Parameters
+        ----------
+        measured, residual : (n,) float
+            The signal, and what the regression leaves of it.
+        scores : (n, p) float
+            Each parameter's influence of every sample.
+        rate_hz : float, optional
+            Sampling rate; without it blocks are counted in samples.
+        """
         rate, unit = (1.0, "samples") if rate_hz is None else (rate_hz, "s")
         length = measured.size / rate
         # What is left of a perfect fit is rounding, however long it stays correlated.
         perfect = np.linalg.norm(residual) <= _ROUNDING * np.linalg.norm(measured)
         correlated = 0.0 if perfect else max(correlation_time(s, rate_hz=rate) for s in scores.T)
         told = f"{length:.3g} {unit} long, while its errors stay correlated for {correlated:.3g}"
+        if measured.size < _SAMPLES_PER_BLOCK * FEWEST_BLOCKS:
+            needed_size = _SAMPLES_PER_BLOCK * FEWEST_BLOCKS
+            return cls(
+                0,
+                "none",
+                f"the record is too short for an interval: it has {measured.size} samples. Record "
+                f"at least {needed_size}",
+            )
         n_blocks, caution = count_blocks(length, correlation_time_s=correlated), ""
+        n_blocks = min(n_blocks, measured.size // _SAMPLES_PER_BLOCK)
         if not n_blocks:
             needed = FEWEST_BLOCKS * correlated
-            if measured.size < 2 * FEWEST_BLOCKS or length < _FEWEST_TIMES * needed:
+            if length < _FEWEST_TIMES * needed:
                 return cls(
                     0,
                     "none",

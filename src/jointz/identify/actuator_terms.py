@@ -34,6 +34,8 @@ _DEAD_BAND_SHARE = 0.05
 #: Largest share of noise in a differenced velocity: the inertia reads low by as much.
 MOST_NOISE_SHARE = 0.1
 _CONSTANT = 1e-9
+#: Terms that turn with the speed's sign.
+_WITH_SIGN = ("coulomb_friction", "gear_friction")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,7 @@ def find_terms(
     for name in MODEL_TERMS[model]:
         if name in skip:
             continue
-        why = _missing(record, name)
+        why = _missing(record, name, smooth_velocity_rad_s)
         if not why:
             column = _regressor(record, name, gear_ratio, smooth_velocity_rad_s)
             why = _confounded(column, kept) if kept else ""
@@ -126,10 +128,18 @@ def _regressor(
     return regressors[name]
 
 
-def _missing(record: ActuatorRecord, name: str) -> str:
+def _missing(record: ActuatorRecord, name: str, smooth: float | None) -> str:
     """Say why a term has nothing to be fitted to; nothing where it has."""
     if name == "rotor_inertia":
         return _missing_acceleration(record)
+    if smooth is not None and record.velocity is not None and name in _WITH_SIGN:
+        fastest = float(np.quantile(np.abs(record.velocity), 0.95))
+        if fastest < smooth:
+            return (
+                f"the speed, up to {fastest:.3g} rad/s, never passes smooth_velocity_rad_s "
+                f"({smooth:g}): tanh is then a line through zero, and no friction that only "
+                "turns its sign. Lower it (--smooth-velocity)"
+            )
     if name == "coulomb_friction" and record.velocity is not None:
         share = _reversed_share(record.velocity)
         if share < _LEAST_REVERSED_SHARE:
@@ -156,9 +166,24 @@ def _missing_acceleration(record: ActuatorRecord) -> str:
     return ""
 
 
+def rest_share(velocity: np.ndarray) -> float:
+    """Return the share of the samples inside the dead band, of a record that moves.
+
+    Parameters
+    ----------
+    velocity : (n,) float
+        Of the output.
+    """
+    return float(np.mean(np.abs(velocity) <= _dead_band(velocity)))
+
+
+def _dead_band(velocity: np.ndarray) -> float:
+    return _DEAD_BAND_SHARE * float(np.quantile(np.abs(velocity), 0.95))
+
+
 def _reversed_share(velocity: np.ndarray) -> float:
     """Return the share of the samples in the rarer direction, outside a dead band of noise."""
-    dead_band = _DEAD_BAND_SHARE * float(np.quantile(np.abs(velocity), 0.95))
+    dead_band = _dead_band(velocity)
     return float(min(np.mean(velocity > dead_band), np.mean(velocity < -dead_band)))
 
 

@@ -1,7 +1,6 @@
 """The bandwidth of a closed torque loop, out of command and measured torque."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -16,8 +15,15 @@ from jointz.core.bandwidth_fit import BandwidthFit
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.frequency_response_curve import ResponseCurve
+from jointz.identify.bandwidth_crossing import (
+    Crossing,
+    check_coherent,
+    excited_bins,
+    find_crossing,
+    rough_crossing_hz,
+)
 from jointz.identify.joint_record import JointRecord, check_choice, gather_record
-from jointz.kernels.spectra import CrossSpectra, blackman_tukey, coherence_threshold, welch
+from jointz.kernels.spectra import CrossSpectra, blackman_tukey, welch
 
 Method = Literal["welch", "blackman_tukey"]
 
@@ -29,30 +35,21 @@ _SEGMENTS = 16.0
 _LONGEST_WINDOW_S = 4.0
 _LAGS_OF_SEGMENT = 2.0 / 3.0
 _FEWEST_AVERAGES = 4.0
-#: Wanted bandwidth over resolution; the window is lengthened for it, to so many segments.
+#: Wanted bandwidth over resolution; the window is lengthened for it, to so many segments, and
+#: again where the longer one shows a smaller bandwidth.
 _RESOLVED = 10.0
 _FEWEST_SEGMENTS = 5.0
+_LENGTHENINGS = 4
 _POORLY_RESOLVED = 6.0
 _HANN_RESOLUTION = 1.5
-#: The gain at zero frequency is read off up to this share of the bandwidth.
-_REFERENCE_SHARE = 0.3
-_FEWEST_FOR_SLOPE = 4
-#: Bins that must be coherent in that band.
-_COHERENT_SHARE = 0.5
-#: The command excites where its density is above this share of the largest.
-_EXCITED = 1e-3
+#: A reading below so many widths of resolution is one of the window. So is one that half the
+#: window moves far: smoothing changes the reading with the square of the resolution, so half the
+#: window moves it by three times what smoothing still does, and that may be so much of it.
+_REFUSED = 4.0
+_HALVING = 3.0
+_LARGEST_BIAS = 0.1
 _LOW_COHERENCE = 0.8
-#: Half-width of the line through the gain at the crossing, in widths of resolution.
-_LINE_REACH = 2.0
 _WIDEST_BAND = 1e3
-
-
-@dataclass(frozen=True, slots=True)
-class _Crossing:
-    hz: float
-    sd_hz: float
-    reference_gain: float
-    reference_hz: tuple[float, float]
 
 
 def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identify
@@ -106,22 +103,30 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
     EstimationError
         ``constant_command``, ``constant_torque``, ``not_coherent``,
         ``below_resolution`` (the window is too short) or ``above_band`` (the
-        gain does not fall inside the excited band below half the rate).
+        gain does not fall inside the excited band below half the rate, or that
+        band lacks the low frequencies).
     ValueError
         Unknown method.
 
     Notes
     -----
     The gain |S_command,torque / S_command,command| counts from its value at
-    zero frequency: 1/gain^2 is a line in f^2 below three tenths of the bandwidth,
+    zero frequency: the log gain is a line in f^2 below three tenths of the bandwidth,
     as of a first-order loop; a higher-order one is flatter. The crossing is that
-    of a line through the log gain within two widths of resolution; its interval
-    follows from the coherence (delta method).
+    of a line through the log gain within two widths of resolution, more where the
+    gain scatters; its interval follows from the coherence (delta method).
 
     A long window resolves finely with few averages, so the gain scatters; a
     short one averages much, but reads no bandwidth smaller than its
     resolution: 30 lags at 1 kHz, the default of ``spa``, resolve 33 Hz and
-    read 10 Hz as about 27 Hz. Such a reading is refused here. Noise in the
+    read 10 Hz as about 27 Hz. A reading below four times the resolution is
+    refused, and one below ten times that half the window moves by more than
+    30 % and the noise. By a third of that move, towards where the longer
+    window would read, the interval is longer than noise makes it. Where noise
+    hides the slope of the gain at the crossing there is no reading either.
+
+    Gain is averaged over a tenth of its frequency to either side before the
+    crossing is looked for: a notch narrower than that is passed over. Noise in the
     command record lowers the gain everywhere and leaves the bandwidth as it
     is; a loop that saturates has a bandwidth for each amplitude.
 
@@ -137,8 +142,10 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
     check_choice("method", method, get_args(Method))
     if not 0.0 < ci_level < 1.0:
         raise ValueError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
-    if not drop_db > 0.0:
+    if not 0.0 < drop_db < np.inf:
         raise ValueError(f"drop_db: expected > 0 dB, got {drop_db}")
+    if window_s is not None and not 0.0 < window_s < np.inf:
+        raise DataError(f"{_WHERE}: window_s: expected > 0 s, got {window_s:g}")
     given = {"command": command, "torque": torque, "time": time}
     record = gather_record(
         recording, given, rate_hz=rate_hz, where=_WHERE, required=("command", "torque")
@@ -146,16 +153,22 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
     _check_moves(record)
     chosen_s = window_s if window_s is not None else _window_s(record, method, drop_db)
     spectra = _spectra(record, method, chosen_s)
-    _check_coherent(spectra)
-    crossing = _find_crossing(spectra, drop_db)
-    if crossing.hz < spectra.resolution_hz:
+    check_coherent(spectra, _WHERE)
+    rough_hz = rough_crossing_hz(spectra, drop_db, _WHERE)
+    if rough_hz < _REFUSED * spectra.resolution_hz:
+        raise _below_resolution(spectra, rough_hz)
+    crossing = find_crossing(spectra, drop_db, _WHERE)
+    if crossing.hz < _REFUSED * spectra.resolution_hz:
         raise _below_resolution(spectra, crossing.hz)
+    bias_hz = _smoothing_bias_hz(
+        record, crossing, spectra, method=method, window_s=chosen_s, drop_db=drop_db
+    )
     wide = float(norm.ppf((1.0 + ci_level) / 2.0)) * crossing.sd_hz
     coherence = float(np.interp(crossing.hz, spectra.frequency_hz, spectra.coherence))
     return BandwidthFit(
         bandwidth_hz=crossing.hz,
-        ci_low_hz=max(crossing.hz - wide, 0.0),
-        ci_high_hz=crossing.hz + wide,
+        ci_low_hz=max(crossing.hz - wide - max(bias_hz, 0.0), 0.0),
+        ci_high_hz=crossing.hz + wide - min(bias_hz, 0.0),
         ci_level=ci_level,
         drop_db=drop_db,
         reference_gain=crossing.reference_gain,
@@ -168,13 +181,14 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
         n_averages=spectra.n_averages,
         n_samples=record.time.size,
         rate_hz=record.rate_hz,
-        ci_method="coherence and slope of the gain, delta method",
+        ci_method="coherence and slope of the gain, delta method; widened by what smoothing does",
         settings={
             "window": "chosen from the record" if window_s is None else "given",
+            "smoothing_bias_hz": bias_hz,
             "sha256": record.sha256,
             "jointz": provenance.software()["jointz"],
         },
-        warnings=_warnings(crossing, spectra, coherence),
+        warnings=_warnings(crossing, spectra, coherence, bias_hz),
     )
 
 
@@ -194,13 +208,42 @@ def _check_moves(record: JointRecord) -> None:
 def _window_s(record: JointRecord, method: Method, drop_db: float) -> float:
     """Choose a window: many averages, then as long as the bandwidth they show needs."""
     seconds = record.time.size / record.rate_hz
-    many_s = min(seconds / _SEGMENTS, _LONGEST_WINDOW_S)
     share = 1.0 if method == "welch" else _LAGS_OF_SEGMENT
-    spectra = _spectra(record, method, share * many_s)
-    _check_coherent(spectra)
-    roughly_hz = _find_crossing(spectra, drop_db).hz
-    wanted_s = _HANN_RESOLUTION * _RESOLVED / roughly_hz
-    return share * max(many_s, min(wanted_s, seconds / _FEWEST_SEGMENTS))
+    chosen_s = min(seconds / _SEGMENTS, _LONGEST_WINDOW_S)
+    for _ in range(_LENGTHENINGS):
+        spectra = _spectra(record, method, share * chosen_s)
+        check_coherent(spectra, _WHERE)
+        roughly_hz = rough_crossing_hz(spectra, drop_db, _WHERE)
+        wanted_s = min(_HANN_RESOLUTION * _RESOLVED / roughly_hz, seconds / _FEWEST_SEGMENTS)
+        if wanted_s <= chosen_s:
+            break
+        chosen_s = wanted_s
+    return share * chosen_s
+
+
+def _smoothing_bias_hz(
+    record: JointRecord,
+    crossing: Crossing,
+    spectra: CrossSpectra,
+    *,
+    method: Method,
+    window_s: float,
+    drop_db: float,
+) -> float:
+    """Return by how much smoothing moves the reading, from what half the window does."""
+    # What moves a reading that is resolved so well is noise.
+    resolved = crossing.hz >= _RESOLVED * spectra.resolution_hz
+    half = _spectra(record, method, window_s / 2.0)
+    try:
+        moved_hz = find_crossing(half, drop_db, _WHERE).hz - crossing.hz
+    except EstimationError as exc:
+        if resolved:
+            return 0.0
+        raise _below_resolution(spectra, crossing.hz) from exc
+    bias_hz = moved_hz / _HALVING
+    if not resolved and abs(bias_hz) > _LARGEST_BIAS * crossing.hz + crossing.sd_hz:
+        raise _below_resolution(spectra, crossing.hz)
+    return bias_hz
 
 
 def _spectra(record: JointRecord, method: Method, window_s: float) -> CrossSpectra:
@@ -223,122 +266,25 @@ def _spectra(record: JointRecord, method: Method, window_s: float) -> CrossSpect
     return spectra
 
 
-def _check_coherent(spectra: CrossSpectra) -> None:
-    """Refuse a pair of records of which nothing, or hardly anything, belongs together."""
-    excited = _excited(spectra)
-    needed = coherence_threshold(spectra.n_averages)
-    share = float(np.mean(spectra.coherence[excited] > needed))
-    low = np.flatnonzero(excited)[: max(3, excited.sum() // 8)]
-    at_low = float(np.mean(spectra.coherence[low] > needed))
-    if share < 0.1 or at_low < _COHERENT_SHARE:
-        raise EstimationError(
-            Failure.NOT_COHERENT.value,
-            f"{_WHERE}: command uncorrelated with torque: coherent at {100 * share:.0f} % of the "
-            f"excited frequencies, at {100 * at_low:.0f} % of the lowest. Check that the columns "
-            "belong to one record and that the loop was closed.",
-        )
-
-
-def _excited(spectra: CrossSpectra) -> np.ndarray:
-    """(f,) bool: where the command has power, zero frequency left out."""
-    power = spectra.auto_in
-    excited: np.ndarray = (power > _EXCITED * power[1:].max()) & (spectra.frequency_hz > 0.0)
-    return excited
-
-
-def _find_crossing(spectra: CrossSpectra, drop_db: float) -> _Crossing:
-    """Count the loss from the gain of the lowest frequencies, then of those below the crossing."""
-    f = spectra.frequency_hz
-    excited = _excited(spectra)
-    log_gain = np.log(np.maximum(np.abs(spectra.response), 1e-300))
-    top_hz = hz = 0.0
-    for _ in range(3):
-        low = np.flatnonzero(excited & (f <= max(top_hz, f[2])))
-        if not low.size:
-            raise _above_band(spectra, drop_db)
-        reference, reference_var = _low_gain(spectra, low)
-        wanted = np.log(reference) - drop_db * np.log(10.0) / 20.0
-        below = np.flatnonzero((log_gain < wanted) & (f > f[low[0]]))
-        if not below.size or not excited[low[0] : below[0] + 1].all():
-            raise _above_band(spectra, drop_db)
-        hz = float(f[below[0]])
-        top_hz = _REFERENCE_SHARE * hz
-    hz, slope, log_var = _refine(spectra, log_gain, wanted, hz)
-    sd_hz = float(np.sqrt(log_var + reference_var) / abs(slope))
-    return _Crossing(hz, sd_hz, reference, (float(f[low[0]]), float(f[low[-1]])))
-
-
-def _low_gain(spectra: CrossSpectra, low: np.ndarray) -> tuple[float, float]:
-    """Return the gain at zero frequency, and the variance of its logarithm."""
-    gain = np.maximum(np.abs(spectra.response[low]), 1e-300)
-    weight = 1.0 / np.maximum(spectra.relative_sd()[low], 1e-6) ** 2
-    mean = float(np.average(gain, weights=weight))
-    if low.size >= _FEWEST_FOR_SLOPE:
-        square = spectra.frequency_hz[low] ** 2
-        design = np.column_stack([np.ones_like(square), square / square[-1]])
-        inverse = np.linalg.inv(design.T @ (weight[:, None] * design))
-        level = float((inverse @ (design.T @ (weight * (mean / gain) ** 2)))[0])
-        if level > 0.0:
-            return mean / np.sqrt(level), _cells(spectra) * float(inverse[0, 0])
-    return mean, _cells(spectra) / float(weight.sum())
-
-
-def _cells(spectra: CrossSpectra) -> float:
-    """Return how many neighbouring frequencies share one width of resolution."""
-    step = float(spectra.frequency_hz[1])
-    return max(spectra.resolution_hz / step, 1.0)
-
-
-def _refine(
-    spectra: CrossSpectra, log_gain: np.ndarray, wanted: float, start_hz: float
-) -> tuple[float, float, float]:
-    """Return where a line through the gain crosses, its slope per Hz, and the line's variance."""
-    f = spectra.frequency_hz
-    hz = start_hz
-    for _ in range(3):
-        reach = min(_LINE_REACH * spectra.resolution_hz, 0.3 * hz)
-        near = np.flatnonzero(np.abs(f - hz) <= max(reach, 1.01 * f[1]))
-        near = near[f[near] > 0.0]
-        x = f[near] - hz
-        weight = 1.0 / np.maximum(spectra.relative_sd()[near], 1e-6) ** 2
-        design = np.column_stack([np.ones_like(x), x])
-        normal = design.T @ (weight[:, None] * design)
-        level, slope = np.linalg.solve(normal, design.T @ (weight * log_gain[near]))
-        if slope >= 0.0:
-            break
-        hz = float(np.clip(hz + (wanted - level) / slope, f[near[0]], f[near[-1]]))
-    if slope >= 0.0:
-        # Scatter hides the slope: the mean one from zero to the crossing is the best known.
-        slope = wanted / hz if wanted < 0.0 else -1.0 / hz
-    return hz, float(slope), _cells(spectra) * float(np.linalg.inv(normal)[0, 0])
-
-
-def _above_band(spectra: CrossSpectra, drop_db: float) -> EstimationError:
-    excited = spectra.frequency_hz[_excited(spectra)]
-    top = float(excited[-1]) if excited.size else 0.0
-    return EstimationError(
-        Failure.ABOVE_BAND.value,
-        f"{_WHERE}: the gain does not fall by {drop_db:g} dB inside the excited band, which ends "
-        f"at {top:.4g} Hz (half the sampling rate: {spectra.frequency_hz[-1]:.4g} Hz). Command "
-        "higher frequencies, and sample faster if need be.",
-    )
-
-
 def _below_resolution(spectra: CrossSpectra, hz: float) -> EstimationError:
     return EstimationError(
         Failure.BELOW_RESOLUTION.value,
-        f"{_WHERE}: the bandwidth reads {hz:.3g} Hz, not above the resolution of "
-        f"{spectra.resolution_hz:.3g} Hz: the window, not the actuator, would be measured. Choose "
-        "a longer window_s, or record longer.",
+        f"{_WHERE}: the bandwidth reads {hz:.3g} Hz, {hz / spectra.resolution_hz:.1f} times the "
+        f"resolution of {spectra.resolution_hz:.3g} Hz: the window, not the actuator, would be "
+        "measured; the true bandwidth may be far lower. Choose a longer window_s, or record "
+        "longer; check the unit of time.",
     )
 
 
-def _warnings(crossing: _Crossing, spectra: CrossSpectra, coherence: float) -> tuple[str, ...]:
+def _warnings(
+    crossing: Crossing, spectra: CrossSpectra, coherence: float, bias_hz: float
+) -> tuple[str, ...]:
     notes = []
     if crossing.hz < _POORLY_RESOLVED * spectra.resolution_hz:
         notes.append(
             f"the bandwidth is {crossing.hz / spectra.resolution_hz:.1f} times the resolution: "
-            "smoothing reads it wrong by some percent; record longer, or choose a longer window_s"
+            f"smoothing moves it by about {bias_hz:+.2g} Hz ({100 * bias_hz / crossing.hz:+.0f} "
+            "%), by which the interval is widened; record longer, or choose a longer window_s"
         )
     if coherence < _LOW_COHERENCE:
         notes.append(
@@ -348,7 +294,7 @@ def _warnings(crossing: _Crossing, spectra: CrossSpectra, coherence: float) -> t
 
 
 def _curve(spectra: CrossSpectra, ci_level: float) -> ResponseCurve:
-    shown = _excited(spectra)
+    shown = excited_bins(spectra)
     response, sd = spectra.response[shown], spectra.relative_sd()[shown]
     gain = np.abs(response)
     wide = float(student_t.ppf((1.0 + ci_level) / 2.0, max(2.0 * spectra.n_averages - 2.0, 1.0)))

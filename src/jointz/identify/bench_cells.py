@@ -108,6 +108,7 @@ class FullRecordEstimator:
                 intrinsic=_intrinsic(known),
                 torque_gain_sd=_relative_sd(known.torque_gain),
                 angle_gain_sd=_relative_sd(known.angle_gain),
+                lag_s=_lag(known),
             )
         except EstimationError as exc:
             return self._cell(label, Failure(exc.code), records, n_used=n_used), records
@@ -189,6 +190,15 @@ def _code(candidate: Candidate, why: str) -> str:
 
 def _value(gain: Calibrated | None) -> float:
     return 1.0 if gain is None else gain.value
+
+
+def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
+    """Return the known lag of the torque behind the angle, and its sd."""
+    torque, angle = known.torque_lag_s, known.angle_lag_s
+    if torque is None:
+        return None
+    late = angle or Calibrated(value=0.0, sd=0.0)
+    return torque.value - late.value, float(np.hypot(torque.sd, late.sd))
 
 
 def _relative_sd(gain: Calibrated | None) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
@@ -54,12 +55,25 @@ class EvenRecord:
         Angle, as measured.
     torque : (n,) float, N*m
         Torque, as measured.
+    noise_seen : float
+        Share of the power of white noise that its fourth differences keep on the grid.
     """
 
     step_s: float
     time_s: np.ndarray
     angle: np.ndarray
     torque: np.ndarray
+    noise_seen: float = 1.0
+
+    def noise_sd(self, values: np.ndarray) -> float:
+        """Return the sd of the white noise on angle or torque, as it was before the grid.
+
+        Parameters
+        ----------
+        values : (n,) float
+            One of the two.
+        """
+        return white_noise_sd(values) / float(np.sqrt(self.noise_seen))
 
 
 def even_records(trials: Sequence[BenchTrial]) -> tuple[EvenRecord, ...]:
@@ -164,7 +178,26 @@ def _resampled(trial: BenchTrial) -> EvenRecord:
         time_s=grid,
         angle=np.interp(grid, trial.time_s, trial.angle),
         torque=np.interp(grid, trial.time_s, trial.torque),
+        noise_seen=_noise_seen(grid, trial.time_s),
     )
+
+
+def _noise_seen(grid: np.ndarray, stamps: np.ndarray) -> float:
+    """Return what interpolation leaves of the fourth differences of white noise, in power.
+
+    Between stamps linear interpolation averages two values: fast noise shrinks, the slow
+    noise that a fit meets does not. With 0.1 ms of jitter at 900 Hz a quarter goes.
+    """
+    left = np.clip(np.searchsorted(stamps, grid, side="right") - 1, 0, stamps.size - 2)
+    share = (grid - stamps[left]) / (stamps[left + 1] - stamps[left])
+    rows = np.arange(grid.size)
+    weights = csr_array(
+        (np.append(1.0 - share, share), (np.append(rows, rows), np.append(left, left + 1))),
+        shape=(grid.size, stamps.size),
+    )
+    for _ in range(4):
+        weights = weights[1:] - weights[:-1]
+    return float((weights**2).sum() / weights.shape[0] / _FOURTH_DIFFERENCE)
 
 
 def white_noise_sd(values: np.ndarray) -> float:

@@ -1,39 +1,26 @@
 """Regression of a load's torque on its motion, seen through a lag, in one frequency band.
 
-Both records pass the same Gaussian low-pass. Derivatives, delay and first-order filter act on
-the angle's spectrum, so that no difference quotient and no fractional shift of a noisy record
-is needed; the friction's sign passes the same filter.
+Derivatives, delay and first-order filter act on the angle's spectrum, so that no difference
+quotient and no fractional shift of a noisy record is needed.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening
+from scipy import fft
 
-from jointz.identify.bench_records import EvenRecord, white_noise_sd
+from jointz.identify.bench_band import BandRecord
 
-#: Standard deviation of the Gaussian low-pass in frequency, Hz (-3 dB at 0.83 of it), and the
-#: largest share of the sampling rate it may take.
-BAND_HZ = 40.0
-_BAND_SHARE = 0.1
-#: The direction of motion is read from a wider band: a reversal is sharp.
-_SPEED_BAND = 2.25
-#: Below this share of the RMS speed friction may hold the load: its torque is then unknown.
-_SLOW_SHARE = 0.08
-#: The direction must be this many sds of the speed's noise above it.
-_SLOW_NOISE = 6.0
-_SIGN_SHARE = 0.25  # of the slow speed: width of the smoothed sign
-#: A fast reversal is slow for less than this, s, and its friction is known.
-_SHORTEST_STICK_S = 0.003
-#: Reach of the filter, in sds of its kernel: beside a stick, and at an end of the record.
-_REACH = 4.0
-_EDGE_REACH = 8.0
-_EDGE_S = 0.01  # for the lag
 #: Largest spread of a lag on the unphysical side of a pure delay, s^2.
 _MOST_NEGATIVE_SPREAD = -5e-6
+#: Lags that instruments have, s: the torque may be late, or the angle somewhat.
+SHORTEST_LAG_S, LONGEST_LAG_S = -0.01, 0.02
+_LAG_GRID_S = np.linspace(SHORTEST_LAG_S, LONGEST_LAG_S, 16)
 _PASSES = 30
 _SMALL_LAG_STEP_S = 1e-9
+_SHORTEST_STEP_SHARE = 1e-3
+_WITHOUT_FRICTION = 3  # values: K, B, J
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,36 +63,20 @@ class Lag:
 
 
 @dataclass(frozen=True, slots=True)
-class BandRecord:
-    """A trial inside the band, ready for the regression.
+class LagPrior:
+    """What is known of the total lag before the fit.
 
     Parameters
     ----------
-    omega : (m,) float, rad/s
-        Angular frequencies of the spectra.
-    window : (m,) float
-        The low-pass.
-    angle, direction : (m,) complex
-        Spectra of the angle and of the sign of the velocity; direction unfiltered.
-    torque : (n,) float, N*m
-        Measured torque, filtered.
-    inside, keep : (n,) bool
-        Samples away from the ends; of them those where friction does not hold the load.
-    angle_noise_sd : float, rad
-        White noise on the angle.
-    step_s : float
-        Time between samples.
+    value_s, sd_s : float
+        Of the lag, s.
+    weight : float
+        Penalty of the sum of squares by the square of the lag's difference, N^2*m^2/s^2.
     """
 
-    omega: np.ndarray
-    window: np.ndarray
-    angle: np.ndarray
-    direction: np.ndarray
-    torque: np.ndarray
-    inside: np.ndarray
-    keep: np.ndarray
-    angle_noise_sd: float
-    step_s: float
+    value_s: float
+    sd_s: float
+    weight: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +99,10 @@ class Regression:
         Of the filtered torque, offsets removed.
     noise_share : float
         Share of the acceleration's variance that is noise of the angle.
-    spread_step_s2 : float
-        How far the spread would move if it were free; zero where it is or the lag is given.
+    cost : float
+        Sum of squares less what angle noise adds to it, penalty of the prior included.
+    prior : LagPrior or None
+        What was known of the lag.
     """
 
     values: np.ndarray
@@ -140,86 +113,45 @@ class Regression:
     residual: np.ndarray
     measured: np.ndarray
     noise_share: float
+    cost: float
+    prior: LagPrior | None = None
 
     @property
     def condition_number(self) -> float:
-        """Condition number of the scaled regressors."""
-        size = np.linalg.norm(self.regressors, axis=0)
+        """Condition number of the scaled regressors, the prior of the lag among them."""
+        gram = self.regressors.T @ self.regressors
+        if self.prior is not None and len(gram) > self.values.size:
+            gram[self.values.size, self.values.size] += self.prior.weight
+        size = np.sqrt(np.diag(gram))
         if size.min() == 0.0:
             return float("inf")
-        gram = (self.regressors / size).T @ (self.regressors / size)
-        eigenvalues = np.linalg.eigvalsh(gram)
+        eigenvalues = np.linalg.eigvalsh(gram / np.outer(size, size))
         return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], 1e-300)))
 
 
-def band_hz(step_s: float) -> float:
-    """Return the standard deviation of the Gaussian low-pass, Hz.
-
-    Parameters
-    ----------
-    step_s : float
-        Time between samples.
-    """
-    return min(BAND_HZ, _BAND_SHARE / step_s)
-
-
-def band_record(record: EvenRecord, *, friction: bool) -> BandRecord:
-    """Return a trial's spectra, filtered torque and usable samples.
-
-    Parameters
-    ----------
-    record : EvenRecord
-        The trial.
-    friction : bool
-        Whether friction may hold the load at low speed.
-    """
-    n, band = record.angle.size, band_hz(record.step_s)
-    omega = 2.0 * np.pi * np.fft.rfftfreq(n, record.step_s)
-    window = np.exp(-0.5 * (omega / (2.0 * np.pi * band)) ** 2)
-    angle = np.fft.rfft(record.angle - record.angle.mean())
-    torque = np.fft.irfft(window * np.fft.rfft(record.torque - record.torque.mean()), n)
-    noise = white_noise_sd(record.angle)
-    kernel_s = 1.0 / (2.0 * np.pi * band)
-    inside = np.zeros(n, dtype=bool)
-    edge = int(np.ceil((_EDGE_REACH * kernel_s + _EDGE_S) / record.step_s))
-    inside[edge : n - edge] = True
-    keep = inside.copy()
-    direction = np.zeros_like(angle)
-    if friction:
-        speed_window = np.exp(-0.5 * (omega / (2.0 * np.pi * band * _SPEED_BAND)) ** 2)
-        velocity = np.fft.irfft(1j * omega * speed_window * angle, n)
-        noise_gain = np.sqrt(np.mean((omega * speed_window) ** 2))
-        slow = max(_SLOW_SHARE * float(np.std(velocity)), _SLOW_NOISE * noise * float(noise_gain))
-        direction = np.fft.rfft(np.tanh(velocity / (_SIGN_SHARE * slow)))
-        keep &= ~_may_stick(np.abs(velocity) < slow, record.step_s, kernel_s)
-    return BandRecord(omega, window, angle, direction, torque, inside, keep, noise, record.step_s)
-
-
-def _may_stick(slow: np.ndarray, step_s: float, kernel_s: float) -> np.ndarray:
-    """Return where a stick, which is slow for long, reaches through the filter."""
-    shortest = max(1, round(_SHORTEST_STICK_S / step_s))
-    reach = int(np.ceil(_REACH * kernel_s / step_s))
-    sticks = binary_opening(slow, np.ones(shortest, dtype=bool))
-    reached: np.ndarray = binary_dilation(sticks, np.ones(2 * reach + 1, dtype=bool))
-    return reached
-
-
 def solve_regression(
-    records: Sequence[BandRecord], *, start: Lag, free: Sequence[str], friction: bool
+    records: Sequence[BandRecord],
+    *,
+    start: Lag | None,
+    free: Sequence[str],
+    friction: bool,
+    prior: LagPrior | None = None,
 ) -> Regression:
-    """Fit K, B, J, friction and the free parts of the lag, by Gauss-Newton steps.
+    """Fit K, B, J, friction and the free parts of the lag.
 
     Parameters
     ----------
     records : sequence of BandRecord
         The trials; each has an offset of its own.
-    start : Lag
-        The lag, or where to start.
+    start : Lag or None
+        The lag, or where to start; None: a free total is searched on a grid.
     free : sequence of str
         What of the lag is fitted: ``total``, ``spread``; ``tau`` for a lag that is a
         first-order filter only.
     friction : bool
         Whether a torque of constant size against the motion is fitted.
+    prior : LagPrior, optional
+        What is known of a free total.
 
     Returns
     -------
@@ -233,47 +165,151 @@ def solve_regression(
 
     Notes
     -----
+    Variable projection: given the lag, everything else is linear and solved exactly. The
+    lag's best value on a grid of -10 to 20 ms is refined by Gauss-Newton steps, cut until
+    the sum of squares falls; it never leaves the range of the grid.
+
     Noise of the angle adds to the regressors' sums of squares; what it adds is known from its
     sd and taken off (corrected scores, Stefanski 1989, doi:10.1080/03610928908830207), so that
     inertia is not attenuated. Noise of the torque is the residual.
     """
-    lag, values = start, np.zeros(4 if friction else 3)
-    for _ in range(_PASSES):
-        parts = [_columns(r, lag, values, free=free, friction=friction) for r in records]
-        X = np.concatenate([part[0] for part in parts])
-        y = np.concatenate([part[1] for part in parts])
-        noise = np.sum([part[2] for part in parts], axis=0)
-        size = np.linalg.norm(X, axis=0)
-        size[size == 0.0] = 1.0  # the lag's columns of the first pass, which starts from zero
-        bread = (X.T @ X - noise) / np.outer(size, size)
-        step = np.linalg.lstsq(bread, X.T @ y / size, rcond=1e-13)[0] / size
-        values, moved = step[: values.size], step[values.size :]
-        lag = _moved(lag, moved, free)
-        if moved.size == 0 or (np.any(moved) and np.abs(moved[0]) < _SMALL_LAG_STEP_S):
+    lags = _grid(free) if start is None else [start]
+    found = [_given_lag(records, lag, friction=friction, prior=prior) for lag in lags]
+    fit = min(found, key=lambda one: one.cost)
+    for _ in range(_PASSES if free else 0):
+        moved = _lag_step(records, fit, free)
+        fit, taken = _descended(records, fit, free, moved)
+        if taken == 0.0 or np.abs(taken * moved[0]) < _SMALL_LAG_STEP_S:
             break
-    residual = y - X[:, : values.size] @ values
-    noise_part = np.zeros(X.shape[1])
-    noise_part = noise[:, : values.size] @ values / y.size
-    scores = X * residual[:, None] + noise_part
-    share = float(noise[2, 2] / size[2] ** 2)
-    return Regression(values, lag, X, scores, X.T @ X - noise, residual, y, share)
+    return _with_lag_scores(records, fit, free)
+
+
+def _grid(free: Sequence[str]) -> list[Lag]:
+    if "tau" in free:
+        return [Lag(t, t**2) for t in _LAG_GRID_S if t >= 0.0]
+    return [Lag(t) for t in _LAG_GRID_S]
+
+
+def profile_lag(
+    records: Sequence[BandRecord], fit: Regression, lags_s: np.ndarray
+) -> list[Regression]:
+    """Return the regressions at given total lags, all else fitted anew.
+
+    Parameters
+    ----------
+    records : sequence of BandRecord
+        The trials.
+    fit : Regression
+        The fit whose spread of the lag is kept.
+    lags_s : (m,) float, s
+        Total lags.
+    """
+    return [
+        _given_lag(
+            records,
+            Lag(float(t), fit.lag.spread_s2 if t >= fit.lag.filter_time_s else 0.0),
+            friction=fit.values.size > _WITHOUT_FRICTION,
+            prior=fit.prior,
+        )
+        for t in lags_s
+    ]
+
+
+def _given_lag(
+    records: Sequence[BandRecord], lag: Lag, *, friction: bool, prior: LagPrior | None
+) -> Regression:
+    values = np.zeros(_WITHOUT_FRICTION + friction)
+    X, y, noise = _joined(records, lag, values, ())
+    size = np.linalg.norm(X, axis=0)
+    size[size == 0.0] = 1.0
+    scaled = (X.T @ X - noise) / np.outer(size, size)
+    values = np.linalg.lstsq(scaled, X.T @ y / size, rcond=1e-13)[0] / size
+    residual = y - X @ values
+    cost = float(residual @ residual - values @ noise @ values)
+    if prior is not None:
+        cost += prior.weight * (lag.total_s - prior.value_s) ** 2
+    return Regression(
+        values=values,
+        lag=lag,
+        regressors=X,
+        scores=X * residual[:, None] + noise @ values / y.size,
+        bread=X.T @ X - noise,
+        residual=residual,
+        measured=y,
+        noise_share=float(noise[2, 2] / size[2] ** 2),
+        cost=cost,
+        prior=prior,
+    )
+
+
+def _with_lag_scores(
+    records: Sequence[BandRecord], fit: Regression, free: Sequence[str]
+) -> Regression:
+    """Add the free parts of the lag to regressors, scores and bread."""
+    if not free:
+        return fit
+    X, y, noise = _joined(records, fit.lag, fit.values, free)
+    residual = y - X[:, : fit.values.size] @ fit.values
+    bread = X.T @ X - noise
+    if fit.prior is not None:
+        bread[fit.values.size, fit.values.size] += fit.prior.weight
+    scores = X * residual[:, None] + noise[:, : fit.values.size] @ fit.values / y.size
+    return replace(fit, regressors=X, scores=scores, bread=bread)
+
+
+def _lag_step(records: Sequence[BandRecord], fit: Regression, free: Sequence[str]) -> np.ndarray:
+    """Return the step of Gauss and Newton for the free parts of the lag."""
+    full = _with_lag_scores(records, fit, free)
+    moment = full.scores.sum(axis=0)
+    if fit.prior is not None:
+        moment[fit.values.size] -= fit.prior.weight * (fit.lag.total_s - fit.prior.value_s)
+    size = np.sqrt(np.abs(np.diag(full.bread)))
+    size[size == 0.0] = 1.0
+    step = np.linalg.lstsq(full.bread / np.outer(size, size), moment / size, rcond=1e-13)[0] / size
+    moved: np.ndarray = step[fit.values.size :]
+    return moved
+
+
+def _descended(
+    records: Sequence[BandRecord], fit: Regression, free: Sequence[str], moved: np.ndarray
+) -> tuple[Regression, float]:
+    """Return the fit after a step, cut until its cost falls, and the share that was taken."""
+    share = 1.0
+    while share > _SHORTEST_STEP_SHARE:
+        lag = _moved(fit.lag, share * moved, free)
+        found = _given_lag(
+            records, lag, friction=fit.values.size > _WITHOUT_FRICTION, prior=fit.prior
+        )
+        if found.cost < fit.cost:
+            return found, share
+        share /= 4.0
+    return fit, 0.0
 
 
 def _moved(lag: Lag, step: np.ndarray, free: Sequence[str]) -> Lag:
     total, spread = lag.total_s, lag.spread_s2
     for name, change in zip(free, step, strict=True):
         if name == "spread":
-            spread = max(spread + float(change), _MOST_NEGATIVE_SPREAD)
+            spread = float(np.clip(spread + change, _MOST_NEGATIVE_SPREAD, LONGEST_LAG_S**2))
         else:
-            total += float(change)
+            total = float(np.clip(total + change, SHORTEST_LAG_S, LONGEST_LAG_S))
     if "tau" in free:
         total = max(total, 0.0)
         spread = total**2
     return Lag(total, spread)
 
 
+def _joined(
+    records: Sequence[BandRecord], lag: Lag, values: np.ndarray, free: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    parts = [_columns(record, lag, values, free) for record in records]
+    X = np.concatenate([part[0] for part in parts])
+    y = np.concatenate([part[1] for part in parts])
+    return X, y, np.sum([part[2] for part in parts], axis=0)
+
+
 def _columns(
-    record: BandRecord, lag: Lag, values: np.ndarray, *, free: Sequence[str], friction: bool
+    record: BandRecord, lag: Lag, values: np.ndarray, free: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a trial's regressors, torque, and what angle noise adds to the sums of squares."""
     n, keep = record.torque.size, record.keep
@@ -281,7 +317,7 @@ def _columns(
     seen = record.window * lag.response(record.omega)
     of_angle = [seen, seen * jw, seen * jw**2]
     spectra = [gain * record.angle for gain in of_angle]
-    if friction:
+    if values.size > _WITHOUT_FRICTION:
         of_angle.append(np.zeros_like(seen))
         spectra.append(seen * record.direction)
     model_gain = sum(v * gain for v, gain in zip(values, of_angle, strict=True))
@@ -290,7 +326,7 @@ def _columns(
         slope = _lag_slope(lag, record.omega, name)
         of_angle.append(slope * model_gain)
         spectra.append(slope * model)
-    X = np.column_stack([np.fft.irfft(column, n)[keep] for column in spectra])
+    X = fft.irfft(np.stack(spectra), n).T[keep]  # at once: several times as fast
     y = record.torque[keep]
     gains = np.column_stack(of_angle)
     twice = np.full(record.omega.size, 2.0)  # negative frequencies

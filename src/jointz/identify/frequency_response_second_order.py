@@ -24,14 +24,21 @@ _LARGEST_CONDITION = 1e3
 _MISFIT = 1.5
 #: Share of the output's power that smoothing alone may leave.
 _SMALLEST_ERROR = 1e-4
-#: The other direction must fit this much better (chi square) before it is said to be the right one.
-#: and itself not be further from the response than this, a frequency.
-_CLEARLY_BETTER = 10.0
+#: The other direction must fit this much better (chi square) before it is said to be the right
+#: one, and itself not be further from the response than this, a frequency. Where more than this
+#: share of the input's power is noise, what was taken off scatters too, and more is asked.
+_BETTER, _CLEARLY_BETTER = 3.0, 10.0
+_NOISY_INPUT = 0.01
 _STILL_FITS = 4.0
 _DISAGREEMENT = 0.05
 #: Relative error that smoothing leaves on the curve, however little noise there is.
 _SMOOTHING_SD = 0.01
 _LARGE_ANGLE_RAD = 0.2
+#: Noise of the input that could not be told is noted above this share of its power: K, B, J are
+#: off by about as much.
+_NOTED_NOISE_SHARE = 1e-3
+#: Frequencies at which less than this share of either signal is signal speak for no direction.
+_LEAST_SIGNAL = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +203,8 @@ def _doubts(
 ) -> tuple[str, ...]:
     notes = []
     if found.perturbed == "angle" or spectra.instrument is None:
-        notes += _direction_doubts(fit, found, spectra)
+        notes += _direction_doubts(fit, found, spectra, record.rate_hz)
+        notes += _untold_noise(found, spectra)
     if misfit > _MISFIT:
         notes.append(
             f"the joint is not of second order: it leaves {misfit:.1f} times the power that any "
@@ -209,16 +217,46 @@ def _doubts(
             f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: one "
             "stiffness may not hold over such a range"
         )
-    for name, value in zip(PARAMETERS, fit.values, strict=True):
-        if value < 0.0:
-            notes.append(
-                f"{name} is negative"
-                + (": gravity or body weight may act so" if name == "stiffness" else "")
-            )
-    return tuple(notes)
+    return (*notes, *_signs(fit))
 
 
-def _direction_doubts(fit: SpectrumFit, found: JointSpectra, spectra: RecordSpectra) -> list[str]:
+def _signs(fit: SpectrumFit) -> list[str]:
+    if np.all(fit.values < 0.0):
+        return [
+            "stiffness, damping and inertia are negative: the torque is counted on the other body. "
+            "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
+            "the sign of the angle"
+        ]
+    return [
+        f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
+        for name, value in zip(PARAMETERS, fit.values, strict=True)
+        if value < 0.0
+    ]
+
+
+def _untold_noise(found: JointSpectra, spectra: RecordSpectra) -> list[str]:
+    """Say how much of the input's power may be noise that was not taken off.
+
+    It is no more than what the coherence leaves, however broad the input.
+    """
+    share = spectra.untold_share[1 if found.perturbed == "torque" else 0]
+    band = found.band
+    power = found.spectra.auto_in[band]
+    share = min(share, float(np.average(1.0 - found.coherence[band], weights=power)))
+    if share <= _NOTED_NOISE_SHARE:
+        return []
+    off = "large" if found.perturbed == "torque" else "small"
+    return [
+        f"noise of the {found.perturbed} cannot be told from its signal, which reaches up to half "
+        f"the sampling rate: up to {100 * share:.2g} % of its power may be white noise, by which "
+        f"stiffness and inertia are too {off}; the intervals do not know it. Sample faster, "
+        "perturb less broadly, or give the command"
+    ]
+
+
+def _direction_doubts(
+    fit: SpectrumFit, found: JointSpectra, spectra: RecordSpectra, rate_hz: float
+) -> list[str]:
     """Say when the record speaks for the other input, or when the choice decides the stiffness."""
     other_name = "angle" if found.perturbed == "torque" else "torque"
     plain = replace(spectra, instrument=None)
@@ -226,9 +264,24 @@ def _direction_doubts(fit: SpectrumFit, found: JointSpectra, spectra: RecordSpec
     c = np.maximum(found.coherence, 1e-6)
     # The other direction's response is the same cross-spectrum over the other density.
     turned = found.impedance * c if found.perturbed == "torque" else found.impedance / c
-    ours, bins = _chi_square(found, found.impedance, fit.values)
-    theirs, _ = _chi_square(found, turned, other.values)
-    if theirs < ours - _CLEARLY_BETTER and theirs < _STILL_FITS * bins:
+    ours_kept = _share_of_signal(spectra, found.perturbed, found.spectra.auto_in, rate_hz)
+    theirs_kept = _share_of_signal(spectra, other_name, found.spectra.auto_out, rate_hz)
+    # Noise of the input, taken off the values too, lowers the response that it drives.
+    truer = found.impedance * _turn(ours_kept, found.perturbed)
+    turned = turned * _turn(theirs_kept, other_name)
+    # Both are judged at the same frequencies, with the same doubt.
+    used = found.band & (np.minimum(ours_kept, theirs_kept) >= _LEAST_SIGNAL)
+    if not used.any():
+        return []
+    unsure = np.hypot(1.0 / ours_kept - 1.0, 1.0 / theirs_kept - 1.0)[used]
+    sd = np.hypot(found.relative_sd[used], _SMOOTHING_SD)
+    sd = np.hypot(sd, unsure / np.sqrt(found.spectra.n_averages))
+    ours, bins = _chi_square(found, used, truer, values=fit.values, sd=sd)
+    theirs, _ = _chi_square(found, used, turned, values=other.values, sd=sd)
+    noise, inside = _noise_of(spectra, found.perturbed), found.spectra.auto_in[found.band].mean()
+    untold = spectra.untold_share[0 if found.perturbed == "angle" else 1]
+    noisy = noise / rate_hz > _NOISY_INPUT * inside or untold > _NOISY_INPUT
+    if theirs < ours - (_CLEARLY_BETTER if noisy else _BETTER) and theirs < _STILL_FITS * bins:
         return [
             f"the record looks {other_name}-perturbed: a second-order joint fits the response "
             f"estimated with the {other_name} as the input better than this one (chi square "
@@ -244,15 +297,36 @@ def _direction_doubts(fit: SpectrumFit, found: JointSpectra, spectra: RecordSpec
     return []
 
 
+def _share_of_signal(
+    spectra: RecordSpectra, name: str, density: np.ndarray, rate_hz: float
+) -> np.ndarray:
+    """Return which share of a channel's density is not its white noise, (f,)."""
+    noise = _noise_of(spectra, name) / rate_hz
+    share: np.ndarray = np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6)
+    return share
+
+
+def _noise_of(spectra: RecordSpectra, name: str) -> float:
+    """Return the one-sided density of a channel's white noise times the sampling rate."""
+    return 2.0 * spectra.noise[0 if name == "angle" else 1] / spectra.window_power
+
+
+def _turn(share: np.ndarray, name: str) -> np.ndarray:
+    """Return what the impedance is multiplied by where so much of its input is signal."""
+    return share if name == "torque" else 1.0 / share
+
+
 def _chi_square(
-    found: JointSpectra, impedance: np.ndarray, values: np.ndarray
+    found: JointSpectra,
+    used: np.ndarray,
+    impedance: np.ndarray,
+    *,
+    values: np.ndarray,
+    sd: np.ndarray,
 ) -> tuple[float, float]:
     """Return the squared distance of a response from a joint in sd, and the independent bins."""
-    band = found.band
-    s = 2j * np.pi * found.spectra.frequency_hz[band]
+    s = 2j * np.pi * found.spectra.frequency_hz[used]
     model = values @ np.stack([np.ones_like(s), s, s**2])
-    sd = np.hypot(found.relative_sd[band], _SMOOTHING_SD)
-    distance = np.abs(impedance[band] / model - 1.0) ** 2 / (2.0 * sd**2)
-    step = found.spectra.frequency_hz[1]
-    share = step / found.spectra.resolution_hz
+    distance = np.abs(impedance[used] / model - 1.0) ** 2 / (2.0 * sd**2)
+    share = found.spectra.frequency_hz[1] / found.spectra.resolution_hz
     return float(distance.sum() * share), float(distance.size * share)

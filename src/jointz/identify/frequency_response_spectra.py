@@ -96,7 +96,7 @@ def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointReco
     if command is not None and np.ptp(command) == 0.0:
         raise DataError(
             "the channel 'command' is constant and cannot be an instrument. Give the torque that "
-            "was commanded, or leave command out.",
+            "was commanded (in recordings of jointz the channel 'reference'), or leave it out.",
             channel="command",
         )
     centred = {name: values - values.mean() for name, values in record.channels.items()}
@@ -212,8 +212,15 @@ def _coherent_to_hz(found: JointSpectra, *, where: str, has_command: bool) -> fl
         np.pad(c, _MEDIAN_WIDTH // 2, mode="edge"), _MEDIAN_WIDTH
     )
     needed = max(_BAND_COHERENCE, coherence_threshold(found.spectra.n_averages))
-    usable = np.flatnonzero((np.median(middle, axis=1) > needed) & (f > 0.0))
-    usable = usable[f[usable] <= min(_HIGHEST_HZ, _HIGHEST_SHARE * f[-1])]
+    top_hz = min(_HIGHEST_HZ, _HIGHEST_SHARE * f[-1])
+    reached = np.flatnonzero((f > 0.0) & (f <= top_hz))
+    if reached.size < _MEDIAN_WIDTH:
+        raise DataError(
+            f"{where}: the record is too short: its spectra have {reached.size} frequencies below "
+            f"{top_hz:.3g} Hz, one in {f[1]:.3g} Hz; at least {_MEDIAN_WIDTH} are needed. Record "
+            f"at least {_SEGMENTS * _MEDIAN_WIDTH / top_hz:.2g} s."
+        )
+    usable = reached[np.median(middle, axis=1)[reached] > needed]
     if usable.size < _MEDIAN_WIDTH:
         pair = "command and angle" if has_command else "torque and angle"
         raise EstimationError(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -11,28 +11,11 @@ from jointz.core.bench_fits import FullRecordFit, estimate
 from jointz.core.errors import DataError
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.joint_fit import FitSeries
+from jointz.identify.bench_band import BandRecord, band_hz, band_record
+from jointz.identify.bench_lag import LARGEST_CONDITION, LagChoice, LagModel, choose_lag
 from jointz.identify.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.identify.bench_regression import (
-    BandRecord,
-    Lag,
-    Regression,
-    band_hz,
-    band_record,
-    solve_regression,
-)
-from jointz.kernels.block_sandwich import block_sandwich, correlation_time, count_blocks
+from jointz.identify.bench_regression import Regression
 
-LagModel = Literal["delay", "first_order", "mixed"]
-
-_FREE: dict[LagModel, tuple[str, ...]] = {
-    "delay": ("total",),
-    "first_order": ("tau",),
-    "mixed": ("total", "spread"),
-}
-#: A kind of lag is refused where the spread lies this many sds from what the kind says.
-_REFUSED = 2.5
-#: Above this the regressors are one motion, and what the filter leaves decides.
-_LARGEST_CONDITION = 300.0
 #: Below this share of samples with known friction, a note is made.
 _FEW_KEPT = 0.3
 #: Angle noise that would take this share off inertia, were it not corrected, is noted.
@@ -40,6 +23,7 @@ _NOISE_SHARE = 0.003
 #: A direction that is one and the same is an offset.
 _LEAST_DIRECTION_SD = 0.05
 _SERIES_S = 3.0
+_DAMPING = 1  # its place among the parameters
 _SERIES_POINTS = 1500
 
 
@@ -67,7 +51,7 @@ def fit_full_record(
     trials: Sequence[BenchTrial],
     *,
     friction: bool = True,
-    lag_s: float | None = None,
+    lag_s: float | tuple[float, float] | None = None,
     lag_model: LagModel | None = None,
     intrinsic: Impedance | None = None,
     torque_gain_sd: float = 0.0,
@@ -82,8 +66,9 @@ def fit_full_record(
         Trials of one load, of one or more references; nothing subtracted, nothing cut.
     friction : bool
         Whether a torque of constant size against the motion is part of the model.
-    lag_s : float, optional
-        Known lag of the torque record, positive where it is late; estimated by default.
+    lag_s : float or tuple of float, optional
+        Known lag of the torque record, positive where it is late, or the lag and its sd;
+        estimated by default. Without an sd it is held.
     lag_model : {"delay", "first_order", "mixed"}, optional
         What the lag is; tested by default (a given lag is a delay then).
     intrinsic : Impedance, optional
@@ -116,7 +101,14 @@ def fit_full_record(
 
     A first-order filter that is taken for a delay of the same lag raises J by 0.2-0.5 %.
     So both are fitted, with a test whether the filter's spread differs from either; where
-    neither is refused, or both are, delay and filter are fitted together.
+    neither is refused, or both are, delay and filter are fitted together. The intervals hold
+    what the other kind would change.
+
+    The lag is searched from -10 to 20 ms. A spring with little inertia moves in step with
+    its torque: its lag T and a damping K*T are then one and the same. Where a lag 2 ms from
+    the best one fits nearly as well, lag and damping are ``undecided``, the lag is held at
+    the value nearest to zero that is not refused (or at the known one), and the intervals of
+    the others take in all lags that are not refused.
 
     It misleads when the torque has a gain error (K and J take it one to one), when the
     load is not linear, when the angle is late too (only the difference of the lags is
@@ -134,41 +126,44 @@ def fit_full_record(
     160.0
     """
     _check_arguments(torque_gain_sd, angle_gain_sd, ci_level)
+    known = _known_lag(lag_s)
     even = even_records(trials)
     records = [band_record(record, friction=friction) for record in even]
     notes: list[str] = []
     friction = friction and _friction_can_be_told(records, notes)
-    model, regression, widest = _solve(records, lag_s=lag_s, lag_model=lag_model, friction=friction)
-    statistical, n_blocks = _sandwich(widest, even[0].step_s)
-    decided = n_blocks > 0 and regression.condition_number <= _LARGEST_CONDITION
-    notes += _quality_notes(records, regression, n_blocks)
-    if model == "mixed" and lag_model is None:
-        notes.append(_mixed_note(regression, statistical))
+    chosen = choose_lag(records, known_s=known, model=lag_model, friction=friction)
+    regression = chosen.regression
+    notes += _quality_notes(records, chosen)
+    if chosen.model == "mixed" and lag_model is None:
+        notes.append(_mixed_note(chosen))
     values, covariance = _calibrated(
-        regression, statistical, intrinsic=intrinsic, gain_sd=(torque_gain_sd, angle_gain_sd)
+        regression, chosen.covariance, intrinsic=intrinsic, gain_sd=(torque_gain_sd, angle_gain_sd)
     )
-    kept = [*range(regression.values.size), *([regression.values.size] if lag_s is None else [])]
-    covariance = covariance[np.ix_(kept, kept)] if decided else np.empty((0, 0))
+    held = known is not None and known[1] == 0.0
+    names = _names(friction=friction, lag_is_free=not held)
+    covariance = _of_parameters(covariance, chosen, len(names))
+    complete = bool(np.isfinite(covariance).all())
     return FullRecordFit(
         parameters=_parameters(
-            dict(zip(_names(friction=friction, lag_is_free=lag_s is None), values, strict=False)),
-            covariance,
-            n_blocks=n_blocks,
-            n_fitted=len(widest.bread),
+            dict(zip(names, values, strict=False)),
+            np.sqrt(np.diag(covariance)),
+            n_blocks=chosen.n_blocks,
+            n_fitted=len(chosen.covariance),
             ci_level=ci_level,
         ),
-        lag_model="given" if lag_s is not None and lag_model is None else model,
+        lag_model="given" if held and lag_model is None else chosen.model,
         filter_time_s=regression.lag.filter_time_s,
         vaf_pct=100.0 * (1.0 - _power(regression.residual) / _power(regression.measured)),
         residual_sd_nm=float(np.std(regression.residual)),
         n_samples=regression.residual.size,
         rate_hz=1.0 / even[0].step_s,
         condition_number=regression.condition_number,
-        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        covariance=tuple(tuple(row) for row in covariance.tolist()) if complete else (),
         settings={
             "n_trials": len(records),
             "friction": friction,
-            "lag_s": lag_s,
+            "lag_s": known[0] if known else None,
+            "lag_sd_s": known[1] if known else None,
             "band_sd_hz": band_hz(even[0].step_s),
             "torque_gain_sd": torque_gain_sd,
             "angle_gain_sd": angle_gain_sd,
@@ -178,6 +173,27 @@ def fit_full_record(
         warnings=tuple(notes),
         series=_series(even[0], records[0], regression),
     )
+
+
+def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float] | None:
+    if lag_s is None:
+        return None
+    value, sd = lag_s if isinstance(lag_s, tuple) else (lag_s, 0.0)
+    if not sd >= 0.0:
+        raise DataError(f"fit_full_record: expected an sd of the lag >= 0, got {sd:g} s.")
+    return value, sd
+
+
+def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.ndarray:
+    """Return the covariance of the parameters that are told; infinite for those that are not."""
+    out = np.full((count, count), np.inf)
+    decided = chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION
+    if decided:
+        n = min(count, len(covariance))
+        out[:n, :n] = covariance[:n, :n]
+        if chosen.range_s is not None:  # a lag is a damping
+            out[_DAMPING, :] = out[:, _DAMPING] = np.inf
+    return out
 
 
 def _check_arguments(torque_gain_sd: float, angle_gain_sd: float, ci_level: float) -> None:
@@ -210,70 +226,6 @@ def _friction_can_be_told(records: Sequence[BandRecord], notes: list[str]) -> bo
     return False
 
 
-def _solve(
-    records: Sequence[BandRecord],
-    *,
-    lag_s: float | None,
-    lag_model: LagModel | None,
-    friction: bool,
-) -> tuple[LagModel, Regression, Regression]:
-    """Return the regression with the lag that was given, asked for or chosen.
-
-    The last is the one to take intervals from: one that chose the kind of lag by the data
-    must not forget that another was possible.
-    """
-    if lag_s is not None:
-        model: LagModel = lag_model or "delay"
-        start = Lag(lag_s, lag_s**2 if model == "first_order" else 0.0)
-        free = ("spread",) if model == "mixed" else ()
-        fit = solve_regression(records, start=start, free=free, friction=friction)
-        return model, fit, fit
-    if lag_model is not None:
-        fit = _estimated(records, lag_model, friction=friction)
-        return lag_model, fit, fit
-    mixed = _estimated(records, "mixed", friction=friction)
-    accepted = _accepted(mixed, records[0].step_s)
-    if len(accepted) == 1:
-        return accepted[0], _estimated(records, accepted[0], friction=friction), mixed
-    return "mixed", mixed, mixed
-
-
-def _estimated(records: Sequence[BandRecord], model: LagModel, *, friction: bool) -> Regression:
-    return solve_regression(records, start=Lag(), free=_FREE[model], friction=friction)
-
-
-def _accepted(mixed: Regression, step_s: float) -> list[LagModel]:
-    """Return which simple kinds of lag the free spread does not refuse."""
-    covariance, n_blocks = _sandwich(mixed, step_s)
-    if n_blocks == 0 or mixed.condition_number > _LARGEST_CONDITION:
-        return ["delay"]
-    total, spread = mixed.lag.total_s, mixed.lag.spread_s2
-    slope = np.array([-2.0 * total, 1.0])  # of spread - total^2 by total and spread
-    filter_sd = float(np.sqrt(slope @ covariance[-2:, -2:] @ slope))
-    accepted: list[LagModel] = []
-    if abs(spread) <= _REFUSED * float(np.sqrt(covariance[-1, -1])):
-        accepted.append("delay")
-    if total > 0.0 and abs(spread - total**2) <= _REFUSED * filter_sd:
-        accepted.append("first_order")
-    return accepted
-
-
-def _sandwich(regression: Regression, step_s: float) -> tuple[np.ndarray, int]:
-    """Return the covariance of all fitted parameters, and its blocks; 0 where too short."""
-    n_fitted = len(regression.bread)
-    duration = regression.residual.size * step_s
-    correlated = correlation_time(regression.residual, rate_hz=1.0 / step_s)
-    n_blocks = count_blocks(duration, correlation_time_s=correlated)
-    size = np.sqrt(np.abs(np.diag(regression.bread)))
-    if n_blocks <= n_fitted + 1 or size.min() == 0.0:
-        return np.full((n_fitted, n_fitted), np.inf), 0
-    scaled = block_sandwich(
-        regression.scores / size, regression.bread / np.outer(size, size), n_blocks
-    )
-    spent = (n_blocks - 1) / (n_blocks - n_fitted)
-    return spent * scaled / np.outer(size, size), n_blocks
-
-
 def _calibrated(
     regression: Regression,
     covariance: np.ndarray,
@@ -302,35 +254,40 @@ def _calibrated(
 
 def _parameters(
     values: dict[str, float],
-    covariance: np.ndarray,
+    sds: np.ndarray,
     *,
     n_blocks: int,
     n_fitted: int,
     ci_level: float,
 ) -> tuple[ParameterEstimate, ...]:
-    """Return the estimates; an empty covariance leaves all undecided."""
+    """Return the estimates; an infinite sd leaves one undecided."""
     common: dict[str, Any] = {
         "ci_level": ci_level,
         "ci_method": f"sandwich over {n_blocks} blocks, calibration sd added",
     }
     factor = float(student_t.ppf((1.0 + ci_level) / 2.0, max(n_blocks - n_fitted, 1)))
-    sds = np.sqrt(np.diag(covariance)) if covariance.size else np.full(len(values), np.inf)
     return tuple(
         estimate(name, float(value), float(sd), t_factor=factor, common=common)
         for (name, value), sd in zip(values.items(), sds, strict=True)
     )
 
 
-def _quality_notes(
-    records: Sequence[BandRecord], regression: Regression, n_blocks: int
-) -> list[str]:
-    notes = []
-    if n_blocks == 0:
+def _quality_notes(records: Sequence[BandRecord], chosen: LagChoice) -> list[str]:
+    notes, regression = [], chosen.regression
+    if chosen.n_blocks == 0:
         notes.append("undecided: the records are too short for an interval; record longer")
-    if regression.condition_number > _LARGEST_CONDITION:
+    if regression.condition_number > LARGEST_CONDITION:
         notes.append(
             "undecided: the motion is too simple to tell the parameters apart, such as one sine; "
             "add pulses"
+        )
+    if chosen.range_s is not None:
+        low, high = (1e3 * t for t in chosen.range_s)
+        held = round(1e3 * regression.lag.total_s, 1) + 0.0  # no -0
+        notes.append(
+            f"damping and lag are undecided: lags from {low:.0f} to {high:.0f} ms fit alike, as a "
+            f"load with little inertia lets them; held at {held:g} ms. Give the lag where it is "
+            "known"
         )
     kept = regression.residual.size / sum(record.torque.size for record in records)
     if kept < _FEW_KEPT:
@@ -346,9 +303,9 @@ def _quality_notes(
     return notes
 
 
-def _mixed_note(regression: Regression, covariance: np.ndarray) -> str:
-    sd = float(np.sqrt(covariance[-1, -1]))
-    spread = regression.lag.spread_s2
+def _mixed_note(chosen: LagChoice) -> str:
+    sd = float(np.sqrt(chosen.covariance[-1, -1]))
+    spread = chosen.regression.lag.spread_s2
     low, high = (1e3 * np.sqrt(max(spread + s * sd, 0.0)) for s in (-2.0, 2.0))
     return (
         f"the lag holds a first-order filter of {low:.1f} to {high:.1f} ms besides a delay, or the "

@@ -192,7 +192,8 @@ def _check_length(record: JointRecord, length_s: float | None) -> None:
     if seconds < _FEWEST_LENGTHS * length_s:
         raise DataError(
             f"{_WHERE}: the record lasts {seconds:.4g} s, at least {_FEWEST_LENGTHS:.0f} impulse "
-            f"responses of {length_s:.4g} s are needed. Record longer, or shorten length_s."
+            f"responses of {length_s:.4g} s are needed. Record longer, or, in Python, shorten "
+            "length_s."
         )
 
 
@@ -236,7 +237,9 @@ def _respond(
             input_noise=noise[:lags] if noise_sd > 0.0 else None,
         )
     except ValueError as exc:
-        raise DataError(f"{_WHERE}: {exc}. Record longer, or shorten length_s.") from exc
+        raise DataError(
+            f"{_WHERE}: {exc}. Record longer, or, in Python, shorten length_s."
+        ) from exc
 
 
 def _curve(

@@ -10,8 +10,9 @@ from scipy.stats import t as student_t
 from jointz.core.bench_fits import PulseFit, estimate
 from jointz.core.errors import DataError
 from jointz.core.joint_fit import FitSeries
-from jointz.identify.bench_records import BenchTrial, EvenRecord, even_records, white_noise_sd
+from jointz.identify.bench_records import BenchTrial, EvenRecord, even_records
 from jointz.kernels.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
+from jointz.kernels.second_order_recursion import REACH
 
 Signal = Literal["response", "raw"]
 
@@ -95,7 +96,7 @@ def fit_pulse(
     The true torque at every sample is unknown and profiled out, with torque linear
     between samples; see :mod:`jointz.kernels.second_order`. With noise of the encoder
     only, the RMSE is within 5 % of the Cramer-Rao bound. A lag between samples
-    is an all-pass filter, which leaves white noise white.
+    is a windowed sinc, which leaves white noise white wherever a load can move.
     Where the residuals are larger than the noise says, intervals are widened by them.
 
     It misleads where the load has friction (0.15 N*m in a 7 N*m pulse move J by some
@@ -137,7 +138,7 @@ def _window(
             f"{even.time_s[0]:.6g} to {even.time_s[-1]:.6g} s. Give a longer record or a shorter "
             "window."
         )
-    beside = int(np.ceil(_LARGEST_LAG_S / step)) + 2
+    beside = int(np.ceil(_LARGEST_LAG_S / step)) + REACH
     before = min(beside, first)
     torque = even.torque[first - before : first + count + beside]
     # At rest there is no torque before the record; raw records end the search for a lag there.
@@ -153,25 +154,27 @@ def _window(
 def _estimated_noise(even: EvenRecord) -> NoiseLevels:
     floor = _LEAST_SD_SHARE
     return NoiseLevels(
-        max(white_noise_sd(even.angle), floor * float(np.ptp(even.angle))),
-        max(white_noise_sd(even.torque), floor * float(np.ptp(even.torque))),
+        max(even.noise_sd(even.angle), floor * float(np.ptp(even.angle))),
+        max(even.noise_sd(even.torque), floor * float(np.ptp(even.torque))),
     )
 
 
 def _best_of_starts(
     record: PulseRecord, levels: NoiseLevels, lag: tuple[float, float] | None
 ) -> LikelihoodFit:
-    """Return the likeliest fit; a free lag is searched from several values."""
+    """Return the likeliest fit; a free lag is searched further where the first is none."""
     lags = _START_LAGS_S if lag is None else (lag[0],)
-    fits = [
-        maximise_likelihood(
+    fits: list[LikelihoodFit] = []
+    for start_lag in lags:
+        fit = maximise_likelihood(
             record,
             _start(record, start_lag),
             noise_sd=(levels.angle_sd_rad, levels.torque_sd_nm),
             lag_prior=lag,
         )
-        for start_lag in lags
-    ]
+        fits.append(fit)
+        if fit.converged and fit.chi_square < _LARGE_CHI_SQUARE * fit.n_residuals:
+            break
     return min(fits, key=lambda fit: (not fit.converged, fit.chi_square))
 
 

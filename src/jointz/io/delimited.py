@@ -199,7 +199,8 @@ def _holds_numbers(layout: _Layout) -> bool:
 def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:
     raise layout.error(
         f"expected a header, found numbers ({', '.join(layout.names[:4])}). If the file has no "
-        "header, set [files] header = false and give columns by number.",
+        "header, set [files] header = false (jointz identify: --no-header) and give columns by "
+        "number.",
         row=layout.first_row - 1,
     )
 
@@ -235,8 +236,9 @@ def _refuse_duplicate(layout: _Layout, name: str) -> None:
     if layout.names.count(name) > 1:
         at = [str(i) for i, other in enumerate(layout.names, start=1) if other == name]
         raise layout.error(
-            f"the name '{name}' stands over columns {' and '.join(at)}. Give the column by its "
-            "number, or rename one.",
+            f"the name '{name}' stands over columns {' and '.join(at)}. Rename one, or leave the "
+            "names out and give columns by number: [files] skip_rows and header = false (jointz "
+            "identify: --skip-rows and --no-header).",
             row=layout.first_row - 1,
         )
 
@@ -247,7 +249,10 @@ def _missing_hint(layout: _Layout) -> str:
     header = layout.head[-1].decode("utf-8-sig")
     for mark, written in ((";", ";"), ("\t", "\\t"), (",", ",")):
         if mark in header and mark != layout.delimiter:
-            return f"The header contains '{written}': set [files] delimiter = \"{written}\"."
+            return (
+                f"The header contains '{written}': set [files] delimiter = \"{written}\" (jointz "
+                "identify: --delimiter)."
+            )
     return ""
 
 
@@ -456,7 +461,10 @@ def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
     hint = "Correct the cell or leave it empty."
     if _NUMBER.fullmatch(other):
         sign = {".": ",", ",": "."}[layout.decimal]
-        hint = f'If the file writes decimals so, set [files] decimal = "{sign}".'
+        hint = (
+            f'If the file writes decimals so, set [files] decimal = "{sign}" (jointz identify: '
+            f'--decimal "{sign}").'
+        )
     raise layout.error(f"expected a number, found '{cell}'. {hint}", row=row, channel=name)
 
 

@@ -20,9 +20,12 @@ _FIRST_BIN = 2
 _HALF_WIDTH = 25
 _PASSES = 8
 _SMALL_STEP = 1e-5
-#: A noise floor is flat to this ratio and this far below the signal.
+#: A noise floor is flat to this ratio and this far below the signal: a broad-band signal is no
+#: noise, however flat.
 _FLAT = 1.25
-_FAR_BELOW = 0.01
+_FAR_BELOW = 0.1
+#: Frequencies above the band in which a floor can be seen.
+_FEWEST_ABOVE = 24
 _FEWEST_BINS = 12
 
 
@@ -43,6 +46,9 @@ class RecordSpectra:
     noise : tuple of float
         Power of the measurement noise of angle and torque at each frequency; 0
         where it could not be told.
+    untold_share : tuple of float
+        Of angle and torque: the largest share of their power in the band that
+        may be white noise, where it could not be told; else 0.
     window_power : float
         Power that white noise of variance one would have.
     """
@@ -52,6 +58,7 @@ class RecordSpectra:
     torque: np.ndarray
     instrument: np.ndarray | None
     noise: tuple[float, float]
+    untold_share: tuple[float, float]
     window_power: float
 
     @property
@@ -135,13 +142,15 @@ def record_spectra(
     angles, torques = (fft.rfft(window * x) for x in centred)
     first, second = (fft.rfft(w * centred[0])[band] for w in (slope, bend))
     theta = angles[band]
+    noise, untold = zip(*(_noise_power(x, band.stop) for x in (angles, torques)), strict=True)
     instrument = None if command is None else _explained(command, torques, window)[band]
     return RecordSpectra(
         s=s,
         motion=np.stack([theta, s * theta - first, s**2 * theta - 2.0 * s * first + second]),
         torque=torques[band],
         instrument=instrument,
-        noise=(_noise_power(angles, s.size), _noise_power(torques, s.size)),
+        noise=noise,
+        untold_share=untold,
         window_power=float(window @ window),
     )
 
@@ -310,16 +319,23 @@ def _smooth_complex(x: np.ndarray) -> np.ndarray:
     return smooth
 
 
-def _noise_power(spectrum: np.ndarray, band_end: int) -> float:
-    """Return the power of white noise, read off the top of the spectrum; 0 where it is not flat.
+def _noise_power(spectrum: np.ndarray, band_end: int) -> tuple[float, float]:
+    """Return the power of white noise, read off the top of the spectrum, and the share untold.
 
-    A spectrum still falling there is signal, or was filtered: nothing is known.
+    A spectrum still falling there is signal, or was filtered: nothing is known but
+    that white noise is no more than what is left at its end.
     """
-    half, three_quarters = spectrum.size // 2, 3 * spectrum.size // 4
-    if band_end > half:
-        return 0.0
     power = np.abs(spectrum) ** 2
-    low, high = float(power[half:three_quarters].mean()), float(power[three_quarters:-1].mean())
+    inside = float(power[_FIRST_BIN:band_end].mean())
+    if inside <= 0.0:
+        return 0.0, 0.0
+    start = max(spectrum.size // 2, band_end)
+    if spectrum.size - start < _FEWEST_ABOVE:
+        return 0.0, min(float(power[3 * spectrum.size // 4 :].mean()) / inside, 1.0)
+    middle = (start + spectrum.size) // 2
+    low, high = float(power[start:middle].mean()), float(power[middle:-1].mean())
     flat = max(low, high) <= _FLAT * min(low, high)
-    floor = 0.5 * (low + high)
-    return floor if flat and floor <= _FAR_BELOW * float(power[:band_end].mean()) else 0.0
+    # The upper half holds the least signal.
+    if flat and high <= _FAR_BELOW * inside:
+        return high, 0.0
+    return 0.0, min(high / inside, 1.0)

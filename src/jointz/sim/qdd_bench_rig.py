@@ -1,12 +1,13 @@
 """The simulated quasi-direct drive on its bench, as an experiment is handed it."""
 
 from dataclasses import asdict, replace
+from math import hypot
 from typing import Any, ClassVar
 
 import numpy as np
 
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
 from jointz.sim.bench_load import BenchLoad
 from jointz.sim.loaded_bench import BenchLabels, LoadedBench
 from jointz.sim.qdd_bench import QddSettings
@@ -75,8 +76,16 @@ class QddBench(LoadedBench):
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """Nothing: the torque model is what is being calibrated."""
-        return CalibrationSpec()
+        """What the lab knows of model 3.3: how far its gain may be off.
+
+        The model was fitted to the torque sensor, and is off by that sensor's gain; what it
+        is off besides the lab does not know, but how much that may be.
+        """
+        errors = self.settings.errors
+        gain_sd = hypot(errors.sensor_gain_sd, errors.torque_constant_error)
+        if gain_sd == 0.0:
+            return CalibrationSpec()
+        return CalibrationSpec(torque_gain=Calibrated(value=1.0, sd=gain_sd))
 
     def bench_truth(self) -> dict[str, Any]:
         """Return the truth about load and bench, ready for JSON."""

@@ -208,3 +208,78 @@ def test_a_response_model_gives_the_second_order_joint_and_a_figure(jointz, knee
     assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(80.0, rel=0.02)
     assert {"vaf_pct", "status"} <= set(outcome.json)
     assert figure.stat().st_size > 1000
+
+
+# --- what a user may get wrong -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", ["nan", "0", "inf"])
+def test_a_loss_that_is_none_is_refused_as_usage(jointz, loop, value):
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--drop-db", value)
+
+    assert outcome.code == 2
+    assert "--drop-db" in outcome.err
+
+
+@pytest.mark.parametrize("value", ["nan", "-1"])
+def test_a_window_that_is_none_is_refused(jointz, loop, value):
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--window-s", value)
+
+    assert outcome.code == 2
+    assert "window_s: expected > 0 s" in outcome.err
+
+
+def test_an_empty_delimiter_is_refused_in_words(jointz, loop):
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--delimiter", "")
+
+    assert outcome.code == 2
+    assert "--delimiter '': expected a character" in outcome.err
+    assert "pydantic" not in outcome.err
+
+
+def test_a_folder_is_no_recording(jointz, tmp_path):
+    outcome = jointz("identify", "actuator", tmp_path, *COLUMNS)
+
+    assert outcome.code == 2
+    assert "is a directory" in outcome.err
+
+
+def test_two_rows_are_too_few_not_a_crash(jointz, tmp_path):
+    path = tmp_path / "two.csv"
+    path.write_text("i,w,tau\n1,2,3\n2,1,5\n")
+
+    outcome = jointz("identify", "actuator", path, *COLUMNS)
+
+    assert outcome.code == 1
+    assert "it has 2 samples" in outcome.out
+
+
+def test_a_constant_command_beside_a_reference_names_the_reference(jointz, loop):
+    table = pd.read_csv(loop)
+    table.assign(reference=table["cmd"], cmd=0.0).to_csv(loop, index=False)
+
+    outcome = jointz("identify", "bandwidth", loop, *LOOP)
+
+    assert outcome.code == 1
+    assert "Try --command reference" in outcome.err
+    table.assign(cmd=0.0).to_csv(loop, index=False)
+    assert "reference" not in jointz("identify", "bandwidth", loop, *LOOP).err
+
+
+@pytest.mark.parametrize(
+    ("text", "option"),
+    [
+        ("0.1,2,3\n2,1,5\n", "--no-header"),
+        ("i;w;tau\n1;2;3\n", "--delimiter"),
+        ('i,w,tau\n1,2,"3,5"\n2,1,4\n', "--decimal"),
+        ("i,w,tau,tau\n1,2,3,4\n2,1,5,4\n", "--no-header"),
+    ],
+)
+def test_messages_about_the_layout_name_the_option(jointz, tmp_path, text, option):
+    path = tmp_path / "bench.csv"
+    path.write_text(text)
+
+    outcome = jointz("identify", "actuator", path, *COLUMNS)
+
+    assert outcome.code == 2
+    assert option in outcome.err

@@ -402,6 +402,100 @@ def test_a_turned_speed_is_flagged():
     assert any(w.startswith("coulomb_friction is negative") for w in fit.warnings)
 
 
+@pytest.mark.parametrize("factor", [GEAR, math.degrees(1.0)])
+def test_a_speed_of_the_motor_or_in_degrees_is_flagged(factor):
+    channels = bench()
+    del channels["acceleration"]
+    plain = identify_actuator(**channels, gear_ratio=GEAR, rate_hz=RATE)
+    channels["velocity"] = factor * channels["velocity"]
+
+    fit = identify_actuator(**channels, gear_ratio=GEAR, rate_hz=RATE)
+
+    assert plain.warnings == ()
+    assert any("before the gear, or in deg/s" in w for w in fit.warnings)
+
+
+def test_a_wrong_rate_is_flagged_by_the_inertia():
+    channels = bench()
+    del channels["acceleration"]
+    fit = identify_actuator(**channels, gear_ratio=GEAR, rate_hz=1e12)
+
+    assert any("at the motor is implausible" in w and "rate" in w for w in fit.warnings)
+
+
+def test_a_smooth_sign_that_the_speed_never_passes_leaves_friction_undecided():
+    fit = identify_actuator(**bench(), gear_ratio=GEAR, smooth_velocity_rad_s=1e6)
+
+    for name in ("coulomb_friction", "gear_friction"):
+        assert fit.parameter(name).status == "undecided"
+    assert any("--smooth-velocity" in w for w in fit.warnings)
+
+
+def test_a_torque_that_is_the_current_is_flagged():
+    channels = bench()
+    fit = identify_actuator(**(channels | {"torque": channels["current"]}), gear_ratio=GEAR)
+
+    assert any("one and the same signal" in w for w in fit.warnings)
+    assert not any("is negative" in w for w in fit.warnings)
+
+
+def test_negative_friction_is_noted_even_where_its_interval_reaches_zero():
+    """A speed that has nothing to do with the torque: its friction is any small number."""
+    noted = 0
+    for seed in range(6):
+        c = levels(seed=seed)
+        rng = np.random.default_rng(seed)
+        torque = GEAR * 0.11 * c["current"] + rng.standard_normal(c["current"].size)
+        fit = identify_actuator(**c, torque=torque, gear_ratio=GEAR, model="motor")
+        friction = fit.parameter("viscous_friction")
+        notes = [w for w in fit.warnings if w.startswith("viscous_friction is negative")]
+        assert bool(notes) == (friction.value < 0.0)
+        if notes and friction.ci_high >= 0.0:
+            noted += 1
+            assert "which no friction is" in notes[0]
+    assert noted
+
+
+def test_samples_at_rest_are_flagged():
+    rng = np.random.default_rng(0)
+    t = np.arange(30_000) / RATE
+    current = 5 * np.sin(2 * np.pi * 0.31 * t) + 2 * np.sin(2 * np.pi * 1.3 * t)
+    velocity = 3 * np.sin(2 * np.pi * 0.2 * t)
+    velocity[np.abs(velocity) < 1.0] = 0.0
+    torque = torque_33(current, velocity, 0.0) + 0.1 * rng.standard_normal(t.size)
+    stuck = velocity == 0.0
+    torque[stuck] -= np.clip(GEAR * 0.11 * current[stuck], -0.38, 0.38)
+
+    fit = identify_actuator(current=current, velocity=velocity, torque=torque, gear_ratio=GEAR)
+
+    assert fit.parameter("torque_constant").value < 0.99 * 0.11
+    assert any("stand nearly still" in w and "read low" in w for w in fit.warnings)
+
+
+def test_noise_that_turns_the_sign_of_the_speed_is_flagged():
+    channels = bench()
+    noise = 0.2 * np.random.default_rng(1).standard_normal(channels["torque"].size)
+    slow = 2.0 * np.sin(np.arange(noise.size) / 200.0)
+    torque = torque_33(channels["current"], slow, 0.0)
+
+    fit = identify_actuator(
+        current=channels["current"], velocity=slow + noise, torque=torque, gear_ratio=GEAR
+    )
+
+    assert fit.parameter("coulomb_friction").value < 0.38
+    assert any("smaller than its noise" in w for w in fit.warnings)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 15])
+@pytest.mark.parametrize("rate_hz", [None, 0.1, 500.0])
+def test_a_handful_of_samples_has_no_interval_and_no_crash(n, rate_hz):
+    channels = {name: values[:: 20_000 // n][:n] for name, values in bench().items()}
+    fit = identify_actuator(**channels, gear_ratio=GEAR, rate_hz=rate_hz)
+
+    assert fit.status == "undecided"
+    assert any(f"it has {n} samples" in w for w in fit.warnings)
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 

@@ -223,3 +223,24 @@ def test_a_real_ankle_has_the_stiffness_of_regression_in_time(name, stiffness):
     assert fit.parameter("stiffness").value == pytest.approx(stiffness, rel=0.05)
     assert any("not of second order" in w for w in fit.warnings)
     assert not any("looks torque-perturbed" in w for w in fit.warnings)
+
+
+@pytest.mark.parametrize("perturbed", ["torque", "angle"])
+def test_a_turned_torque_is_named_with_the_option_that_turns_it(perturbed):
+    record = make_record(perturbed)
+
+    fit = identify_frequency_response(
+        **record, rate_hz=RATE, input=perturbed, torque_acts_on="device"
+    )
+
+    (note,) = (w for w in fit.warnings if "negative" in w)
+    assert note.startswith("stiffness, damping and inertia are negative")
+    assert "--torque-acts-on" in note
+    assert "gravity" not in note
+
+
+def test_a_record_of_a_second_is_too_short_not_incoherent():
+    record = {name: values[: int(RATE)] for name, values in make_record().items()}
+
+    with pytest.raises(DataError, match=r"the record is too short: .* at least 5 .* Record at"):
+        identify_frequency_response(**record, rate_hz=RATE)

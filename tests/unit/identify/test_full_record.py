@@ -11,7 +11,9 @@ from scipy.signal import lfilter
 
 from jointz.core.bench_fits import FullRecordFit
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.bench_records import BenchTrial
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.bench_cells import _lag
+from jointz.identify.bench_records import BenchTrial, even_records
 from jointz.identify.full_record import Impedance, fit_full_record
 
 LOADS = {1: (168.0, 0.0364), 2: (273.0, 0.0364), 3: (168.0, 0.0700), 4: (273.0, 0.0700)}
@@ -203,6 +205,30 @@ def test_a_jittered_clock_with_true_stamps_costs_little():
     assert np.abs(errors(uneven, 4) - errors(even, 4))[[0, 2]].max() < 0.3
 
 
+@pytest.mark.parametrize("jitter_s", [0.0, 5e-5, 1e-4])
+def test_noise_is_read_as_it_was_before_the_grid(jitter_s):
+    rng = np.random.default_rng(3)
+    t = np.arange(50_000) / RATE_HZ + rng.normal(scale=jitter_s, size=50_000)
+    noise = rng.normal(size=t.size)
+
+    even = even_records([BenchTrial(t, noise, noise)])[0]
+
+    assert even.noise_sd(even.angle) == pytest.approx(1.0, abs=0.02)
+
+
+def test_angle_noise_on_a_jittered_clock_leaves_inertia_alone():
+    rng = np.random.default_rng(6)
+    found = []
+    for seed in range(3):
+        noisy = [
+            dataclasses.replace(t, angle=t.angle + rng.normal(scale=3e-5, size=t.angle.size))
+            for t in trials(2, "A", seed, jitter_s=1e-4, torque_sd=0.02)
+        ]
+        found.append(errors(fit_full_record(noisy, lag_model="mixed", intrinsic=INTRINSIC), 2))
+
+    assert abs(np.mean(found, axis=0)[2]) < 0.3
+
+
 def test_a_filter_taken_for_a_delay_moves_inertia():
     recorded = trials(2, "A", 2, filter_s=LAG_S, torque_sd=0.0)
 
@@ -261,6 +287,82 @@ def test_a_wrong_lag_moves_damping_by_stiffness_times_lag(recorded, fitted):
 
     moved = fit.parameter("damping").value - fitted.parameter("damping").value
     assert abs(moved) > 0.005
+
+
+def test_an_uncertain_lag_is_weighed_with_what_the_record_says(recorded):
+    def lag(**kwargs):
+        return fit_full_record(recorded, intrinsic=INTRINSIC, **kwargs).parameter("torque_lag")
+
+    free = lag(lag_model="delay")
+    vague, sharp = lag(lag_s=(LAG_S + 1e-3, 0.01)), lag(lag_s=(LAG_S, 1e-6))
+
+    assert vague.value == pytest.approx(free.value, abs=2e-6)
+    assert sharp.value == pytest.approx(LAG_S, abs=2e-6)
+    assert sharp.ci_high - sharp.ci_low < 0.2 * (free.ci_high - free.ci_low)
+
+
+def test_a_study_that_knows_its_lags_passes_their_difference_on():
+    known = CalibrationSpec(
+        torque_lag_s=Calibrated(value=0.003, sd=3e-4), angle_lag_s=Calibrated(value=0.001, sd=4e-4)
+    )
+
+    assert _lag(known) == pytest.approx((0.002, 5e-4))
+    assert _lag(CalibrationSpec()) is None
+
+
+def test_a_negative_sd_of_the_lag_is_refused(recorded):
+    with pytest.raises(DataError, match="an sd of the lag >= 0, got -1 s"):
+        fit_full_record(recorded, lag_s=(0.0, -1.0))
+
+
+# --- a spring with hardly any inertia: its lag is a damping --------------------------------------
+
+SPRING, SPRING_DAMPING = 146.39, 0.1
+
+
+def spring_trial(seed: int, *, ripple: float = 0.3, torque_sd: float = 0.05) -> BenchTrial:
+    """A spring in step with its torque; a ripple over the angle is in no model."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 60.0, 1 / 500.0)
+    torque = 2.0 * np.sin(2 * np.pi * 0.3 * t)
+    for k in range(18):
+        pulse = np.interp(t - 2.7 - 3.1 * k, [0, 0.075, 0.175, 0.25], [0, 1, 1, 0])
+        torque = torque + (-1.0) ** k * 7.0 * pulse
+    rate = SPRING_DAMPING / SPRING
+    angle = lfilter([0.002 / (rate + 0.002)], [1, -rate / (rate + 0.002)], torque) / SPRING
+    seen = torque + ripple * np.sin(378.0 * 3.0 * angle + rng.uniform(0.0, 6.0))
+    noise = rng.normal(size=(2, t.size))
+    return BenchTrial(t, angle + 2e-5 * noise[0], seen + torque_sd * noise[1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_spring_keeps_its_stiffness_where_lag_and_damping_are_one(seed):
+    fit = fit_full_record([spring_trial(seed)])
+
+    stiffness = fit.parameter("stiffness")
+    assert fit.vaf_pct > 97.0
+    assert stiffness.value == pytest.approx(SPRING, rel=0.02)
+    for name in ("damping", "inertia", "torque_lag"):
+        assert fit.parameter(name).status == "undecided"
+    assert any("damping and lag are undecided" in note for note in fit.warnings)
+    assert fit.covariance == ()
+    assert FullRecordFit.from_dict(fit.to_dict()) == fit
+
+
+def test_what_is_known_of_the_lag_decides_the_damping_of_a_spring():
+    fit = fit_full_record([spring_trial(0, ripple=0.0)], lag_s=(0.0, 1e-4))
+
+    damping = fit.parameter("damping")
+    assert damping.ci_low <= SPRING_DAMPING <= damping.ci_high
+    assert damping.ci_high - damping.ci_low > 2.0 * 1.9 * 1e-4 * SPRING
+
+
+def test_a_fit_is_never_worse_than_one_without_lag():
+    for seed in range(4):
+        recorded = [spring_trial(seed, ripple=1.0)]
+        free = fit_full_record(recorded, lag_model="mixed")
+        held = fit_full_record(recorded, lag_s=0.0)
+        assert free.vaf_pct >= held.vaf_pct - 1e-9
 
 
 # --- friction ------------------------------------------------------------------------------------

@@ -51,7 +51,9 @@ def joint_angle(torque: np.ndarray) -> np.ndarray:
     return lfilter(numerator, [1.0, -np.trace(E[:2, :2]), np.linalg.det(E[:2, :2])], torque)
 
 
-def make_record(seed: int, *, muscle: float = 0.0) -> tuple[dict[str, np.ndarray], np.ndarray]:
+def make_record(
+    seed: int, *, muscle: float = 0.0, torque_noise: float = TORQUE_NOISE
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return what sensors see, and the true torque of the device."""
     rng = np.random.default_rng(seed)
     n = int((SECONDS + LEAD_S) * RATE * FINE)
@@ -61,7 +63,7 @@ def make_record(seed: int, *, muscle: float = 0.0) -> tuple[dict[str, np.ndarray
     kept = slice(int(LEAD_S * RATE * FINE), None, FINE)
     torque, angle = torque[kept], angle[kept]
     seen = {
-        "torque": torque + TORQUE_NOISE * rng.standard_normal(torque.size),
+        "torque": torque + torque_noise * rng.standard_normal(torque.size),
         "angle": angle + ANGLE_NOISE * rng.standard_normal(angle.size),
     }
     return seen, torque
@@ -143,3 +145,38 @@ def test_torque_inside_the_joint_moves_the_default_direction_by_1_5_pct_at_most(
         assert np.all(np.abs(values / KBJ - 1.0) < 0.015)
         assert right.warnings == ()
         assert any("looks torque-perturbed" in w for w in wrong.warnings)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("n_seeds", [6, pytest.param(100, marks=pytest.mark.slow)])
+def test_torque_noise_of_half_the_torque_makes_no_bias(model, n_seeds):
+    """2 N*m beside 4 N*m RMS: left in, it makes K and J 2 % too large."""
+    errors, held, warned = [], [], []
+    for seed in range(n_seeds):
+        seen, _ = make_record(seed, torque_noise=2.0)
+        fit = MODELS[model](**seen, rate_hz=RATE)
+        assert fit.settings["input_noise_sd"] == pytest.approx(2.0, rel=0.05)
+        assert not any("cannot be told" in w for w in fit.warnings)
+        warned.append(any("looks angle-perturbed" in w for w in fit.warnings))
+        errors.append([p.value / v - 1.0 for p, v in zip(fit.parameters, KBJ, strict=True)])
+        held.append([p.ci_low < v < p.ci_high for p, v in zip(fit.parameters, KBJ, strict=True)])
+
+    mean = np.mean(errors, axis=0)
+    # Beyond four standard errors nothing is left but the share of noise times itself.
+    assert np.all(np.abs(mean) < 4.0 * np.std(errors, axis=0) / np.sqrt(n_seeds) + 0.0015)
+    assert np.mean(held) >= 0.85
+    assert np.mean(warned) <= 0.05
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_noise_that_cannot_be_told_from_the_input_is_said(model):
+    """At 200 Hz the signal reaches half the rate: K is 2 % too large, and no interval knows."""
+    for seed in range(3):
+        seen, _ = make_record(seed, torque_noise=1.0)
+        thinned = {name: values[::5] for name, values in seen.items()}
+        fit = MODELS[model](**thinned, rate_hz=RATE / 5)
+
+        (note,) = (w for w in fit.warnings if "noise of the torque cannot be told" in w)
+        share_pct = float(note.split("up to ")[2].split(" %")[0])
+        assert 0.0 < 100.0 * (fit.parameter("stiffness").value / KBJ[0] - 1.0) < share_pct
+        assert fit.settings["input_noise_sd"] == 0.0

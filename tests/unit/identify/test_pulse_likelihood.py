@@ -73,6 +73,27 @@ def test_noise_of_the_torque_does_not_attenuate():
         assert abs(values.mean() - truth) < 3.2 * values.std() / np.sqrt(60)
 
 
+@pytest.mark.parametrize(
+    "n_seeds", [pytest.param(12, id="few"), pytest.param(100, id="many", marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("torque_sd", [0.15, 0.33, 0.5])
+@pytest.mark.parametrize("signal", ["response", "raw"])
+def test_noisy_torque_leaves_intervals_of_lag_and_damping_true(signal, torque_sd, n_seeds):
+    noise, lag = NoiseLevels(1e-5, torque_sd), 0.0012
+    held, width = [], []
+    for seed in range(n_seeds):
+        data = record(seed, lag=lag, raw=signal == "raw", noise=noise)
+        fit = fit_pulse(*data, onset_s=0.0, signal=signal)
+        if fit.status == "ok":
+            found = [(fit.parameter("torque_lag"), lag), (fit.parameter("damping"), B)]
+            held.append([p.ci_low <= truth <= p.ci_high for p, truth in found])
+            width.append(found[0][0].ci_high - found[0][0].ci_low)
+
+    assert len(held) >= 0.9 * n_seeds
+    assert (np.mean(held, axis=0) >= (0.88 if n_seeds >= 100 else 0.74)).all()
+    assert np.median(width) > 2 * 0.001 * torque_sd
+
+
 def test_noise_is_read_off_the_record():
     settings = fit_pulse(*record(1), onset_s=0.0).settings
 

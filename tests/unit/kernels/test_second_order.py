@@ -5,12 +5,8 @@ import pytest
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.kernels.second_order import (
-    PulseRecord,
-    _residual,
-    maximise_likelihood,
-    transfer_coefficients,
-)
+from jointz.kernels.second_order import PulseRecord, _residual, maximise_likelihood
+from jointz.kernels.second_order_recursion import transfer_coefficients
 
 STEP = 1 / 900
 LOADS = {
@@ -76,6 +72,34 @@ def test_banded_whitening_is_whitening_by_the_full_covariance(load, at_rest):
 
     expected = naive_residual(angle, torque[40:120], load, (1e-5, 0.1), at_rest)
     np.testing.assert_allclose(found[:-1], expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("samples", [-0.5, 0.5, 1.0, 1.5])
+def test_the_criterion_is_continuous_in_the_lag(samples):
+    rng = np.random.default_rng(1)
+    angle, torque = response("light", 226)
+    torque = torque + rng.normal(scale=0.33, size=torque.size)
+    K, B, J = LOADS["light"]
+
+    def cost(lag):
+        p = np.array([np.log(K), B, np.log(J), lag * STEP, 0.0])
+        found = _residual(p, angle, torque, (40, STEP, True, 1e-5, 0.33, 0.0, 0.0))
+        return found @ found
+
+    assert cost(samples + 1e-6) == pytest.approx(cost(samples - 1e-6), abs=1e-3)
+
+
+def test_a_lag_between_samples_is_that_of_a_sine():
+    angle, _ = response("light", 226)
+    t = STEP * np.arange(-40, 266)
+    K, B, J = LOADS["light"]
+    fixed = (40, STEP, True, 1e-5, 0.1, 0.0, 0.0)
+
+    def found(torque, lag):
+        return _residual(np.array([np.log(K), B, np.log(J), lag, 0.0]), angle, torque, fixed)
+
+    late = found(np.sin(200.0 * (t - 0.4 * STEP)), 0.4 * STEP)
+    np.testing.assert_allclose(late, found(np.sin(200.0 * t), 0.0), atol=2e-3)
 
 
 @pytest.mark.parametrize("at_rest", [True, False])

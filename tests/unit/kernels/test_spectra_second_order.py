@@ -149,6 +149,16 @@ def test_a_floor_that_still_falls_is_signal():
     spectra = record_spectra(torque, torque, rate_hz=RATE, highest_hz=30.0)
 
     assert spectra.noise == (0.0, 0.0)
+    assert 0.0 < max(spectra.untold_share) < 0.01
+
+
+def test_a_signal_up_to_half_the_rate_is_not_taken_for_noise():
+    torque = np.random.default_rng(0).standard_normal(10_000)
+
+    for highest_hz in (30.0, 0.49 * RATE):
+        spectra = record_spectra(torque, torque, rate_hz=RATE, highest_hz=highest_hz)
+        assert spectra.noise == (0.0, 0.0)
+        assert spectra.untold_share == pytest.approx((1.0, 1.0), abs=0.15)
 
 
 def test_too_few_frequencies_are_refused():

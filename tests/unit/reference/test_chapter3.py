@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping
 
+import numpy as np
 import pytest
 
 from jointz.reference import Printed, chapter3
@@ -44,6 +45,20 @@ def test_inertia_of_model_2_is_flagged_as_not_physical():
     assert inertia["3.2"].value / inertia["3.3"].value > 20
     assert "not physical" in inertia["3.2"].note
     assert "not fitted" in inertia["3.3"].note
+
+
+def test_the_j_of_model_2_is_the_b_that_the_friction_of_model_3_asks_for():
+    levels, speeds = np.linspace(-10.0, 10.0, 7), np.array([-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
+    third = {name: p.value for name, p in chapter3.TORQUE_MODELS["3.3"].items()}
+    current = np.abs(levels) / (third["gear_ratio"] * third["torque_constant"])
+    friction = third["coulomb_friction"] + third["gear_friction"] * current.mean()
+    viscous = friction * np.abs(speeds).mean() / (speeds**2).mean()
+
+    second = chapter3.TORQUE_MODELS["3.2"]
+    assert viscous == pytest.approx(0.23, abs=0.005)
+    assert viscous == pytest.approx(second["rotor_inertia"].value, rel=0.06)
+    assert viscous > 60 * second["viscous_friction"].value
+    assert "looks exchanged" in second["viscous_friction"].note
 
 
 def test_dynamic_error_is_neither_the_signed_nor_the_absolute_mean():
