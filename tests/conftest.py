@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -83,8 +84,10 @@ def jointz(
     def call(*arguments: object) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["jointz", *map(str, arguments)])
         capsys.readouterr()
+        handler = signal.getsignal(signal.SIGINT)
         with pytest.raises(SystemExit) as end:
             run()
+        signal.signal(signal.SIGINT, handler)  # ignored once a run was stopped
         captured = capsys.readouterr()
         return Outcome(int(end.value.code or 0), captured.out, captured.err)
 

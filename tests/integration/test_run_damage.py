@@ -1,17 +1,21 @@
 """What is done when the files of an interrupted run are not as it left them."""
 
+import errno
+import fcntl
 import json
+import os
 import shutil
 
 import pandas as pd
 import pytest
 
 import jointz
-from jointz.core.errors import DataError, OutputError, ProtocolError, WriteError
+from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolError, WriteError
 from jointz.core.limits import LimitsOverride
 from jointz.experiment.journal import read_journal
 from jointz.experiment.recorder import Recorder
 from jointz.io.protocols import load_protocol
+from jointz.sim.devices import SimulatedActuator
 
 
 @pytest.fixture(scope="module")
@@ -119,6 +123,71 @@ def test_the_damaged_end_of_a_condition_that_is_done_costs_nothing(protocol, out
     log.write_bytes(log.read_bytes()[:-3] + b"\0\0\0")
     assert_whole(out, run(protocol, out, resume=True), lost=0)
     assert not events_of(session, "records_lost")
+
+
+@pytest.fixture(scope="module")
+def finished(protocol, tmp_path_factory):
+    """A run that was killed when all was recorded and nothing converted."""
+    out = tmp_path_factory.mktemp("finished") / "study"
+    run(protocol, out)
+    for file in [*out.glob("S01*"), out / "study.toml", out / "run_report.json"]:
+        file.unlink()
+    (out / "sessions" / "S01" / "report.json").unlink()
+    return out
+
+
+@pytest.mark.parametrize("left", [0.0, 0.02, 0.5])
+def test_pulses_lost_from_a_condition_that_was_done_are_done_again(
+    protocol, finished, tmp_path, left
+):
+    out = shutil.copytree(finished, tmp_path / "study")
+    log = out / "sessions" / "S01" / "logs" / "perturbed-0.jzlog"
+    log.write_bytes(log.read_bytes()[: int(left * log.stat().st_size)])
+    made = run(protocol, out, resume=True)
+    lost = len(events_of(out / "sessions" / "S01", "pulse_lost"))
+    assert lost == 12 if left < 0.1 else 0 < lost < 12
+    assert_whole(out, made, lost=lost)
+    assert (log.parent / "perturbed-1.jzlog").exists()
+
+
+def test_a_run_that_was_killed_before_it_was_described_begins(protocol, tmp_path):
+    out = tmp_path / "study"
+    out.mkdir()
+    (out / "run.json").touch()
+    with pytest.raises(OutputError, match="exists and is kept"):
+        run(protocol, out)
+    assert_whole(out, run(protocol, out, resume=True), lost=0)
+
+
+def test_a_disk_that_is_full_from_the_beginning_leaves_nothing(protocol, tmp_path, monkeypatch):
+    def full(fd, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", full)
+        with pytest.raises(WriteError, match=r"run.json: cannot be written \(No space"):
+            run(protocol, tmp_path / "study")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_device_is_opened_while_another_process_runs_the_study(protocol, out, monkeypatch):
+    opened = []
+    monkeypatch.setattr("jointz.workflows.run.open_rig", lambda *_: opened.append("rig"))
+    with (out / "run.json").open("a") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(OutputError, match="another process is running this"):
+            run(protocol, out, resume=True)
+    assert opened == []
+
+
+def test_an_error_of_a_driver_before_the_trial_names_it(protocol, tmp_path, monkeypatch):
+    def unplugged(self):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(SimulatedActuator, "describe", unplugged)
+    with pytest.raises(DeviceError, match=r"^actuator: its driver raised OSError"):
+        run(protocol, tmp_path / "study")
+    assert list(tmp_path.iterdir()) == []
 
 
 def damage_middle(session):

@@ -424,7 +424,7 @@ def test_an_error_of_a_driver_names_its_device(rig, spy, protocol, tmp_path, mon
     with pytest.raises(DeviceError, match=r"^(angle|contact): its driver raised OSError.*cable"):
         session(rig, protocol, tmp_path).run()
     assert_stopped(spy, BEFORE_PULSES_S)
-    assert last_events(tmp_path) == "failed"
+    assert last_events(tmp_path) == "tripped"
 
 
 def test_an_error_while_the_rig_opens_is_journaled(rig, protocol, tmp_path, monkeypatch):
@@ -437,7 +437,7 @@ def test_an_error_while_the_rig_opens_is_journaled(rig, protocol, tmp_path, monk
 
     with pytest.raises(DeviceError, match=r"^rig: its driver raised FileNotFoundError.*ttyUSB0"):
         session(Unplugged(rig), protocol, tmp_path).run()
-    assert last_events(tmp_path) == "failed"
+    assert last_events(tmp_path) == "tripped"
 
 
 def test_every_device_is_stopped_though_one_cannot_be(rig, spy, protocol, tmp_path, monkeypatch):

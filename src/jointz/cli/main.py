@@ -90,13 +90,15 @@ def run() -> None:
         _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
         sys.exit(_EXIT_BUG)
     if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not change the status
         _report("KeyboardInterrupt", f"Stopped. {_left_behind()}")
     sys.exit(status)
 
 
 def _prepare_process() -> None:
-    for number in (signal.SIGTERM, signal.SIGHUP):  # a batch system's Ctrl-C, a closed terminal
-        if signal.getsignal(number) != signal.SIG_IGN:
+    for name in ("SIGTERM", "SIGHUP"):  # a batch system's Ctrl-C; a closed terminal, not on Windows
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

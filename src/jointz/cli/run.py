@@ -68,7 +68,10 @@ def run(
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
     device: Annotated[Device, typer.Option("--device", help="What to run it on.")] = Device.sim,
     preset: Annotated[
-        Preset, typer.Option("--preset", help="How well simulated devices and people behave.")
+        Preset,
+        typer.Option(
+            "--preset", help="How well simulated devices behave; anthropometric: people only."
+        ),
     ] = Preset.nominal,
     clock: Annotated[
         ClockName, typer.Option("--clock", help="As fast as it can, or in real time.")

@@ -1,28 +1,46 @@
 """Whose error it is: a device's, where it came out of its driver."""
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
-from jointz.core.errors import DeviceError
+from jointz.core.errors import DeviceError, JointzError
 
 
-def driver_error(exc: Exception, drivers: Mapping[str, object]) -> DeviceError | None:
-    """Return an error as one of the device whose driver raised it; None where none did.
+@contextmanager
+def drivers_answer_for(drivers: Mapping[str, object]) -> Iterator[None]:
+    """Make an error that came out of a driver one of its device.
 
     Drivers raise what their bus and their libraries raise. Looking for the driver in the
     traceback costs the loop nothing, which a check around every call would.
 
     Parameters
     ----------
-    exc : Exception
-        As caught.
     drivers : mapping of str to object
-        Every driver by its name for messages.
+        Every driver by its name for messages; it may grow in the block.
+
+    Raises
+    ------
+    DeviceError
+        In place of an error, other than jointz's own, that a driver let through.
     """
+    try:
+        yield
+    except JointzError:
+        raise
+    except Exception as exc:
+        name = _raised_by(exc, drivers)
+        if name is None:
+            raise
+        raise DeviceError(
+            name, f"its driver raised {type(exc).__name__}: {exc}. Check device and cable."
+        ) from exc
+
+
+def _raised_by(exc: Exception, drivers: Mapping[str, object]) -> str | None:
     for frame, _ in traceback.walk_tb(exc.__traceback__):
         caller = frame.f_locals.get("self")
         for name, driver in drivers.items():
             if caller is driver:
-                what = f"its driver raised {type(exc).__name__}: {exc}"
-                return DeviceError(name.replace("_", " "), f"{what}. Check device and cable.")
+                return name.replace("_", " ")
     return None

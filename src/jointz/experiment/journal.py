@@ -21,7 +21,7 @@ from jointz.experiment.whole_files import append_whole
 Event = dict[str, Any]
 
 #: What says whether a condition is done; the last one counts.
-_ENDS = ("condition_completed", "records_lost")
+_ENDS = ("condition_completed", "pulse_lost", "records_lost")
 
 
 class Journal:

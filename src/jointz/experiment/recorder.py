@@ -49,6 +49,7 @@ class Recorder:
             raise WriteError(str(path), exc) from exc
         try:
             append_whole(self._fd, layout.encode_header(header), path)
+            os.fsync(self._fd)  # else a power cut may leave the name without the header
             partial.rename(path)
         except (OSError, WriteError) as exc:
             os.close(self._fd)

@@ -12,7 +12,7 @@ stretch with the pulses that the journal does not count as done.
 """
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +31,7 @@ from jointz.core.provenance import software
 from jointz.core.session_log import BENCH, WALKING
 from jointz.devices.interface import Device, Devices, Rig
 from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
-from jointz.experiment.driver_errors import driver_error
+from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.journal import (
     Event,
     Journal,
@@ -53,6 +53,7 @@ from jointz.experiment.session_files import (
     log_path,
     plan_of,
 )
+from jointz.experiment.stop_signals import signals_held
 from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
 from jointz.experiment.whole_files import make_folder
 
@@ -176,7 +177,8 @@ class Session:
         folder = self._plan.folder
         make_folder(folder / "logs")
         with Journal(folder / JOURNAL_FILE) as journal:
-            self._write_down_once()
+            with drivers_answer_for({"rig": self._rig}):
+                self._write_down_once()
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
                 left = [name for name in condition.trial_names if not is_completed(events, name)]
@@ -224,7 +226,8 @@ class Session:
         walking = self._plan.protocol.kind == "walking"
         drivers: dict[str, object] = {"rig": self._rig}
         with ExitStack() as stack:
-            stack.enter_context(_journaled(journal, name, segment, drivers))
+            stack.enter_context(_journaled(journal, name, segment))
+            stack.enter_context(drivers_answer_for(drivers))
             devices = self._rig.open(name, worn=condition.worn, segment=segment, clock=clock)
             drivers |= devices.named()
             for device in devices.all():
@@ -338,7 +341,8 @@ def _stop(
     """Stop a device; one that cannot be stopped is what the operator must hear of first."""
     del kind, trace
     try:
-        device.stop()
+        with signals_held():
+            device.stop()
     except Exception as exc:
         before = f" What came before: {error}" if error else ""
         raise DeviceError(
@@ -356,7 +360,8 @@ def _close(
     """Close a device; what went wrong before matters more than a device that does not close."""
     del kind, trace
     try:
-        device.close()
+        with signals_held():
+            device.close()
     except Exception as exc:
         if error is None:
             raise
@@ -364,9 +369,7 @@ def _close(
 
 
 @contextmanager
-def _journaled(
-    journal: Journal, condition: str, segment: int, drivers: Mapping[str, object]
-) -> Iterator[None]:
+def _journaled(journal: Journal, condition: str, segment: int) -> Iterator[None]:
     """Write down what ended a stretch before its time."""
 
     def note(event: str, why: str) -> None:
@@ -385,8 +388,5 @@ def _journaled(
         note("tripped", str(exc))
         raise
     except Exception as exc:
-        of_device = driver_error(exc, drivers)
-        note("failed", str(of_device or f"{type(exc).__name__}: {exc}"))
-        if of_device is None:
-            raise
-        raise of_device from exc
+        note("failed", f"{type(exc).__name__}: {exc}")
+        raise

@@ -29,6 +29,17 @@ def log_path(folder: Path, condition: str, segment: int) -> Path:
     return folder / "logs" / f"{condition}-{segment}.jzlog"
 
 
+def has_content(log: Path) -> bool:
+    """Tell whether a log is there and not empty, as a power cut may leave it.
+
+    Parameters
+    ----------
+    log : pathlib.Path
+        Its path.
+    """
+    return log.exists() and log.stat().st_size > 0
+
+
 def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
     """Return the plan that a walking session wrote down, condition by condition.
 

@@ -73,7 +73,20 @@ def transfer_coefficients(
 
 @njit(cache=True, nogil=True)
 def whiten(residual: np.ndarray, band: np.ndarray) -> bool:
-    """Solve L w = residual in place, L the Cholesky factor of the banded covariance."""
+    """Solve L w = residual in place, L the Cholesky factor of the banded covariance.
+
+    Parameters
+    ----------
+    residual : (n,) float
+        Becomes w.
+    band : (n, 3) float
+        The covariance of a row with itself and the two before it; becomes L.
+
+    Returns
+    -------
+    bool
+        False where the covariance is not positive definite.
+    """
     n = residual.size
     for k in range(n):
         for m in range(min(k, BAND - 1), -1, -1):
@@ -95,7 +108,17 @@ def whiten(residual: np.ndarray, band: np.ndarray) -> bool:
 
 @njit(cache=True, nogil=True)
 def interpolated(torque: np.ndarray, at: float, n: int) -> np.ndarray:
-    """Return n samples of the torque from a place between its samples; it stays at its ends."""
+    """Return samples of the torque from a place between its samples.
+
+    Parameters
+    ----------
+    torque : (m,) float, N*m
+        Beyond its ends it stays as it is there.
+    at : float
+        The place of the first one, in samples.
+    n : int
+        How many.
+    """
     whole = int(np.floor(at))
     taps = np.empty(2 * REACH)
     for j in range(taps.size):
@@ -117,7 +140,17 @@ def interpolated(torque: np.ndarray, at: float, n: int) -> np.ndarray:
 def recursion_error(
     angle: np.ndarray, torque: np.ndarray, taps: np.ndarray, first: int
 ) -> np.ndarray:
-    """Return the recursion's left minus right side, samples before the window being zero."""
+    """Return the recursion's left minus right side, samples before the window being zero.
+
+    Parameters
+    ----------
+    angle, torque : (n,) float
+        In rad and N*m.
+    taps : (5,) float
+        As :func:`transfer_coefficients` returns them.
+    first : int
+        Rows left out at the beginning.
+    """
     out = np.zeros(angle.size - first)
     for k in range(first, angle.size):
         for i in range(min(k, BAND - 1) + 1):
@@ -129,7 +162,17 @@ def recursion_error(
 def covariance_band(
     n: int, first: int, taps: np.ndarray, variances: tuple[float, float]
 ) -> np.ndarray:
-    """Return (n - first, 3): covariance of a row with itself and the two before it."""
+    """Return (n - first, 3): covariance of a row with itself and the two before it.
+
+    Parameters
+    ----------
+    n, first : int
+        Samples, and rows left out at the beginning.
+    taps : (5,) float
+        As :func:`transfer_coefficients` returns them.
+    variances : (float, float)
+        Of the white noise of angle (rad^2) and torque (N^2 m^2).
+    """
     band = np.zeros((n - first, BAND))
     for k in range(first, n):
         if k > first + BAND and k > BAND:  # from here on every row is the same

@@ -79,15 +79,17 @@ def _draw_bandwidth(curve: Mapping[str, Mapping[str, Any]]) -> "Figure":
     gain.text(1.04, _HALF_POWER_DB - 0.3, f"{MINUS}3 dB", va="top", fontsize=SMALL_PT, color=MUTED)
     for colour, one in zip(_AMPLITUDE_COLOURS, curve.values(), strict=False):
         frequency = numbers(one["frequency_hz"])
-        gain.plot(frequency, _decibels(one["gain"]), color=colour, linewidth=1.3)
+        relative = _decibels(one["gain"], one["reference_gain"])
+        gain.plot(frequency, relative, color=colour, linewidth=1.3)
         coherence.plot(frequency, numbers(one["coherence"]), color=colour, linewidth=1.0)
         if one.get("spa_gain"):
-            spa = numbers(one["spa_frequency_hz"]), _decibels(one["spa_gain"])
-            gain.plot(*spa, color=colour, linewidth=0.8, dashes=(4, 2))
+            relative = _decibels(one["spa_gain"], one["spa_reference_gain"])
+            frequency = numbers(one["spa_frequency_hz"])
+            gain.plot(frequency, relative, color=colour, linewidth=0.8, dashes=(4, 2))
         _mark_bandwidths(gain, one, colour)
     gain.set_ylim(_LOWEST_DB, _HIGHEST_DB)
     gain.set_yticks(np.arange(_LOWEST_DB, _HIGHEST_DB, -_HALF_POWER_DB))
-    gain.set_ylabel("Gain (dB)")
+    gain.set_ylabel("Gain over that at low frequency (dB)")
     coherence.set_ylim(0.0, 1.05)
     coherence.set_yticks([0.0, 0.5, 1.0])
     coherence.set_ylabel("Coherence")
@@ -100,9 +102,10 @@ def _draw_bandwidth(curve: Mapping[str, Mapping[str, Any]]) -> "Figure":
     return figure
 
 
-def _decibels(gain: Sequence[float]) -> np.ndarray:
+def _decibels(gain: Sequence[float], reference: float) -> np.ndarray:
+    """Return a gain over the one that a bandwidth counts from."""
     # A gain of zero has no decibels; it lies below every figure.
-    decibels: np.ndarray = 20.0 * np.log10(np.maximum(numbers(gain), 1e-6))
+    decibels: np.ndarray = 20.0 * np.log10(np.maximum(numbers(gain) / reference, 1e-6))
     return decibels
 
 

@@ -46,9 +46,9 @@ def draw_chapter3(curves: Mapping[str, Any]) -> dict[str, str]:
     Parameters
     ----------
     curves : mapping
-        ``torque_models`` (time, speed, sensor, torque by each model), ``chirp`` (time, sensor,
-        model, segments), ``static`` (deflection, sensor, model and the stiffness by each),
-        ``perturbation`` (stiffness by each method, printed and true); plain values in SI.
+        ``torque_models`` (time, speed, sensor, torque and RMS error by each model), ``chirp``
+        (time, sensor, model, segments), ``static`` (deflection, sensor, model and the stiffness
+        by each), ``perturbation`` (stiffness by each method, printed and true); plain values in SI.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def _draw_torque_models(curve: Mapping[str, Any]) -> "Figure":
         lower.set_ylim(-1.08 * largest_error, 1.08 * largest_error)
         upper.tick_params(labelbottom=False)
         lower.set_xlabel("Torque sensor (N·m)")
-        rms = float(np.sqrt(np.nanmean((torque - sensor) ** 2)))
-        panel_heading(upper, f"Model {name}", note=f"RMS error {rms:.2f} N·m")
+        rms = float(curve["rms_nm"][name])  # of every sample; those drawn are fewer
+        panel_heading(upper, f"Model {name}", note=f"RMS error {rms:.3g} N·m")
     upper, lower = figure.axes[:2]
     upper.set_ylabel("Torque model (N·m)")
     lower.set_ylabel(f"Model {MINUS} sensor (N·m)")
@@ -200,7 +200,7 @@ def _static_line(curve: Mapping[str, Any], key: str) -> np.ndarray:
 def _draw_perturbation(curve: Mapping[str, Any]) -> "Figure":
     figure = new_figure(80.0)
     axes = place_axes(figure, 15.0, 10.0, width_mm=WIDTH_MM - 18.0, height_mm=56.0)
-    printed, recommended = curve["printed"], curve["recommended"]
+    printed, recommended = curve["printed"], curve.get("recommended") or {}
     groups = (
         ("dither\n(no pulses)", (curve["dither"], None), (printed["dither"], None)),
         ("positive pulses", _mean_sd(curve["positive"]), printed["positive"]),
@@ -246,8 +246,10 @@ def _point(
     colour: str,
     look: Mapping[str, Any],
 ) -> None:
-    """Draw a value with its bar and write it beside."""
+    """Draw a value with its bar and write it beside; nothing where there is none."""
     value, low, high = bar
+    if not np.isfinite(value):
+        return
     axes.vlines(at, low, high, colors=colour, linewidth=1.4, zorder=2)
     axes.plot(at, value, color=colour, markeredgecolor=colour, zorder=3, **look)
     axes.annotate(

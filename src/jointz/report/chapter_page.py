@@ -34,8 +34,9 @@ _FIGURE_OF_TABLE: Final = {
 _CAPTIONS: Final = {
     "figure_2_5": (
         "2.5",
-        "Closed-loop gain of the torque loop at two amplitudes, and the coherence of command and "
-        "torque. Dots with bars: where the gain falls by 3 dB, with 95 % interval; crosses: the "
+        "Closed-loop gain of the torque loop at two amplitudes, over its gain at low frequency, "
+        "and the coherence of command and torque. Dots with bars: where the gain has fallen by 3 "
+        "dB from that, with 95 % interval; crosses: the "
         "same read off a Blackman-Tukey spectrum of 30 lags (dashed); open triangles: printed. "
         "Bandwidths closer than the resolution of a spectrum cannot be told apart by it.",
     ),
@@ -55,8 +56,8 @@ _CAPTIONS: Final = {
     "figure_mechanisms": (
         "2.B",
         "What each mechanism alone does to the dissertation's method: mean error over cases 1 to "
-        "4. Bars of several mechanisms are alike in two of the three panels, so that printed "
-        "averages of stiffness and inertia alone do not tell which one acted.",
+        "4. Several make inertia alone as low as printed; the text above says which make both "
+        "printed averages.",
     ),
     "figure_3_3": (
         "3.3",
@@ -198,13 +199,25 @@ def _section(table: ComparedTable, figures: Mapping[str, _Row]) -> _Row:
         "id": "table-" + re.sub(r"\W", "-", table.name),
         "title": table.title,
         "caption": table.caption,
-        "table": _table(table.rows),
+        "table": compared_cells(table.rows),
         "figure": figures.get(_FIGURE_OF_TABLE.get(table.name, "")),
     }
 
 
-def _table(rows: Sequence[Compared]) -> _Row:
-    """Return the columns that hold something, and the text of every cell."""
+def compared_cells(rows: Sequence[Compared]) -> _Row:
+    """Return the columns that hold something, and the text of every cell.
+
+    Parameters
+    ----------
+    rows : sequence of Compared
+        Of a table.
+
+    Returns
+    -------
+    dict
+        ``columns`` (``key``, ``head``), ``unit`` where all rows share one, ``noted``, ``folded``
+        and ``rows`` (``quantity``, ``unit``, ``note``, ``cells``: column -> ``value``, ``spread``).
+    """
     units = {row.unit for row in rows}
     scales = {unit: _scale([row for row in rows if row.unit == unit]) for unit in units}
     columns = [
@@ -251,7 +264,7 @@ def _printed_cell(row: Compared, value: float, _: float) -> tuple[str, str]:
 
 def _dissertation_cell(row: Compared, value: float, scale: float) -> tuple[str, str]:
     sd = row.dissertation_sd
-    write = _writer(value, sd, scale)
+    write = _writer(value, _half_width(row) if sd is None else sd, scale)
     return write(value), "" if sd is None else f"{_PLUS_MINUS} {write(sd)}"
 
 

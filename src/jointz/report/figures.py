@@ -8,6 +8,7 @@ from jointz.report.impedance_figures import draw_impedance_over_gait
 from jointz.report.method_figures import draw_methods
 from jointz.report.response_figures import draw_responses
 from jointz.report.style import figure_style, to_svg
+from jointz.report.subjects import subjects
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -46,9 +47,11 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
     {}
     """
     drawn = {}
+    loads = {c.participant for c in analysis.cells} if subjects(analysis).bench else ()
     with figure_style():
         for name, draw in _FIGURES.items():
-            figure = draw(analysis)
+            # The methods are compared by means, and those over unlike loads mean nothing.
+            figure = None if name == "methods" and len(loads) > 1 else draw(analysis)
             if figure is not None:
                 drawn[name] = to_svg(figure)
     return drawn

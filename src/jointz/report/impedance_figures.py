@@ -267,7 +267,9 @@ def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> int:
     """Set the height to values and intervals; return how many intervals run beyond it."""
     values = np.array([m.value for m in marks] + [m.high for m in marks if m.at_bound and m.high])
     ends = np.array([e for m in marks for e in (m.low, m.high) if e is not None] or [0.0])
-    reach = _LONGEST_INTERVAL * float(np.abs(values).max())
+    # Where no value is told from zero, as damping of a spring, intervals set the scale.
+    usual = max(float(np.abs(values).max()), float(np.median(np.abs(ends))))
+    reach = _LONGEST_INTERVAL * usual
     top = min(max(ends.max(), values.max()), reach)
     bottom = max(min(ends.min(), values.min(), 0.0), -reach)
     span = (top - bottom) or 1.0

@@ -14,8 +14,10 @@ from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.run_report import RunReport
+from jointz.report.effects_section import effects_section
 from jointz.report.impedance_figures import timing_points
 from jointz.report.prose import (
+    BENCH_CAVEATS,
     CAVEATS,
     captions,
     methods_paragraph,
@@ -23,6 +25,7 @@ from jointz.report.prose import (
     summary_paragraph,
 )
 from jointz.report.run_section import run_section
+from jointz.report.subjects import subjects
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -104,8 +107,10 @@ def render_report(
     environment.filters |= {"integer": format_integer, "signed": format_signed, "unit": pretty_unit}
     parameters = _parameters(analysis)
     columns = _columns(parameters)
+    words = subjects(analysis)
     return environment.get_template("report.html.j2").render(
         title=title,
+        words=words,
         settings=analysis.settings,
         provenance=analysis.provenance,
         facts=_facts(analysis),
@@ -122,7 +127,8 @@ def render_report(
         onsets=analysis.statistics.get("onset_accuracy", ()),
         recordings=_recordings(analysis),
         methods=methods_paragraph(analysis),
-        caveats=CAVEATS,
+        caveats=BENCH_CAVEATS if words.bench else CAVEATS,
+        effects=effects_section(analysis.statistics),
         packages=_packages(analysis.provenance),
         inputs=_inputs(analysis.provenance),
         study_hash=str(analysis.provenance.get("study_sha256", ""))[:_HASH_DIGITS],
@@ -174,9 +180,10 @@ def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
     """Return the four numbers at the top of the page."""
     used, left_out = pulse_counts(analysis)
     total = sum(len(c.parameters) for c in analysis.cells)
+    words = subjects(analysis)
     people = len({c.participant for c in analysis.cells})
     facts = [
-        (str(people), "participant" if people == 1 else "participants"),
+        (str(people), words.one if people == 1 else words.many),
         (format_integer(used), f"pulses used, {format_integer(left_out)} left out"),
         (f"{analysis.n_standing} of {total}", "estimates stand"),
     ]

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.report.subjects import subjects
 from jointz.report.wording import (
     SHARED,
     format_count,
@@ -37,14 +38,27 @@ _BASELINES: Final[Mapping[str, str]] = {
 _BOUNDED: Final = ", fitted to the average response by least squares with K, B and J not negative"
 _FITS: Final = dict.fromkeys(("dissertation", "pre_pulse", "matched_strides"), _BOUNDED)
 
+#: Method that uses whole trials, and what it does.
+FULL_RECORD: Final = "full_record"
+_WHOLE_TRIALS: Final = (
+    "Whole trials were used: nothing was cut out and no unperturbed motion subtracted. The torque "
+    "was modelled as K·angle + B·velocity + J·acceleration with a friction torque of constant size "
+    "against the motion and an offset for each trial, recorded with a lag (a delay, a first-order "
+    "filter or both). All were fitted together by least squares, the noise of the angle taken out "
+    "of the sums of squares. Angle and torque passed the same Gaussian low-pass (standard "
+    "deviation 40 Hz, or a tenth of the sampling rate where that is less), and samples where "
+    "friction may have held the load were left out."
+)
+
+_VAF_CAVEAT: Final = (
+    "VAF is not accuracy.",
+    "The variance accounted for says how well the model follows the average response, not how "
+    "close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
+    "wrong baseline can spoil all three while VAF stays near 99 %.",
+)
 #: What every reader of such a report should know, in plain words.
 CAVEATS: Final = (
-    (
-        "VAF is not accuracy.",
-        "The variance accounted for says how well the model follows the average response, not how "
-        "close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
-        "wrong baseline can spoil all three while VAF stays near 99 %.",
-    ),
+    _VAF_CAVEAT,
     (
         "Inertia is that of joint and device together.",
         "Everything that moves with the joint is in it: limb, brace and what hangs on them, unless "
@@ -62,6 +76,25 @@ CAVEATS: Final = (
         "window, and stiffness that changes inside it is averaged.",
     ),
 )
+#: The same for loads on a bench.
+BENCH_CAVEATS: Final = (
+    _VAF_CAVEAT,
+    (
+        "Inertia is that of the load and of all that moves with it.",
+        "The bench's own is in it, and so are its stiffness and damping, unless a calibrated "
+        "intrinsic impedance was subtracted.",
+    ),
+    (
+        "Intervals do not know the gain of the torque.",
+        "Stiffness, damping and inertia follow an error of the torque's gain one to one. Give the "
+        "gain under [calibration] with its standard deviation to have it in the intervals.",
+    ),
+    (
+        "A load is taken to be linear.",
+        "Friction other than a constant one against the motion, play and stiffness that changes "
+        "with the deflection are averaged into the three numbers.",
+    ),
+)
 
 
 def summary_paragraph(analysis: StudyAnalysis) -> str:
@@ -74,12 +107,13 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
     """
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     if not people:
-        return "The study holds no participant with pulses, so there is nothing to report."
+        return "The study holds nobody and nothing with pulses, so there is nothing to report."
+    words = subjects(analysis)
     points = {c.timing_point for c in analysis.cells if c.timing_point != SHARED}
     used, left_out = pulse_counts(analysis)
     total = sum(len(c.parameters) for c in analysis.cells)
-    joint = analysis.settings.get("joint")
-    who = f"{format_count(len(people), 'participant')} ({_range(people)})"
+    joint = None if words.bench else analysis.settings.get("joint")
+    who = f"{words.counted(len(people))} ({_range(people)})"
     place = _place(analysis, len(points))
     sentences = [
         f"{who}, {f'{joint}, ' if joint else ''}{place}.",
@@ -89,6 +123,8 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
         f"{format_count(total, 'estimate')} {'stands' if analysis.n_standing == 1 else 'stand'}"
         f"{_not_standing(analysis)}.",
     ]
+    if words.bench and len(people) > 1:
+        sentences.append(NO_MEANS_ON_A_BENCH)
     return " ".join([*sentences, *_extremes(analysis.population)])
 
 
@@ -104,29 +140,52 @@ def methods_paragraph(analysis: StudyAnalysis) -> str:
     """
     settings = analysis.settings
     version = analysis.provenance.get("jointz")
-    joint = settings.get("joint", "joint")
+    what = (
+        "loads on a bench" if subjects(analysis).bench else f"the {settings.get('joint', 'joint')}"
+    )
     sentences = [
-        f"Mechanical impedance of the {joint} was estimated with jointz"
-        f"{f' {version}' if version else ''}{_method_in_brackets(settings)}.",
-        "The torque response was modelled as K·angle + B·velocity + J·acceleration"
-        f"{_window(settings)}{_FITS.get(str(settings.get('method')), '')}.",
+        f"Mechanical impedance of {what} was estimated with jointz"
+        f"{f' {version}' if version else ''}{_method_in_brackets(settings)}."
     ]
+    used_methods = _used_methods(analysis)
+    if FULL_RECORD in used_methods:
+        sentences.append(_WHOLE_TRIALS)
+    if used_methods != [FULL_RECORD]:
+        others = [m for m in used_methods if m != FULL_RECORD]
+        if FULL_RECORD in used_methods:
+            sentences.append(f"Other cases were estimated by the method {_quoted(others[0])}.")
+        sentences += _response_sentences(settings, others[0] if others else None)
     if settings.get("positive"):
         sentences.append(f"Angle and torque are positive in {settings['positive']}.")
+    sentences += _interval_sentences(analysis)
+    used, left_out = pulse_counts(analysis)
+    unit = "were used" if used_methods != [FULL_RECORD] else "lie in the trials used"
+    sentences.append(f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} {unit}.")
+    return " ".join(sentences)
+
+
+def _used_methods(analysis: StudyAnalysis) -> list[str]:
+    """Return the methods that the estimates were made by: a case may have needed another."""
+    own = list(dict.fromkeys(c.method for c in analysis.cells if c.method))
+    chosen = analysis.settings.get("method")
+    return own or ([str(chosen)] if chosen else [])
+
+
+def _response_sentences(settings: Mapping[str, Any], method: str | None) -> list[str]:
+    """Say how responses to pulses were cut, filtered and fitted."""
+    sentences = [
+        "The torque response was modelled as K·angle + B·velocity + J·acceleration"
+        f"{_window(settings)}{_FITS.get(str(method), '')}."
+    ]
     if settings.get("cutoff_hz"):
         sentences.append(
             f"Angle and torque passed the same low-pass filter ({settings['cutoff_hz']:g} Hz)."
         )
-    if settings.get("baseline"):
-        baseline = str(settings["baseline"])
+    baseline = settings.get("baseline")
+    if baseline and baseline != "none":
         text = _BASELINES.get(baseline, f"the baseline {_quoted(baseline)} was subtracted")
         sentences.append(f"{text[0].upper()}{text[1:]}.")
-    sentences += _interval_sentences(analysis)
-    used, left_out = pulse_counts(analysis)
-    sentences.append(
-        f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} were used."
-    )
-    return " ".join(sentences)
+    return sentences
 
 
 def interval_methods(analysis: StudyAnalysis) -> list[str]:
@@ -162,7 +221,8 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     analysis : StudyAnalysis
         The analysis.
     """
-    people = format_count(len({c.participant for c in analysis.cells}), "participant")
+    words = subjects(analysis)
+    people = words.counted(len({c.participant for c in analysis.cells}))
     used, _ = pulse_counts(analysis)
     pulses = format_count(used, "pulse")
     made = "; ".join(interval_methods(analysis)) or "as stated by the method"
@@ -171,13 +231,13 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         "The participants of a timing point are spread sideways, in the order of the table, about "
         f"the mean measured onset. Bands are the phases of the gait cycle: {_PHASE_NAMES}."
         if walking
-        else "Groups stand in the order of the study."
+        else f"{words.points.capitalize()} stand in the order of the study."
     )
     return {
         "impedance_over_gait": (
-            f"Impedance {'over the gait cycle' if walking else 'of each group'}. Points with bars: "
-            f"estimates of each participant with their intervals ({made}).{_other_marks(analysis)} "
-            f"{axis} n: {people}"
+            f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points "
+            f"with bars: estimates of each {words.one} with their intervals ({made})."
+            f"{_other_marks(analysis)} {axis} n: {people}"
             f", {pulses}."
         ),
         "responses": (
@@ -189,8 +249,8 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         ),
         "methods": (
             "The chosen method beside the others on the same pulses. Points: means over the "
-            "participants whose estimate stands; bars: Student's interval over participants, or "
-            "the participant's own interval where there is one only. An estimate at its bound "
+            f"{words.many} whose estimate stands; bars: Student's interval over {words.many}, or "
+            f"the {words.one}'s own interval where there is one only. An estimate at its bound "
             f"counts with the value of the bound. n: {people}."
         ),
         "onset_accuracy": (
@@ -233,7 +293,8 @@ def _range(people: Sequence[str]) -> str:
 def _place(analysis: StudyAnalysis, count: int) -> str:
     if any(c.onset_gait_pct is not None for c in analysis.cells):
         return f"{format_count(count, 'timing point')} of the gait cycle"
-    return format_count(count, "timing point or group", "timing points or groups")
+    words = subjects(analysis)
+    return format_count(count, words.point, words.points)
 
 
 def _not_standing(analysis: StudyAnalysis) -> str:
@@ -271,8 +332,9 @@ def _interval_sentences(analysis: StudyAnalysis) -> list[str]:
     settings = analysis.settings
     level = f"{100 * settings.get('ci_level', 0.95):g} %"
     made = interval_methods(analysis)
-    sentences = [f"{level} intervals of each participant: {'; '.join(made)}."] if made else []
-    if settings.get("resamples"):
+    one = subjects(analysis).one
+    sentences = [f"{level} intervals of each {one}: {'; '.join(made)}."] if made else []
+    if settings.get("resamples") and _used_methods(analysis) != [FULL_RECORD]:
         seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
         sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
     if any(m.value is not None for m in analysis.population):

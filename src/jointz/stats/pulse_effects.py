@@ -344,7 +344,8 @@ def _means(pulses: _Pulses, fit: RandomInterceptFit | None) -> PulseMeans:
 
 
 def _notes(pulses: _Pulses, model: _Model) -> Iterator[str]:
-    cell = f"case {pulses.case}, trajectory {pulses.trajectory}"
+    named = pulses.case[:1].isalpha()  # such as the load "case-1"
+    cell = f"{pulses.case if named else f'case {pulses.case}'}, trajectory {pulses.trajectory}"
     if model.joint_only:
         yield (
             f"{cell}: type and direction are confounded (correlation "

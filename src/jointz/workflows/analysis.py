@@ -5,6 +5,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -15,20 +16,20 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, StudyError
 from jointz.core.estimates import CellEstimate
-from jointz.core.events import PulseEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.recording import history_of
 from jointz.core.study import RecordingSpec, Study
 from jointz.identify.assignment import group_names
+from jointz.identify.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.pulse_tables import share_table
-from jointz.identify.sources import SAME_TIME_S, ParticipantSettings, RecordingInput
+from jointz.identify.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file, open_study
-from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.population import population_means
-from jointz.stats.pulse_effects import pulse_effects
+from jointz.workflows.analysis_statistics import study_statistics
+from jointz.workflows.likelihood_pulses import likelihood_pulses
 
 DEFAULT_RESAMPLES = 1000
 
@@ -90,10 +91,7 @@ def analyze(
             progress(done, len(people), person_id)
         try:
             settings = _settings(opened, person_id, name, resamples=resamples, seed=seed)
-            # Nothing keeps the recordings: they are gone before the next ones are read.
-            results[person_id] = analyze_participant(
-                person_id, _read(opened, person_id, inputs), settings
-            )
+            results[person_id] = _analyzed(opened, person_id, settings, inputs)
         except StudyError as exc:
             problems += exc.problems
         except DataError as exc:
@@ -103,6 +101,25 @@ def analyze(
     if progress:
         progress(len(people), len(people), "done")
     return _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+
+
+def _analyzed(
+    study: Study, person_id: str, settings: ParticipantSettings, inputs: dict[str, dict[str, Any]]
+) -> ParticipantResult:
+    """Analyse one participant; its recordings are gone before the next ones are read."""
+    recordings = _read(study, person_id, inputs)
+    result = analyze_participant(person_id, recordings, settings)
+    method = settings.methods[0]
+    if method != FULL_RECORD:
+        return result
+    single = likelihood_pulses(
+        recordings,
+        result.single,
+        result.cells[method],
+        perturbations=settings.perturbations,
+        torque_model=settings.torque_model,
+    )
+    return replace(result, single=single)
 
 
 def _give_back_memory() -> None:
@@ -142,7 +159,7 @@ def _chosen(study: Study, method: str) -> str:
     if method == "recommended":
         # A load that torque moves is one system; groups, and steps of the angle, are not.
         torque = perturbations.group is None and perturbations.source != "angle"
-        return "full_record" if torque and not walking else "dissertation"
+        return FULL_RECORD if torque and not walking else "dissertation"
     if walking and method in BENCH_ONLY:
         raise ValueError(f"method: {method} is for bench studies; this study walks.")
     return method
@@ -155,7 +172,7 @@ def _settings(
     walking = spec.kind == "walking"
     # The level before a pulse is no baseline for a joint that moves: never beside the others.
     beside = ("dissertation", "matched_strides") if walking else ("dissertation",)
-    others = [m for m in beside if m != method and (walking or method == "full_record")]
+    others = [m for m in beside if m != method and (walking or method == FULL_RECORD)]
     own = spec.perturbations.baseline is None
     return ParticipantSettings(
         walking=walking,
@@ -240,19 +257,12 @@ def _assembled(
     return StudyAnalysis(
         cells=tuple(cells),
         comparison=tuple(comparison),
-        population=population_means(cells),
+        population=population_means(cells) if study.spec.kind == "walking" else (),
         pulses=pulses,
         strides=strides,
         gaps=gaps,
         single=single,
-        statistics={
-            "onset_accuracy": onset_accuracy(pulses),
-            "strides": stride_summary(strides, gaps),
-            "vaf": vaf_summary(cells),
-            **_nuisance(cells),
-            **_pulse_effects(single),
-            "notes": _notes(study, pulses, strides) + _sign_notes(cells),
-        },
+        statistics=study_statistics(study, method, cells, results.values()),
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
         provenance={
             **provenance.software(),
@@ -263,44 +273,6 @@ def _assembled(
             "seed": seed,
         },
     )
-
-
-def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
-    """Return what was estimated beside the impedance, where there is any."""
-    rows = [
-        {
-            "participant": cell.participant,
-            "timing_point": cell.timing_point,
-            "parameter": p.name,
-            "value": p.value,
-            "unit": p.unit,
-            "ci_low": p.ci_low,
-            "ci_high": p.ci_high,
-            "status": p.status,
-        }
-        for cell in cells
-        for p in cell.nuisance
-    ]
-    return {"nuisance": rows} if rows else {}
-
-
-def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
-    """Return the statistics of 2.2.4, where pulses of a bench went both ways."""
-    rows = [p for p in single if p.direction]
-    if len({p.sign for p in rows}) < 2:
-        return {}
-    table = pd.DataFrame(
-        {
-            "case": [p.participant for p in rows],
-            "trajectory": [p.timing_point for p in rows],
-            "trial": [p.trial for p in rows],
-            "sign": [p.sign for p in rows],
-            "direction": [p.direction for p in rows],
-            "stiffness": [p.stiffness for p in rows],
-            "inertia": [p.inertia for p in rows],
-        }
-    )
-    return {"pulse_effects": pulse_effects(table).to_dict()}
 
 
 def _completed(
@@ -359,39 +331,6 @@ def _missing(
         method=method,
         baseline=study.spec.perturbations.baseline or METHODS[method].baseline,
     )
-
-
-def _notes(study: Study, pulses: Sequence[Any], strides: Sequence[Any]) -> list[str]:
-    """Say what the user should know and would otherwise not see."""
-    moments = [(p.participant, p.recording, p.onset_s) for p in pulses]
-    moments += [(s.participant, s.recording, s.start_s) for s in strides]
-    return [
-        f"exclusions.csv: nothing begins at {e.onset_s:g} s in {e.recording} of "
-        f"{e.participant}; the line had no effect."
-        for e in study.user_exclusions
-        if not any(
-            (person, file) == (e.participant, e.recording) and abs(t - e.onset_s) < SAME_TIME_S
-            for person, file, t in moments
-        )
-    ]
-
-
-def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
-    """Say where a turned sign is the likely reason for nothing but zeros."""
-    turned = [
-        f"{cell.participant} {cell.timing_point}"
-        for cell in cells
-        if cell.vaf_pct is not None
-        and cell.vaf_pct <= 0.0
-        and {p.status for p in cell.parameters} == {"at_bound"}
-    ]
-    if not turned:
-        return []
-    return [
-        f"stiffness, damping and inertia are all at 0 in {', '.join(turned[:3])}"
-        f"{', ...' if len(turned) > 3 else ''}: torque seems to oppose the motion it causes. Check "
-        "the signs, and torque_acts_on."
-    ]
 
 
 def _settings_record(study: Study, method: str, *, resamples: int, seed: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Chapter II again: the series-elastic exoskeleton on its bench, printed beside ours."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointz.core.errors import EstimationError
 from jointz.core.reproduction import Compared, ComparedTable
 from jointz.identify.bandwidth import identify_bandwidth
 from jointz.identify.bench_records import BenchTrial
@@ -17,12 +16,14 @@ from jointz.identify.full_record import fit_full_record
 from jointz.identify.joint import identify_joint
 from jointz.io.recordings import read_recording
 from jointz.io.study import open_study
+from jointz.kernels.spectra import blackman_tukey
 from jointz.reference import chapter2
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2"}
 #: MATLAB's default window of ``spa``: 30 lags, at 1 kHz.
 _SPA_WINDOW_S = 0.030
+_HALF_POWER_DB = 3.0
 #: Chapter II states no filter; this one only takes the noise of encoders out of derivatives.
 _CUTOFF_HZ = 100.0
 _SHOWN_HZ = 60.0
@@ -50,12 +51,9 @@ def bandwidth(study: Path) -> tuple[ComparedTable, dict[str, Any]]:
             "time": recording["time"].to_numpy(),
         }
         ours = identify_bandwidth(signals)
-        try:
-            spa = identify_bandwidth(signals, method="blackman_tukey", window_s=_SPA_WINDOW_S)
-        except EstimationError:
-            spa = None
+        spa_frequency_hz, spa_gain = _spa(signals, ours.rate_hz)
         low, high = ours.ci_low_hz, ours.ci_high_hz
-        spa_hz = spa.bandwidth_hz if spa else None
+        spa_hz = _half_power_hz(spa_frequency_hz, spa_gain)
         rows.append(
             Compared(
                 quantity=f"bandwidth at {amplitude} N*m",
@@ -77,20 +75,40 @@ def bandwidth(study: Path) -> tuple[ComparedTable, dict[str, Any]]:
             "ci_low": low,
             "ci_high": high,
             "resolution_hz": ours.resolution_hz,
+            "reference_gain": ours.reference_gain,
             "spa_bandwidth_hz": spa_hz,
-            "spa_frequency_hz": list(spa.response.frequency_hz) if spa else [],
-            "spa_gain": list(spa.response.gain) if spa else [],
+            "spa_reference_gain": float(spa_gain[0]),
+            "spa_frequency_hz": spa_frequency_hz.tolist(),
+            "spa_gain": spa_gain.tolist(),
             "printed_hz": number.value,
         }
     table = ComparedTable(
         "bandwidth",
         "Bandwidth of the torque loop (2.3.1, figure 2.5)",
         "The dissertation's method is Blackman and Tukey's spectrum with the default of MATLAB's "
-        "spa, 30 lags: at 1 kHz it cannot tell frequencies closer than 33 Hz apart. Recommended: "
-        "Welch's, its window chosen from the record.",
+        "spa, 30 lags: at 1 kHz it cannot tell frequencies closer than 33 Hz apart, for which our "
+        "own command refuses it. Recommended: Welch's, its window chosen from the record.",
         tuple(rows),
     )
     return table, curves
+
+
+def _spa(signals: Mapping[str, np.ndarray], rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and gain as ``spa`` with 30 lags has them, resolved or not."""
+    spectra = blackman_tukey(
+        signals["command"], signals["torque"], rate_hz=rate_hz, window_s=_SPA_WINDOW_S
+    )
+    return spectra.frequency_hz, np.abs(spectra.response)
+
+
+def _half_power_hz(frequency_hz: np.ndarray, gain: np.ndarray) -> float | None:
+    """Return where a gain has first fallen by 3 dB; None where it never does."""
+    wanted = gain[0] * 10.0 ** (-_HALF_POWER_DB / 20.0)
+    below = np.flatnonzero(gain < wanted)
+    if not below.size:
+        return None
+    pair = slice(below[0] - 1, below[0] + 1)
+    return float(np.interp(-wanted, -gain[pair], frequency_hz[pair]))
 
 
 # --- intrinsic impedance (2.3.1) -----------------------------------------------------------------

@@ -22,9 +22,10 @@ from jointz.io.study import open_study
 from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.reference import chapter2
 from jointz.sim.bench_load import draw_load
-from jointz.sim.bench_rig import SeaBench
 from jointz.sim.sea import sea_preset
+from jointz.sim.sea_bench_rig import SeaBench
 from jointz.workflows.analysis import analyze
 from jointz.workflows.participant_run import run_participant
 from jointz.workflows.run import NoOperator
@@ -33,6 +34,8 @@ from jointz.workflows.study_file import study_toml
 
 _PARAMETERS = ("stiffness", "damping", "inertia")
 _WINDOW_S = 0.1
+#: A mechanism's error is near a printed one within this many percentage points.
+_NEAR_PCT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ def mechanisms() -> tuple[Mechanism, ...]:
     """Return every mechanism with the size that the bench ``nominal`` has, where it has it."""
     nominal = sea_preset("nominal").errors
     return (
-        Mechanism("none"),
+        Mechanism("no error"),
         Mechanism("torque record 2.2 ms late", {"torque_lag_s": nominal.torque_lag_s}),
         Mechanism("torque record low-passed at 45 Hz", {"torque_filter_hz": 45.0}),
         Mechanism("zero-phase 20 Hz filter inside the window", window_filter_hz=20.0),
@@ -142,15 +145,43 @@ def mechanism_table(found: Mapping[str, Mapping[str, float]]) -> ComparedTable:
         "mechanisms",
         "One mechanism at a time (2.2.3)",
         "Errors of the dissertation's method on a bench that is wrong in one way only, means over "
-        "cases 1 to 4 along reference A. Several mechanisms alone give K near -2 % and J near "
-        "-14 %: two printed averages cannot tell them apart. The sign of the damping could, but "
-        "its error is not printed.",
+        f"cases 1 to 4 along reference A. {_alike(found)} The damping, whose error is not "
+        "printed, could tell more.",
         tuple(
             Compared(quantity=f"{name}: {parameter}", unit=units[parameter], dissertation=value)
             for name, errors in found.items()
             for parameter, value in errors.items()
         ),
     )
+
+
+def _alike(found: Mapping[str, Mapping[str, float]]) -> str:
+    """Say which mechanisms alone make the printed averages of both parameters (2.3.2)."""
+    printed = {
+        "stiffness": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.SPRINGS],
+        "inertia": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.INERTIAS],
+    }
+    near = [
+        name
+        for name, errors in found.items()
+        if all(
+            min(values) - _NEAR_PCT <= errors[parameter] <= max(values) + _NEAR_PCT
+            for parameter, values in printed.items()
+        )
+    ]
+    ranges = " and ".join(
+        f"{parameter} {max(values):.3g} to {min(values):.3g} %"
+        for parameter, values in printed.items()
+    )
+    text = f"Printed averages (2.3.2): {ranges}. Within {_NEAR_PCT:g} points of both"
+    if not near:
+        return f"{text} comes no mechanism alone."
+    told = "; ".join(f"{n} ({_of_both(found[n])})" for n in near)
+    return f"{text} {'come' if len(near) > 1 else 'comes only'}: {told}."
+
+
+def _of_both(errors: Mapping[str, float]) -> str:
+    return f"stiffness {errors['stiffness']:+.1f} %, inertia {errors['inertia']:+.1f} %"
 
 
 def _protocol() -> Protocol:

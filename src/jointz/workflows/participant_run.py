@@ -13,6 +13,7 @@ from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DataError
 from jointz.devices.interface import Rig
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
+from jointz.experiment.stop_signals import STOP_SIGNALS
 from jointz.experiment.whole_files import read_object, write_whole
 from jointz.workflows.bench_report import write_bench
 from jointz.workflows.run_settings import RunSettings
@@ -20,8 +21,6 @@ from jointz.workflows.session_check import write_down_losses
 from jointz.workflows.walking_report import write_walking
 
 REPORT_FILE = "report.json"
-#: What asks a run to stop: Ctrl-C, a batch system, a terminal that was closed.
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def run_participant(

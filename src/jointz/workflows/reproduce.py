@@ -16,7 +16,7 @@ from jointz.io.protocols import load_protocol
 from jointz.report.chapter2_figures import draw_chapter2
 from jointz.report.chapter3_figures import draw_chapter3
 from jointz.report.chapter_page import render_chapter
-from jointz.workflows import chapter2, chapter2_loads, chapter3
+from jointz.workflows import chapter2, chapter2_claims, chapter2_loads, chapter3, chapter3_stiffness
 from jointz.workflows.mechanisms import Mechanism, mechanism_errors, mechanism_table, mechanisms
 from jointz.workflows.results_folder import new_folder, write_marker
 from jointz.workflows.run import TRUTH_FILE, run
@@ -126,7 +126,7 @@ def _chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
     found = {load: done[load] for load in loads}
     pairs = [pair for study in found.values() for pair in study.pairs]
     cases = [pair for pair in pairs if pair.case != "damper"]
-    claims, notes = chapter2_loads.claim_tables(
+    claims, notes = chapter2_claims.claim_tables(
         cases,
         [p for study in found.values() for p in study.single],
         [p for study in found.values() for p in study.recommended_single],
@@ -140,7 +140,7 @@ def _chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
         tables=(
             bandwidth_table,
             intrinsic_table,
-            *chapter2_loads.error_tables(cases),
+            *chapter2_loads.error_tables(cases, found[loads[0]].torque_gain),
             chapter2_loads.vaf_table(found),
             claims,
             mechanism_table(errors),
@@ -185,7 +185,7 @@ def _study(folder: str, protocol: str, seed: int, preset: str, *, load: str = ""
 
 def _load(folder: str, load: str, seed: int, preset: str) -> chapter2_loads.LoadStudy:
     study = _study(folder, "sea-mass-spring", seed, preset, load=load)
-    return chapter2_loads.analyze_load(study, load, _truth(study, load)["load"], seed)
+    return chapter2_loads.analyze_load(study, load, _truth(study, load), seed)
 
 
 def _bandwidth(folder: str, seed: int, preset: str) -> Any:
@@ -217,17 +217,21 @@ def _chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
         tasks: list[Task] = [(name, _study, (folder, name, seed, preset)) for name in _QDD]
         studies: dict[str, Path] = dict(_in_processes(tasks, tell))
         truth = _truth(studies["qdd-static"], "springs")
-        spring = truth["load"]["stiffness"]
+        spring, gain_sd = truth["load"]["stiffness"], truth["errors"]["sensor_gain_sd"]
         models, model_curves, fit = chapter3.torque_models(
             chapter3.recorded(studies["qdd-torque-speed"]), _as_sensed(truth)
         )
         chirp, chirp_curves = chapter3.chirp(chapter3.recorded(studies["qdd-chirp"]), fit)
-        static, static_curves = chapter3.static_stiffness(
-            chapter3.recorded(studies["qdd-static"]), fit, spring
+        static, static_curves = chapter3_stiffness.static_stiffness(
+            chapter3.recorded(studies["qdd-static"]), fit, spring, gain_sd=gain_sd
         )
-        dither = chapter3.dither_stiffness(chapter3.recorded(studies["qdd-dither"]), fit, spring)
+        dither = chapter3_stiffness.dither_stiffness(
+            chapter3.recorded(studies["qdd-dither"]), fit, spring, gain_sd=gain_sd
+        )
         by_sensor = dither.rows[0].dissertation or spring
-        pulses, pulse_curves = chapter3.perturbation(studies["qdd-perturbation"], by_sensor, spring)
+        pulses, pulse_curves = chapter3_stiffness.perturbation(
+            studies["qdd-perturbation"], by_sensor, spring
+        )
     return Reproduction(
         chapter=3,
         title=_TITLES[3],

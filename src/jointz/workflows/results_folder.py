@@ -15,6 +15,7 @@ from jointz.core.run_report import RunReport
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
+from jointz.report.subjects import report_title
 
 #: The file that shows a folder to be one of ours, and so replaceable.
 MARKER = "provenance.json"
@@ -64,7 +65,7 @@ def write_results(
         (folder / "figures").mkdir()
         for name, svg in figures.items():
             (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
-        title = f"Impedance of the {analysis.settings.get('joint', 'joint')}"
+        title = report_title(analysis)
         page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
         settings = {"settings": dict(analysis.settings)}

@@ -2,7 +2,9 @@
 
 import json
 import os
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +16,7 @@ from jointz.core.provenance import now
 from jointz.core.run_report import RunReport
 from jointz.core.study import TorqueModelSpec
 from jointz.devices.interface import Wearer
+from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.session import Operator
 from jointz.experiment.whole_files import write_whole
 from jointz.io.protocols import load_protocol
@@ -124,8 +127,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             f"{count}, {workers}."
         )
     settings = RunSettings(spec, rig.seed, clock, Path(out))
-    _refuse_beyond_limits(spec, rig)
-    with claimed(settings, rig, count, resume=resume):
+    check = partial(_refuse_beyond_limits, spec, rig)
+    with claimed(settings, rig, count, resume=resume, check=check):
         reports = run_people(
             settings,
             rig,
@@ -147,12 +150,18 @@ def _count(protocol: Protocol, participants: int | None) -> int:
 
 
 def _refuse_beyond_limits(protocol: Protocol, rig: RigSettings) -> None:
-    """Refuse what the devices cannot do before a folder is made and anybody is prompted."""
+    """Refuse what the devices cannot do before anything is written and anybody is prompted."""
     worn = next((one for one in protocol.conditions if one.worn), None)
     if worn is None:
         return
-    devices = open_rig(rig, 0).open(worn.trial_names[0], worn=True, segment=0, clock=VirtualClock())
-    try:
+    opened = open_rig(rig, 0)
+    drivers: dict[str, object] = {"rig": opened}
+    with ExitStack() as stack:
+        stack.enter_context(drivers_answer_for(drivers))
+        devices = opened.open(worn.trial_names[0], worn=True, segment=0, clock=VirtualClock())
+        drivers |= devices.named()
+        for device in devices.all():
+            stack.callback(device.close)
         if devices.actuator is not None:
             described = devices.actuator.describe()
             limits_on_device(
@@ -160,9 +169,6 @@ def _refuse_beyond_limits(protocol: Protocol, rig: RigSettings) -> None:
                 described.limits,
                 torque_per_ampere=described.torque_model.torque_per_ampere,
             )
-    finally:
-        for device in devices.all():
-            device.close()
 
 
 def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any]]) -> StudyRun:

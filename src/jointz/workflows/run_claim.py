@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,20 @@ from jointz.core.provenance import now, software
 from jointz.experiment import file_lock
 from jointz.experiment.whole_files import append_whole, make_folder, read_object
 from jointz.workflows.rigs import RigSettings
-from jointz.workflows.run_settings import RunSettings
+from jointz.workflows.run_settings import SESSIONS, RunSettings
 
 RUN_FILE, REPORT_FILE, STUDY_FILE = "run.json", "run_report.json", "study.toml"
 
 
 @contextmanager
-def claimed(settings: RunSettings, rig: RigSettings, count: int, *, resume: bool) -> Iterator[None]:
+def claimed(
+    settings: RunSettings,
+    rig: RigSettings,
+    count: int,
+    *,
+    resume: bool,
+    check: Callable[[], None],
+) -> Iterator[None]:
     """Make the study's folder, or see that the run in it is the same; hold it meanwhile.
 
     Parameters
@@ -32,6 +39,9 @@ def claimed(settings: RunSettings, rig: RigSettings, count: int, *, resume: bool
         Participants or loads.
     resume : bool
         Whether a run may be gone on with.
+    check : callable
+        Called when no other process can run the study and nothing is written yet; raises
+        what speaks against the run.
 
     Raises
     ------
@@ -43,7 +53,8 @@ def claimed(settings: RunSettings, rig: RigSettings, count: int, *, resume: bool
         When the system does not let it be written.
     """
     study, file = settings.study, settings.study / RUN_FILE
-    begun = _is_begun(study, resume=resume)
+    _see_that_it_is_free(study, resume=resume)
+    was_there = study.exists()
     make_folder(study)
     try:
         fd = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
@@ -51,22 +62,39 @@ def claimed(settings: RunSettings, rig: RigSettings, count: int, *, resume: bool
         raise WriteError(str(file), exc, "Name a place that can be written.") from exc
     try:
         file_lock.hold(fd, file)
-        about = _about(settings, rig, count)
-        if begun or os.fstat(fd).st_size:  # two processes may have found it free
-            _see_that_it_is(about, file)
-        else:
-            text = json.dumps({**about, "started": now(), "software": software()})
-            append_whole(fd, text.encode(), file)
+        try:
+            _enter(file, fd, _about(settings, rig, count), check)
+        except BaseException:
+            if not os.fstat(fd).st_size and not (study / SESSIONS).exists():
+                file.unlink()
+                if not was_there:
+                    study.rmdir()
+            raise
         yield
     finally:
         os.close(fd)
 
 
-def _is_begun(study: Path, *, resume: bool) -> bool:
-    """Tell whether there is a run to go on with; refuse what is no place for one."""
+def _enter(file: Path, fd: int, about: Mapping[str, Any], check: Callable[[], None]) -> None:
+    """Write what the run is, or see that it is the one that is written there."""
+    begun = os.fstat(fd).st_size > 0 or (file.parent / SESSIONS).exists()
+    if begun:
+        _see_that_it_is(about, file)
+    check()
+    if not begun:
+        text = json.dumps({**about, "started": now(), "software": software()})
+        try:
+            append_whole(fd, text.encode(), file)
+        except WriteError:
+            os.ftruncate(fd, 0)
+            raise
+
+
+def _see_that_it_is_free(study: Path, *, resume: bool) -> None:
+    """Refuse what is no place for a run, and no run to go on with."""
     try:
         if not study.exists() or (study.is_dir() and not any(study.iterdir())):
-            return False
+            return
         is_run = (study / RUN_FILE).is_file()
     except OSError as exc:
         raise WriteError(str(study), exc, "Name a place that can be written.") from exc
@@ -82,7 +110,6 @@ def _is_begun(study: Path, *, resume: bool) -> bool:
             f"{study / STUDY_FILE}: not of this run, which is not complete yet and writes its own "
             "at the end. Move it away."
         )
-    return True
 
 
 def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any]:

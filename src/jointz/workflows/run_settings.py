@@ -9,6 +9,9 @@ from jointz.core.protocol import Protocol
 from jointz.experiment.timing import timing_report
 from jointz.io.session_log import SessionLog
 
+#: The folder of a study that holds what was recorded.
+SESSIONS = "sessions"
+
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
@@ -39,7 +42,7 @@ class RunSettings:
         participant : str
             Id.
         """
-        return self.study / "sessions" / participant
+        return self.study / SESSIONS / participant
 
 
 def recording_name(participant: str, condition: str) -> str:

@@ -16,7 +16,7 @@ from jointz.experiment.journal import (
     read_journal,
     segments_begun,
 )
-from jointz.experiment.session_files import JOURNAL_FILE, log_path
+from jointz.experiment.session_files import JOURNAL_FILE, has_content, log_path
 from jointz.io.session_log import SessionLog, read_log
 
 
@@ -72,7 +72,7 @@ def _losses(folder: Path, name: str, events: list[Event]) -> Iterator[dict[str, 
     ended = is_completed(events, name)
     for segment in range(segments_begun(events, name)):
         file = log_path(folder, name, segment)
-        log = read_log(file) if file.exists() else None
+        log = read_log(file) if has_content(file) else None
         about = {"condition": name, "segment": segment, "reason": f"not in {file.name}"}
         for number, event in done.items():
             if event["segment"] == segment and not _holds_pulse(log, event):

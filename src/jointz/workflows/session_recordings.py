@@ -15,7 +15,7 @@ from jointz.core.session_log import Flag
 from jointz.devices.interface import Stretch
 from jointz.experiment.journal import Event, pulses_done, segments_begun
 from jointz.experiment.plan import PlannedPulse
-from jointz.experiment.session_files import log_path
+from jointz.experiment.session_files import has_content, log_path
 from jointz.io.session_log import SessionLog, read_log
 from jointz.workflows.stream_alignment import clock_notes, fresh, onto
 
@@ -91,7 +91,7 @@ def condition_record(
     paths = [
         path
         for segment in range(segments_begun(events, condition.name))
-        if (path := log_path(folder, condition.name, segment)).exists()
+        if has_content(path := log_path(folder, condition.name, segment))
     ]
     logs = [read_log(path) for path in paths]
     worn = condition.worn

@@ -4,10 +4,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from queue import Empty
 from types import FrameType
@@ -15,7 +17,8 @@ from typing import Any
 
 from jointz.core.errors import DeviceError
 from jointz.experiment.session import Operator
-from jointz.workflows.participant_run import STOP_SIGNALS, run_participant
+from jointz.experiment.stop_signals import STOP_SIGNALS, signals_held
+from jointz.workflows.participant_run import run_participant
 from jointz.workflows.rigs import RigSettings, open_rig
 from jointz.workflows.run_settings import RunSettings
 
@@ -23,6 +26,7 @@ from jointz.workflows.run_settings import RunSettings
 RunProgress = Callable[[str, str, int, int, int], None]
 
 _POLL_S = 0.1
+_AGAIN_S = 1.0
 _WORKER: dict[str, Any] = {}
 
 
@@ -75,7 +79,9 @@ def _in_processes(
     until, open_end = context.Pipe(duplex=False)
     with ExitStack() as stack:
         stack.callback(until.close)
-        with _signals_held():
+        with signals_held():
+            resource_tracker.ensure_running()  # lets them through again when it has started
+        with signals_held():  # until the workers know what to do with them
             queue = context.Queue()
             pool = ProcessPoolExecutor(
                 workers, mp_context=context, initializer=_begin_worker, initargs=(queue, until)
@@ -88,19 +94,7 @@ def _in_processes(
         try:
             return [future.result() for future in futures]
         except BrokenProcessPool as exc:
-            raise DeviceError(
-                "run", "a worker process was killed; what it recorded is kept."
-            ) from exc
-
-
-@contextmanager
-def _signals_held() -> Iterator[None]:
-    """Start processes with signals held back: workers let go when they know what to do."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            raise DeviceError("run", "a worker process was killed.") from exc
 
 
 def _pass_on(queue: Any, tell: RunProgress) -> None:
@@ -132,7 +126,9 @@ def _outside_of_sessions(number: int, frame: FrameType | None) -> None:
 def _stop_with_parent() -> None:
     """Stop the session when the parent wants it or is gone; without it nobody ends us."""
     _WORKER["until"].poll(None)
-    os.kill(os.getpid(), signal.SIGTERM)
+    while _WORKER["busy"].locked():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_AGAIN_S)  # an interrupt in a callback of the garbage collector is lost
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

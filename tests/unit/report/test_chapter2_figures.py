@@ -32,14 +32,16 @@ def bandwidth_curve(corner, printed):
     coherence = 0.999 - 0.9 * (frequency > 40) * (frequency - 40) / 20
     return {
         "frequency_hz": frequency.tolist(),
-        "gain": low_pass(frequency, corner).tolist(),
+        "gain": (0.82 * low_pass(frequency, corner)).tolist(),
+        "reference_gain": 0.82,
         "coherence": coherence.tolist(),
         "bandwidth_hz": corner,
         "ci_low": corner - 0.8,
         "ci_high": corner + 0.9,
         "resolution_hz": 1.02,
         "spa_frequency_hz": lags.tolist(),
-        "spa_gain": low_pass(lags, corner + 9).tolist(),
+        "spa_gain": (0.5 * low_pass(lags, corner + 9)).tolist(),
+        "spa_reference_gain": 0.5,
         "spa_bandwidth_hz": corner + 9,
         "printed_hz": printed,
     }
@@ -128,7 +130,8 @@ def test_a_figure_without_its_curve_is_left_out(curves):
 
 def test_gain_is_drawn_in_decibels_with_the_bandwidths_at_half_power(curves):
     gain, coherence = drawn_figure(curves, "figure_2_5").axes
-    expected = 20 * np.log10(curves["bandwidth"]["20"]["gain"])
+    # The bandwidth counts from the gain at low frequency, which is not one: so must the curve.
+    expected = 20 * np.log10(np.array(curves["bandwidth"]["20"]["gain"]) / 0.82)
     ours = next(line for line in gain.lines if len(line.get_xdata()) == 60)
     np.testing.assert_allclose(ours.get_ydata(), expected)
     assert [line.get_xdata()[0] for line in line_at(gain, "o")] == [26.8, 17.2]

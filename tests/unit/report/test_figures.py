@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.estimates import ParameterEstimate
 from jointz.core.events import PulseRecord
 from jointz.report.event_figures import draw_onset_accuracy
 from jointz.report.figures import draw_figures
@@ -204,3 +205,22 @@ def test_coordinates_are_rounded_but_scales_are_not():
     coordinates = re.findall(r"(?<![\w.#])[1-9]\d*\.(\d+)", svg)
     assert coordinates
     assert max(map(len, coordinates)) <= 2
+
+
+def test_methods_are_not_compared_by_means_over_unlike_loads(bench):
+    cells = tuple(replace(c, participant=f"load-{k}") for k, c in enumerate(bench.cells))
+    other = tuple(replace(c, method="dissertation") for c in cells)
+    one = tuple(replace(c, method="dissertation") for c in bench.cells)
+    assert "methods" not in draw_figures(replace(bench, cells=cells, comparison=other))
+    assert "methods" in draw_figures(replace(bench, comparison=one))
+
+
+def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):
+    nothing = ParameterEstimate("damping", -0.004, -0.03, 0.02, "ok")
+    cells = tuple(
+        replace(c, parameters=(c.parameters[0], nothing, *c.parameters[2:])) for c in bench.cells
+    )
+    with figure_style():
+        figure = draw_impedance_over_gait(replace(bench, cells=cells))
+    told = [t.get_text() for axes in figure.axes for t in axes.texts]
+    assert not any("cut off" in text for text in told)

@@ -8,6 +8,9 @@ import pytest
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import inline_svg, render_report
+from jointz.report.prose import methods_paragraph
+from jointz.report.subjects import report_title
+from jointz.report.wording import DASH
 
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 
@@ -200,3 +203,73 @@ def test_a_figure_gets_ids_of_its_own():
     assert 'href="#f1-a"' in out
     assert "url(#f1-a)" in out
     assert 'aria-label="say &#34;x&#34;"' in out
+
+
+def bench_page(analysis, methods=("full_record",), **settings):
+    cells = tuple(
+        replace(c, method=methods[k % len(methods)], baseline="none")
+        for k, c in enumerate(analysis.cells)
+    )
+    settings = {
+        "kind": "bench", "joint": "knee", "method": "full_record", "baseline": "none",
+        "cutoff_hz": 100.0, "window_s": 0.1, "resamples": 1000, **settings,
+    }  # fmt: skip
+    return replace(analysis, cells=cells, settings=settings)
+
+
+def test_a_bench_report_speaks_of_loads_and_trajectories(bench):
+    analysis = bench_page(bench)
+    text = words(Page(render_report(analysis, {}, title=report_title(analysis))))
+    text = text.split("Settings")[0]  # which repeat those of study.toml
+    assert report_title(analysis) == "Impedance of loads on the bench"
+    for word in ("articipant", "people", "knee", "iming point", "% of cycle", "limb"):
+        assert word not in text
+    assert "Trajectory" in text
+
+
+def test_the_methods_of_whole_trials_are_not_those_of_pulses(bench):
+    text = methods_paragraph(bench_page(bench))
+    assert "Whole trials were used: nothing was cut out" in text
+    assert "standard deviation 40 Hz" in text
+    for wrong in ("100 ms", "100 Hz", "resamples", "baseline", "knee"):
+        assert wrong not in text
+
+
+def test_a_case_that_needed_another_method_is_told_beside_the_others(bench):
+    text = methods_paragraph(bench_page(bench, methods=("full_record", "dissertation")))
+    assert "Whole trials were used" in text
+    assert "Other cases were estimated by the method “dissertation”. The torque response" in text
+    assert "over 100 ms from the commanded onset" in text
+
+
+def effect(analysis, name, trajectory="A", p=0.01, code=""):
+    return {
+        "case": "k1", "trajectory": trajectory, "response": "stiffness", "effect": name,
+        "analysis": analysis, "statistic": None if code else 7.25, "df_num": 1.0, "df_den": 54.0,
+        "p": None if code else p, "p_holm": None if code else 3 * p, "code": code,
+    }  # fmt: skip
+
+
+def test_a_bench_report_has_the_tests_of_type_and_direction(bench):
+    tests = [
+        effect("one_way", "type"),
+        effect("mixed", "type", p=0.012),
+        effect("one_way", "direction", "E"),
+        effect("mixed", "direction", "E", code="confounded"),
+        effect("mixed", "joint", "E", p=1e-9),
+    ]
+    statistics = {
+        "pulse_effects": {
+            "methods": ["pulse_likelihood"], "tests": tests, "alpha": 0.05, "notes": ["k1 E so"],
+        }
+    }  # fmt: skip
+    analysis = replace(bench_page(bench), statistics=statistics)
+    html = render_report(analysis, {}, title="Bench")
+    text = words(Page(html.replace("<td", " <td")))
+    assert "k1 A stiffness type 7.25 (1, 54) 0.01 7.25 (1, 54) 0.012 0.036" in text
+    assert f"k1 E stiffness direction 7.25 (1, 54) 0.01 confounded {DASH} {DASH}" in text
+    assert "k1 E stiffness type or direction 7.25 (1, 54) < 0.0001 < 0.0001" in text
+    assert "errors-in-variables likelihood over 250 ms" in text
+    assert "Type and direction of the pulses" not in words(
+        Page(render_report(bench_page(bench), {}, title="Bench"))
+    )

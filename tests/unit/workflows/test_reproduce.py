@@ -1,14 +1,18 @@
 """Chapters again: the arithmetic of the tables on made-up pairs, and a chapter written whole."""
 
 import json
+import re
 
+import numpy as np
 import pytest
 
 from jointz.core.errors import OutputError
+from jointz.core.events import PulseEstimate
 from jointz.core.reproduction import Compared, ComparedTable, Reproduction
 from jointz.reference import chapter2
-from jointz.workflows import chapter2_loads, reproduce
+from jointz.workflows import chapter2_claims, chapter2_loads, reproduce
 from jointz.workflows.chapter2_loads import Pair
+from jointz.workflows.mechanisms import mechanism_table
 
 TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
 
@@ -41,7 +45,7 @@ def pairs(stiffness=0.95, inertia=0.85, ours=0.99):
 
 
 def test_every_cell_of_tables_2_1_and_2_2_stands_beside_the_printed_one():
-    stiffness, inertia, averages = chapter2_loads.error_tables(pairs())
+    stiffness, inertia, averages = chapter2_loads.error_tables(pairs(), 0.9725)
     assert [len(t.rows) for t in (stiffness, inertia, averages)] == [10, 10, 4]
     assert stiffness.rows[0].printed == 3.73
     for table, letter in ((stiffness, -5.0), (inertia, -15.0)):
@@ -49,18 +53,74 @@ def test_every_cell_of_tables_2_1_and_2_2_stands_beside_the_printed_one():
             assert row.dissertation == pytest.approx(letter)
             assert row.recommended == pytest.approx(-1.0)
     assert [row.printed for row in averages.rows] == [-2.15, -2.51, -15.2, -13.1]
+    assert "-2.75 % is the calibration of the torque" in averages.caption
+    assert "k1 = 168 N*m/rad" in stiffness.caption
+    assert "case 2: k2 and I1" in stiffness.caption
 
 
 def test_shares_of_pairs_below_the_truth_are_counted():
-    rows = {r.quantity: r for r in chapter2_loads._below_rows(pairs(stiffness=1.02))}
+    rows = {r.quantity: r for r in chapter2_claims._below_rows(pairs(stiffness=1.02))}
     assert rows["stiffness below the truth, pairs"].dissertation == 0.0
     assert rows["inertia below the truth, pairs"].dissertation == 100.0
     assert rows["inertia below the truth, trajectories"].recommended == 100.0
+    assert rows["inertia below the truth, pairs"].note == (
+        "printed: 19 of 20; dissertation's method 20 of 20; recommended 20 of 20"
+    )
 
 
 def test_damping_that_is_not_noisy_is_counted_as_such():
-    (row,) = chapter2_loads._damping_rows(pairs())
+    (row,) = chapter2_claims._damping_rows(pairs())
     assert row.dissertation == 0.0
+
+
+def pulses(method, effect):
+    """Return pulses of all loads; direction is type along E; ``effect`` is that of the type."""
+    rng = np.random.default_rng(5)
+    return [
+        PulseEstimate(
+            load, trajectory, "", str(trial), float(k), sign, "with" if along > 0 else "against",
+            168.0 + effect * sign + rng.standard_normal(), 0.0,
+            0.0364 + 1e-4 * rng.standard_normal(), 99.0, method,
+        )
+        for load in chapter2_loads.CASES
+        for trajectory in chapter2.TRAJECTORIES
+        for trial in range(4)
+        for k, (sign, other) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)] * 2)
+        for along in [sign if trajectory == "E" else other]
+    ]  # fmt: skip
+
+
+def test_shares_of_anovas_stand_beside_shares_of_the_same_anovas():
+    table, notes = chapter2_claims.claim_tables(
+        pairs(), pulses("dissertation", 5.0), pulses("pulse_likelihood", 0.0)
+    )
+    rows = {r.quantity: r for r in table.rows}
+    whole = rows["ANOVAs with p < 0.05, type"]
+    assert whole.recommended is None  # 32 of the 40 only
+    assert "printed: 38 of 40, as 2.3.3 lists; dissertation's method" in whole.note
+    without_e = rows["ANOVAs with p < 0.05, type, without E"]
+    assert without_e.printed == 96.9  # 2.3.3 lists 1C
+    counted = re.findall(r"\d+ of (\d+)", without_e.note)
+    assert counted == ["32", "32", "32"]
+    assert without_e.dissertation >= 50.0 > without_e.recommended
+    direction = rows["ANOVAs with p < 0.05, direction, without E"]
+    assert direction.printed == 87.5  # 4C, 4D, 1A and 2A are listed
+    assert rows["ANOVAs with p < 0.05 after Holm, type, without E"].recommended == 0.0
+    assert notes == (
+        "Type and direction are confounded in case 1E, case 2E, case 3E, case 4E: only their joint "
+        "effect is tested there.",
+    )
+
+
+def test_the_text_about_mechanisms_is_made_of_their_numbers():
+    found = {
+        "late": {"stiffness": -2.685, "damping": -0.14, "inertia": -12.95},
+        "slow": {"stiffness": 0.0, "damping": -0.01, "inertia": -14.7},
+    }
+    caption = mechanism_table(found).caption
+    assert "comes only: late (stiffness -2.7 %, inertia -12.9 %)." in caption
+    assert "slow" not in caption
+    assert "comes no mechanism alone" in mechanism_table({"slow": found["slow"]}).caption
 
 
 @pytest.fixture
@@ -101,6 +161,19 @@ def test_a_chapter_that_is_there_is_kept(tmp_path):
 def test_the_command_prints_tables_and_page(jointz, tmp_path):
     outcome = jointz("reproduce", "2", "--out", tmp_path / "a")
     assert outcome.code == 0
-    assert "error: printed -2.15, dissertation's method -5, recommended -1 % (of 20)" in outcome.out
+    rows = [line.split() for line in outcome.out.splitlines() if line.startswith("  ")]
+    assert rows == [
+        [
+            "Quantity",
+            "Unit",
+            "Printed",
+            "Dissertation's",
+            "method",
+            "Recommended",
+            "method",
+            "Note",
+        ],
+        ["error", "%", "-2.15", "-5", "-1", "of", "20"],
+    ]
     told = jointz("reproduce", "2", "--out", tmp_path / "b", "--json").json
     assert told["chapters"][0]["tables"][0]["rows"][0]["printed"] == -2.15

@@ -1,0 +1,68 @@
+"""A chapter printed beside ours, for a terminal: aligned tables, long ones left to their files."""
+
+from typing import Any
+
+from jointz.core.reproduction import ComparedTable, Reproduction
+from jointz.report.chapter_page import compared_cells
+from jointz.report.wording import MINUS, pretty_unit
+
+_GAP = "  "
+
+
+def chapter_text(reproduction: Reproduction) -> str:
+    """Write the tables of a chapter as text.
+
+    Parameters
+    ----------
+    reproduction : Reproduction
+        The chapter.
+
+    Returns
+    -------
+    str
+        Title, tables and notes; of tables that the page folds up only where they are.
+
+    Examples
+    --------
+    >>> from jointz.core.reproduction import Compared
+    >>> rows = (Compared("stiffness", "N*m/rad", printed=146.4, dissertation=145.83),)
+    >>> table = ComparedTable("dither", "In motion", "", rows)
+    >>> print(chapter_text(Reproduction(3, "The actuator", (table,))))
+    Chapter 3: The actuator
+    <BLANKLINE>
+    In motion
+      Quantity   Unit     Printed  Dissertation's method
+      stiffness  N·m/rad  146.4    146
+    """
+    lines = [f"Chapter {reproduction.chapter}: {reproduction.title}"]
+    for table in reproduction.tables:
+        lines += ["", *_table_lines(table)]
+    lines += ["", *(f"Note: {note}" for note in reproduction.notes)] if reproduction.notes else []
+    return "\n".join(lines)
+
+
+def _table_lines(table: ComparedTable) -> list[str]:
+    cells = compared_cells(table.rows)
+    if cells["folded"]:
+        return [table.title, f"{_GAP}{len(table.rows)} rows: tables/{table.name}.csv"]
+    head = ["Quantity", "Unit", *(column["head"] for column in cells["columns"])]
+    head += ["Note"] if cells["noted"] else []
+    rows = [head, *(_row(row, cells) for row in cells["rows"])]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
+    return [table.title, *(_line(row, widths) for row in rows)]
+
+
+def _row(row: dict[str, Any], cells: dict[str, Any]) -> list[str]:
+    texts = [row["quantity"], pretty_unit(row["unit"])]
+    for column in cells["columns"]:
+        cell = row["cells"][column["key"]]
+        outside = " (outside the interval)" if cell["outside"] else ""
+        texts.append(f"{cell['value']} {cell['spread']}".rstrip() + outside)
+    return [*texts, row["note"]] if cells["noted"] else texts
+
+
+def _line(row: list[str], widths: list[int]) -> str:
+    padded = (text.ljust(width) for text, width in zip(row, widths, strict=True))
+    plain = _GAP + _GAP.join(padded).rstrip()
+    # Terminals without a minus sign are more common than tables with dashes for it.
+    return plain.replace(MINUS, "-").replace("\N{RIGHT SINGLE QUOTATION MARK}", "'")

@@ -1,0 +1,75 @@
+"""What a report calls those who were measured: people at timing points, or loads on a bench."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.report.wording import format_count
+
+
+@dataclass(frozen=True, slots=True)
+class Subjects:
+    """Words for the columns ``participant`` and ``timing_point``.
+
+    Parameters
+    ----------
+    one, many : str
+        Who was measured.
+    point, points : str
+        At what.
+    bench : bool
+        Whether they are loads on a bench.
+    """
+
+    one: str = "participant"
+    many: str = "participants"
+    point: str = "timing point"
+    points: str = "timing points"
+    bench: bool = False
+
+    def counted(self, count: int) -> str:
+        """Return a number of them in words.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+
+        Examples
+        --------
+        >>> Subjects().counted(2)
+        '2 participants'
+        """
+        return format_count(count, self.one, self.many)
+
+
+_PEOPLE: Final = Subjects()
+_LOADS: Final = Subjects("load", "loads", "trajectory", "trajectories", bench=True)
+_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True)
+
+
+def subjects(analysis: StudyAnalysis) -> Subjects:
+    """Return the words for a study.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        Its analysis.
+    """
+    if analysis.settings.get("kind") != "bench":
+        return _PEOPLE
+    study = analysis.provenance.get("study") or {}
+    return _GROUPS if (study.get("perturbations") or {}).get("group") else _LOADS
+
+
+def report_title(analysis: StudyAnalysis) -> str:
+    """Return the title of a study's report.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        Its analysis.
+    """
+    if subjects(analysis).bench:
+        return "Impedance of loads on the bench"
+    return f"Impedance of the {analysis.settings.get('joint', 'joint')}"

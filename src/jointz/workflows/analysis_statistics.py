@@ -1,0 +1,182 @@
+"""What an analysis says beside its estimates: description, effects of pulses, and notes."""
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import pandas as pd
+
+from jointz.core.analysis import NO_MEANS_ON_A_BENCH
+from jointz.core.estimates import CellEstimate
+from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.study import Study
+from jointz.identify.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.participant import ParticipantResult
+from jointz.identify.sources import SAME_TIME_S
+from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
+from jointz.stats.pulse_effects import pulse_effects
+from jointz.workflows.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
+
+#: So many names are told; the tables hold the others.
+_TOLD = 3
+
+
+def study_statistics(
+    study: Study,
+    method: str,
+    cells: Sequence[CellEstimate],
+    results: Collection[ParticipantResult],
+) -> dict[str, Any]:
+    """Return the statistics of a study, and the notes about them.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    method : str
+        The chosen method.
+    cells : sequence of CellEstimate
+        Its estimates.
+    results : collection of ParticipantResult
+        What was found in the recordings.
+    """
+    pulses = tuple(p for r in results for p in r.pulses)
+    strides = tuple(s for r in results for s in r.strides)
+    gaps = tuple(g for r in results for g in r.gaps)
+    single = tuple(p for r in results for p in r.single)
+    return {
+        "onset_accuracy": onset_accuracy(pulses),
+        "strides": stride_summary(strides, gaps),
+        "vaf": vaf_summary(cells),
+        **_nuisance(cells),
+        **_pulse_effects(single),
+        "notes": [
+            *_exclusion_notes(study, pulses, strides),
+            *_sign_notes(cells),
+            *_method_notes(method, cells),
+            *_single_notes(cells, single),
+            *_mean_notes(study),
+            *_pulse_notes(study, pulses),
+        ],
+    }
+
+
+def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
+    """Return what was estimated beside the impedance, where there is any."""
+    rows = [
+        {
+            "participant": cell.participant,
+            "timing_point": cell.timing_point,
+            "parameter": p.name,
+            "value": p.value,
+            "unit": p.unit,
+            "ci_low": p.ci_low,
+            "ci_high": p.ci_high,
+            "status": p.status,
+        }
+        for cell in cells
+        for p in cell.nuisance
+    ]
+    return {"nuisance": rows} if rows else {}
+
+
+def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
+    """Return the statistics of 2.2.4, where pulses of a bench went both ways."""
+    rows = [p for p in single if p.direction]
+    if len({p.sign for p in rows}) < 2:
+        return {}
+    table = pd.DataFrame(
+        {
+            "case": [p.participant for p in rows],
+            "trajectory": [p.timing_point for p in rows],
+            "trial": [p.trial for p in rows],
+            "sign": [p.sign for p in rows],
+            "direction": [p.direction for p in rows],
+            "stiffness": [p.stiffness for p in rows],
+            "inertia": [p.inertia for p in rows],
+        }
+    )
+    methods = list(dict.fromkeys(p.method for p in rows))
+    return {"pulse_effects": {"methods": methods, **pulse_effects(table).to_dict()}}
+
+
+# --- notes: what the user should know and would otherwise not see --------------------------------
+
+
+def _exclusion_notes(
+    study: Study, pulses: Sequence[PulseRecord], strides: Sequence[StrideRecord]
+) -> list[str]:
+    moments = [(p.participant, p.recording, p.onset_s) for p in pulses]
+    moments += [(s.participant, s.recording, s.start_s) for s in strides]
+    return [
+        f"exclusions.csv: nothing begins at {e.onset_s:g} s in {e.recording} of "
+        f"{e.participant}; the line had no effect."
+        for e in study.user_exclusions
+        if not any(
+            (person, file) == (e.participant, e.recording) and abs(t - e.onset_s) < SAME_TIME_S
+            for person, file, t in moments
+        )
+    ]
+
+
+def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
+    """Say where a turned sign is the likely reason for nothing but zeros."""
+    turned = [
+        cell
+        for cell in cells
+        if cell.vaf_pct is not None
+        and cell.vaf_pct <= 0.0
+        and {p.status for p in cell.parameters} == {"at_bound"}
+    ]
+    if not turned:
+        return []
+    return [
+        f"stiffness, damping and inertia are all at 0 in {_names(turned)}: torque seems to oppose "
+        "the motion it causes. Check the signs, and torque_acts_on."
+    ]
+
+
+def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
+    """Say where another method than the chosen one had to be used."""
+    others = [cell for cell in cells if cell.method != method]
+    return [
+        f"{_names([c for c in others if c.method == used])}: estimated by the method {used}, not "
+        f"{method}: the recording holds several cases, or one linear load does not explain its "
+        "torque."
+        for used in dict.fromkeys(c.method for c in others)
+    ]
+
+
+def _single_notes(cells: Sequence[CellEstimate], single: Sequence[PulseEstimate]) -> list[str]:
+    """Say how many pulses of whole trials have no estimate of their own."""
+    whole = [c for c in cells if c.method == FULL_RECORD and c.n_used]
+    there = {(c.participant, c.timing_point) for c in whole}
+    n = sum(c.n_used for c in whole)
+    alone = sum((p.participant, p.timing_point) in there for p in single)
+    if alone >= n:
+        return []
+    return [
+        f"single_pulses.csv: {n - alone} of {n} pulses have no estimate of their own by "
+        f"{PULSE_LIKELIHOOD}: 250 ms do not decide stiffness, damping and inertia, or leave the "
+        "record."
+    ]
+
+
+def _mean_notes(study: Study) -> list[str]:
+    """Say why a bench with several loads has no means."""
+    loads = study.spec.kind == "bench" and len(study.spec.participants) > 1
+    return [NO_MEANS_ON_A_BENCH] if loads else []
+
+
+def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
+    """Say where else to go with a bench record that holds no pulse."""
+    if pulses or study.spec.kind != "bench":
+        return []
+    return [
+        "no recording holds a pulse, which analyze needs. Torque models, the bandwidth of a torque "
+        "loop and a load in noise are estimated from single recordings: jointz identify --help."
+    ]
+
+
+def _names(cells: Sequence[CellEstimate]) -> str:
+    names = [f"{cell.participant} {cell.timing_point}" for cell in cells]
+    return f"{', '.join(names[:_TOLD])}{', ...' if len(names) > _TOLD else ''}"
