@@ -5,8 +5,10 @@ without and with pulses, and the dissertation's method (2.2.3) estimates every p
 """
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
+from math import prod
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -156,28 +158,40 @@ def mechanism_table(found: Mapping[str, Mapping[str, float]]) -> ComparedTable:
 
 
 def _alike(found: Mapping[str, Mapping[str, float]]) -> str:
-    """Say which mechanisms alone make the printed averages of both parameters (2.3.2)."""
+    """Say which mechanisms, alone or in pairs, make both printed averages (2.3.2)."""
     printed = {
         "stiffness": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.SPRINGS],
         "inertia": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.INERTIAS],
     }
+    causes = [name for name, errors in found.items() if any(errors.values())]
+    tried = {
+        names: {key: _together([found[name][key] for name in names]) for key in printed}
+        for count in (1, 2)
+        for names in combinations(causes, count)
+    }
     near = [
-        name
-        for name, errors in found.items()
+        f"{' with '.join(names)} ({_of_both(errors)})"
+        for names, errors in tried.items()
         if all(
-            min(values) - _NEAR_PCT <= errors[parameter] <= max(values) + _NEAR_PCT
-            for parameter, values in printed.items()
+            min(values) - _NEAR_PCT <= errors[key] <= max(values) + _NEAR_PCT
+            for key, values in printed.items()
         )
     ]
     ranges = " and ".join(
-        f"{parameter} {max(values):.3g} to {min(values):.3g} %"
-        for parameter, values in printed.items()
+        f"{key} {max(values):.3g} to {min(values):.3g} %" for key, values in printed.items()
     )
     text = f"Printed averages (2.3.2): {ranges}. Within {_NEAR_PCT:g} points of both"
-    if not near:
-        return f"{text} comes no mechanism alone."
-    told = "; ".join(f"{n} ({_of_both(found[n])})" for n in near)
-    return f"{text} {'come' if len(near) > 1 else 'comes only'}: {told}."
+    if len(near) < 2:
+        return f"{text}, of all of them alone and in pairs, comes {near[0] if near else 'none'}."
+    return (
+        f"{text} come, alone or one on top of the other: {'; '.join(near)}. Two averages cannot "
+        "tell them apart, and sizes other than these would do as well."
+    )
+
+
+def _together(errors_pct: Sequence[float]) -> float:
+    """Return the error of gains that are wrong one on top of the other, %."""
+    return 100.0 * (prod(1.0 + error / 100.0 for error in errors_pct) - 1.0)
 
 
 def _of_both(errors: Mapping[str, float]) -> str:

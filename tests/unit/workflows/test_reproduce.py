@@ -118,9 +118,13 @@ def test_the_text_about_mechanisms_is_made_of_their_numbers():
         "slow": {"stiffness": 0.0, "damping": -0.01, "inertia": -14.7},
     }
     caption = mechanism_table(found).caption
-    assert "comes only: late (stiffness -2.7 %, inertia -12.9 %)." in caption
-    assert "slow" not in caption
-    assert "comes no mechanism alone" in mechanism_table({"slow": found["slow"]}).caption
+    assert "in pairs, comes late (stiffness -2.7 %, inertia -12.9 %)." in caption
+    assert "comes none" in mechanism_table({"slow": found["slow"]}).caption
+
+    found["beam"] = {"stiffness": -2.0, "damping": 0.0, "inertia": -2.0}
+    caption = mechanism_table(found).caption
+    assert "late (stiffness -2.7 %, inertia -12.9 %); slow with beam (stiffness -2.0 %" in caption
+    assert "inertia -16.4 %). Two averages cannot tell them apart" in caption
 
 
 @pytest.fixture
