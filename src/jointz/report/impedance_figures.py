@@ -22,6 +22,7 @@ from jointz.report.style import (
     place_legend,
     shade_phases,
 )
+from jointz.report.subjects import subjects
 from jointz.report.wording import SHARED, format_count, parameter_label, parameter_name
 
 if TYPE_CHECKING:
@@ -297,7 +298,8 @@ def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]
     level = f"{100 * drawn[0].ci_level:g} % interval"
     several = len({c.participant for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
-    handles = [legend_line(f"{'participant' if several else 'estimate'}, {level}", SKY, **dot)]
+    who = subjects(analysis).one if several else "estimate"
+    handles = [legend_line(f"{who}, {level}", SKY, **dot)]
     if _means(analysis, parameters):
         diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
         handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
