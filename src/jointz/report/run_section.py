@@ -57,7 +57,10 @@ def _gaps(run: RunReport) -> str:
 def _timing(run: RunReport) -> str:
     ticks = sum(t["ticks"] for t in run.timing)
     missed = sum(t["missed_slots"] for t in run.timing)
-    return (
-        f"The control loop ran {format_integer(ticks)} ticks and missed {format_integer(missed)} "
-        "slots."
+    cut = sum(t["clamped_ticks"] for t in run.timing)
+    told = (
+        f"The control loop ran {format_integer(ticks)} ticks, missed {format_integer(missed)} slots"
     )
+    if not cut:
+        return f"{told} and cut no torque."
+    return f"{told}, and sent less torque than was asked for in {format_integer(cut)} ticks."
