@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -40,6 +41,8 @@ class Spy:
         def spying(condition, *, worn, segment, clock):
             devices = opened(condition, worn=worn, segment=segment, clock=clock)
             self.clock, self.devices = clock, devices
+            if devices.actuator is None:
+                return devices
             command, stop = devices.actuator.command_torque, devices.actuator.stop
 
             def command_torque(torque_nm):
@@ -389,6 +392,34 @@ def test_a_signal_fades_the_pulse_that_is_on(rig, spy, protocol, tmp_path, monke
     assert spy.commands[-1][1] == "stop"
     events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
     assert events[-2:] == ["pulse_aborted", "stopped"]
+
+
+def test_a_stop_ends_walking_without_the_device_in_the_same_tick(rig, spy, protocol, tmp_path):
+    without = load_protocol("walking").conditions[0]
+    running = session(rig, protocol.model_copy(update={"conditions": (without,)}), tmp_path)
+    look = spy_on_ticks(spy, at_s=4.0, then=running.request_stop)
+    with look, pytest.raises(KeyboardInterrupt):
+        running.run()
+    log = read_log(tmp_path / "logs" / f"{without.name}-0.jzlog").records
+    assert log["slot"][-1] * PERIOD_S == pytest.approx(4.0, abs=2 * PERIOD_S)
+    assert last_events(tmp_path) == "stopped"
+
+
+@contextmanager
+def spy_on_ticks(spy, *, at_s, then):
+    """Do something when a tick was recorded at a time."""
+    write = trial.Recorder.write
+    done = []
+
+    def watched(self, *records):
+        write(self, *records)
+        if spy.clock.now_ns() >= at_s * 1e9 and not done:
+            done.append(True)
+            then()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trial.Recorder, "write", watched)
+        yield
 
 
 def test_a_signal_ends_the_wait_at_a_prompt(rig, protocol, tmp_path):

@@ -159,8 +159,8 @@ class Trial:
         watch = self._watch
         stride = watch.update(slot_ns, self._streams.angle, self._streams.contact)
         self._flags = (_STEADY if watch.steady else 0) | (_OVERRUN if skipped else 0)
-        running = True
-        if self._motor is not None:
+        running = not self._stopping
+        if self._motor is not None:  # a pulse that is on has to fade first
             running = self._act(self._motor, slot, slot_ns, age_s=age_s, skipped=skipped)
         self._record(slot, host_ns)
         if stride:
