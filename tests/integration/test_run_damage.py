@@ -14,6 +14,7 @@ from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolErro
 from jointz.core.limits import LimitsOverride
 from jointz.experiment.journal import read_journal
 from jointz.experiment.recorder import Recorder
+from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.sim.devices import SimulatedActuator
 
@@ -130,10 +131,15 @@ def finished(protocol, tmp_path_factory):
     """A run that was killed when all was recorded and nothing converted."""
     out = tmp_path_factory.mktemp("finished") / "study"
     run(protocol, out)
-    for file in [*out.glob("S01*"), out / "study.toml", out / "run_report.json"]:
-        file.unlink()
-    (out / "sessions" / "S01" / "report.json").unlink()
+    unconverted(out)
     return out
+
+
+def unconverted(out):
+    """Take away what was made of the logs, as if the run had been killed before."""
+    made = [*out.glob("*.nc"), *out.glob("*.csv"), *out.glob("sessions/*/report.json")]
+    for file in [*made, out / "study.toml", out / "run_report.json"]:
+        file.unlink()
 
 
 @pytest.mark.parametrize("left", [0.0, 0.02, 0.5])
@@ -148,6 +154,33 @@ def test_pulses_lost_from_a_condition_that_was_done_are_done_again(
     assert lost == 12 if left < 0.1 else 0 < lost < 12
     assert_whole(out, made, lost=lost)
     assert (log.parent / "perturbed-1.jzlog").exists()
+
+
+def test_pulses_lost_from_the_first_of_two_stretches_are_done_again(protocol, out, session):
+    run(protocol, out, resume=True)
+    unconverted(out)
+    first = session / "logs" / "perturbed-0.jzlog"
+    first.write_bytes(first.read_bytes()[: first.stat().st_size // 2])
+    made = run(protocol, out, resume=True)
+    lost = len(events_of(session, "pulse_lost"))
+    assert lost > 0
+    assert_whole(out, made, lost=lost)
+    assert (session / "logs" / "perturbed-2.jzlog").exists()
+
+
+def test_a_trial_of_a_bench_whose_log_is_gone_is_done_again(tmp_path):
+    whole = load_protocol("sea-mass-spring")
+    conditions = tuple(c.model_copy(update={"trials": 2}) for c in whole.conditions[:2])
+    short = whole.model_copy(update={"conditions": conditions, "loads": whole.loads[:1]})
+    out = tmp_path / "study"
+    run(short, out)
+    unconverted(out)
+    logs = out / "sessions" / "case-1" / "logs"
+    (logs / "A-perturbed-1-0.jzlog").unlink()
+    made = run(short, out, resume=True)
+    assert made.report.summary().endswith("16 of 16 pulses")
+    assert (logs / "A-perturbed-1-1.jzlog").exists()
+    assert len(read_recording(out / "case-1_A-perturbed.nc")["time"]) == 2 * 12 * 900
 
 
 def test_a_run_that_was_killed_before_it_was_described_begins(protocol, tmp_path):
