@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from jointz.core.fit_parameters import checked_values
 from jointz.core.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
-from jointz.core.frequency_response_fit import checked_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,13 +8,19 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.estimates import ParameterEstimate
+from jointz.core.fit_parameters import (
+    checked_values,
+    find_parameter,
+    parameter_frame,
+    parameters_from_dict,
+    parameters_to_dict,
+)
 from jointz.core.joint_fit import FitSeries
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
-_SAME_IN_DICT = ("value", "status", "ci_level", "ci_method", "share_at_bound", "unbounded")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,30 +91,16 @@ class BenchFit:
         KeyError
             When the fit has no such parameter.
         """
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        known = ", ".join(p.name for p in self.parameters)
-        raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
+        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
-        rows = [
-            {
-                "parameter": p.name,
-                "value": p.value,
-                "unit": p.unit,
-                "ci_low": p.ci_low,
-                "ci_high": p.ci_high,
-                "ci_level": p.ci_level,
-                "status": p.status,
-                "vaf_pct": self.vaf_pct,
-                "n_samples": self.n_samples,
-                "lag_model": self.lag_model,
-            }
-            for p in self.parameters
-        ]
-        return pd.DataFrame(rows)
+        return parameter_frame(
+            self.parameters,
+            vaf_pct=self.vaf_pct,
+            n_samples=self.n_samples,
+            lag_model=self.lag_model,
+        )
 
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, warnings."""
@@ -151,7 +143,7 @@ class BenchFit:
         """Return plain values, ready for JSON."""
         data: dict[str, Any] = {"schema": self.SCHEMA}
         data |= {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        data["parameters"] = {p.name: _parameter_to_dict(p) for p in self.parameters}
+        data["parameters"] = parameters_to_dict(self.parameters)
         data["covariance"] = [list(row) for row in self.covariance]
         data["settings"] = dict(self.settings)
         data["warnings"] = list(self.warnings)
@@ -172,12 +164,8 @@ class BenchFit:
         ValueError
             When the schema is not one this version reads.
         """
-        if data.get("schema") != cls.SCHEMA:
-            raise ValueError(f"expected schema {cls.SCHEMA!r}, got {data.get('schema')!r}")
-        values = {name: value for name, value in data.items() if name != "schema"}
-        values["parameters"] = tuple(
-            _parameter_from_dict(name, entry) for name, entry in data["parameters"].items()
-        )
+        values = checked_values(data, cls.SCHEMA)
+        values["parameters"] = parameters_from_dict(data["parameters"])
         values["covariance"] = tuple(tuple(row) for row in data["covariance"])
         values["settings"] = dict(data["settings"])
         values["warnings"] = tuple(data["warnings"])
@@ -228,17 +216,6 @@ def estimate(
     if not np.isfinite(half) or reaches_zero:
         return ParameterEstimate(name, None, None, None, "undecided", **common)
     return ParameterEstimate(name, value, value - half, value + half, "ok", **common)
-
-
-def _parameter_to_dict(parameter: ParameterEstimate) -> dict[str, Any]:
-    entry = {name: getattr(parameter, name) for name in _SAME_IN_DICT}
-    return entry | {"unit": parameter.unit, "ci": [parameter.ci_low, parameter.ci_high]}
-
-
-def _parameter_from_dict(name: str, entry: Mapping[str, Any]) -> ParameterEstimate:
-    low, high = entry["ci"]
-    same = {key: entry[key] for key in _SAME_IN_DICT}
-    return ParameterEstimate(name=name, ci_low=low, ci_high=high, **same)
 
 
 def _sentence(parameter: ParameterEstimate) -> str:

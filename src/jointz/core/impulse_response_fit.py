@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.estimates import ParameterEstimate
-from jointz.core.frequency_response_curve import BAND, INK, MODEL
-from jointz.core.frequency_response_fit import (
+from jointz.core.fit_parameters import (
     checked_values,
     find_parameter,
     parameter_frame,
@@ -18,6 +17,7 @@ from jointz.core.frequency_response_fit import (
     parameters_from_dict,
     parameters_to_dict,
 )
+from jointz.core.frequency_response_curve import BAND, INK, MODEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

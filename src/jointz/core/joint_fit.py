@@ -7,6 +7,15 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from jointz.core.estimates import ParameterEstimate
+from jointz.core.fit_parameters import (
+    checked_values,
+    find_parameter,
+    parameter_frame,
+    parameter_label,
+    parameter_line,
+    parameters_from_dict,
+    parameters_to_dict,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,31 +113,17 @@ class JointFit:
         KeyError
             When the fit has no such parameter.
         """
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        known = ", ".join(p.name for p in self.parameters)
-        raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
+        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
-        rows = [
-            {
-                "parameter": p.name,
-                "value": p.value,
-                "unit": p.unit,
-                "ci_low": p.ci_low,
-                "ci_high": p.ci_high,
-                "ci_level": p.ci_level,
-                "status": p.status,
-                "vaf_pct": self.vaf_pct,
-                "n_samples": self.n_samples,
-                "model": self.model,
-                "estimator": self.estimator,
-            }
-            for p in self.parameters
-        ]
-        return pd.DataFrame(rows)
+        return parameter_frame(
+            self.parameters,
+            vaf_pct=self.vaf_pct,
+            n_samples=self.n_samples,
+            model=self.model,
+            estimator=self.estimator,
+        )
 
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, warnings."""
@@ -136,7 +131,7 @@ class JointFit:
         lines = [
             f"Joint impedance, estimator {self.estimator}, {self.input} perturbed: {self.status}",
             f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz",
-            *(f"  {_sentence(p)}" for p in self.parameters),
+            *(f"  {parameter_line(p)}" for p in self.parameters),
             f"  VAF of the {self.vaf_of} {self.vaf_pct:.1f} %; intervals: {self.ci_method}",
             *(f"  Note: {warning}" for warning in self.warnings),
         ]
@@ -162,7 +157,7 @@ class JointFit:
         axes.plot(self.series.time_s, self.series.modelled, label="model", linestyle="--")
         axes.set_xlabel("time (s)")
         axes.set_ylabel(_AXIS_LABELS[self.vaf_of])
-        drawn = ", ".join(_figure(p) for p in self.parameters)
+        drawn = ", ".join(parameter_label(p) for p in self.parameters)
         axes.set_title(f"{drawn}\nVAF of the {self.vaf_of} {self.vaf_pct:.1f} %", fontsize="medium")
         axes.legend()
         return axes
@@ -171,7 +166,7 @@ class JointFit:
         """Return plain values, ready for JSON; see DESIGN section 5."""
         data: dict[str, Any] = {"schema": SCHEMA}
         data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = {p.name: _parameter_to_dict(p) for p in self.parameters}
+        data["parameters"] = parameters_to_dict(self.parameters)
         data["covariance"] = [list(row) for row in self.covariance]
         data["settings"] = dict(self.settings)
         data["warnings"] = list(self.warnings)
@@ -192,43 +187,10 @@ class JointFit:
         ValueError
             When the schema is not one this version reads.
         """
-        if data.get("schema") != SCHEMA:
-            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
-        values = {name: value for name, value in data.items() if name != "schema"}
-        values["parameters"] = tuple(
-            _parameter_from_dict(name, entry) for name, entry in data["parameters"].items()
-        )
+        values = checked_values(data, SCHEMA)
+        values["parameters"] = parameters_from_dict(data["parameters"])
         values["covariance"] = tuple(tuple(row) for row in data["covariance"])
         values["settings"] = dict(data["settings"])
         values["warnings"] = tuple(data["warnings"])
         values["series"] = FitSeries(**{n: tuple(v) for n, v in data["series"].items()})
         return cls(**values)
-
-
-_SAME_IN_DICT = ("value", "status", "ci_level", "ci_method", "share_at_bound", "unbounded")
-
-
-def _parameter_to_dict(parameter: ParameterEstimate) -> dict[str, Any]:
-    entry = {name: getattr(parameter, name) for name in _SAME_IN_DICT}
-    return entry | {"unit": parameter.unit, "ci": [parameter.ci_low, parameter.ci_high]}
-
-
-def _parameter_from_dict(name: str, entry: Mapping[str, Any]) -> ParameterEstimate:
-    low, high = entry["ci"]
-    same = {key: entry[key] for key in _SAME_IN_DICT}
-    return ParameterEstimate(name=name, ci_low=low, ci_high=high, **same)
-
-
-def _sentence(parameter: ParameterEstimate) -> str:
-    if parameter.value is None:
-        return f"{parameter.name:<10} {parameter.status}"
-    interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
-    measure = f"{parameter.name:<10} {parameter.value:.4g} {parameter.unit}"
-    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
-
-
-def _figure(parameter: ParameterEstimate) -> str:
-    symbol = {"stiffness": "K", "damping": "B", "inertia": "J"}[parameter.name]
-    if parameter.value is None:
-        return f"{symbol} {parameter.status}"
-    return f"{symbol} = {parameter.value:.3g} {parameter.unit}"

@@ -9,6 +9,8 @@ from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.errors import ProtocolError
 
 Positive = Annotated[float, Field(gt=0)]
+#: Pulses may fill their share of the last so many seconds.
+DUTY_WINDOW_S = 10.0
 
 
 class SafetyLimits(CheckedModel):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from jointz.core.estimates import ParameterEstimate
-from jointz.core.frequency_response_fit import (
+from jointz.core.fit_parameters import (
     checked_values,
     find_parameter,
     parameter_frame,

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from jointz.core.checked_model import Problem
+from jointz.core.limits import DUTY_WINDOW_S
 from jointz.core.protocol_checks import (
     ROUNDING_S,
     assumed_stride_s,
@@ -14,8 +15,6 @@ from jointz.core.protocol_checks import (
 if TYPE_CHECKING:
     from jointz.core.protocol import PerturbationPlan, Protocol, PulseSpec
 
-#: Time over which the share under pulses is limited, s.
-DUTY_WINDOW_S = 10.0
 _LONGEST_S = 86_400.0
 #: Of a trial on a bench: all of it is laid out before it begins.
 _MOST_TICKS = 10_000_000

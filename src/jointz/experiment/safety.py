@@ -13,14 +13,12 @@ Three reactions, from mild to hard:
 
 from math import inf, isfinite, nan
 
-from jointz.core.limits import SafetyLimits
+from jointz.core.limits import DUTY_WINDOW_S, SafetyLimits
 from jointz.core.session_log import Flag
 from jointz.core.trips import Trip
 from jointz.devices.interface import ActuatorSample
 
 _CLAMPED, _FADING, _TRIPPED = int(Flag.CLAMPED), int(Flag.FADING), int(Flag.TRIPPED)
-#: Pulses may fill their share of the last so many seconds.
-_DUTY_WINDOW_S = 10.0
 #: Every sensor must have given a sample so long after the first tick; torque is zero until then.
 _START_S = 1.0
 #: A goniometer that repeats a value while the actuator turns faster than this is frozen,
@@ -102,7 +100,7 @@ class SafetyGate:
         self._most_frozen = limits.sensor_age_s / control_period_s
         self._most_waited = _START_S / control_period_s
         # One byte a tick of the last ten seconds: 1 where a pulse was on.
-        self._window = bytearray(max(1, round(_DUTY_WINDOW_S / control_period_s)))
+        self._window = bytearray(max(1, round(DUTY_WINDOW_S / control_period_s)))
         self._most_pulse_ticks = limits.pulse_duty * len(self._window)
         self._place = self._pulse_ticks = self._waited = 0
         self._pulses = pulses_before

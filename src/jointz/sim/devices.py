@@ -15,7 +15,8 @@ from jointz.devices.interface import (
     SensorSample,
 )
 from jointz.sim.injection import DeviceName, Injection, Kind, Misbehaviour
-from jointz.sim.running_plant import RunningPlant, Sample
+from jointz.sim.running_plant import RunningPlant
+from jointz.sim.sampled_time import Sample
 
 _NAN = float("nan")
 _new = tuple.__new__  # of named tuples: half the time of their constructors

@@ -13,7 +13,7 @@ from jointz.sim.loaded_bench import BenchLabels, LoadedBench
 from jointz.sim.qdd_bench import QddSettings
 from jointz.sim.qdd_bench_plant import QddBenchPlant
 from jointz.sim.running_bench import BenchPlant
-from jointz.sim.running_plant import Sample
+from jointz.sim.sampled_time import Sample
 
 #: The sides turn as far as they like.
 _TURNS_RAD = 1e4

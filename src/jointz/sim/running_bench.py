@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from jointz.sim.running_plant import Sample
+from jointz.sim.sampled_time import Sample, SampledTime
 
 _NAN = float("nan")
 
@@ -21,8 +21,8 @@ class BenchPlant(Protocol):
         ...
 
 
-class RunningBench:
-    """A bench from the first look on; as :class:`jointz.sim.running_plant.RunningPlant` runs.
+class RunningBench(SampledTime):
+    """A bench from the first look on.
 
     Parameters
     ----------
@@ -34,63 +34,20 @@ class RunningBench:
         Without a command for so long the actuator goes to zero torque.
     one_motor : bool
         Whether the same motor gives torque and moves: the newest of two commands counts.
-
-    Attributes
-    ----------
-    samples : int
-        Computed so far.
-    due_ns : int, ns
-        When, by the host's clock, the next one comes.
     """
 
     def __init__(
         self, plant: BenchPlant, *, period_ns: int, timeout_s: float, one_motor: bool
     ) -> None:
+        super().__init__(period_ns)
         self._advance = plant.sample
-        self._period_ns = period_ns
         self._timeout = round(timeout_s * 1e9) // period_ns
         self._one_motor = one_motor
         self._torque = 0.0
         self._angle = _NAN if one_motor else 0.0
         self._commanded = 0
-        self._queues: list[list[Sample]] = []
         self._newest: Sample | None = None
         self._faults = 0
-        self._first_ns = 0
-        self.samples = 0
-        self.due_ns = 0
-
-    def queue(self) -> list[Sample]:
-        """Return a new list to which every sample from now on is appended."""
-        samples: list[Sample] = []
-        self._queues.append(samples)
-        return samples
-
-    def forget(self, queue: list[Sample]) -> None:
-        """Append no more to a list.
-
-        Parameters
-        ----------
-        queue : list of Sample
-            From :meth:`queue`.
-        """
-        self._queues = [kept for kept in self._queues if kept is not queue]
-
-    def look(self, now_ns: int) -> None:
-        """Compute all samples up to a time of the host.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
-        if self.samples == 0:
-            self._first_ns = now_ns // self._period_ns * self._period_ns
-        due_ns = self._first_ns + self.samples * self._period_ns
-        while due_ns <= now_ns:
-            self._step()
-            due_ns += self._period_ns
-        self.due_ns = due_ns
 
     def command(self, torque_nm: float, now_ns: int) -> None:
         """Ask the actuator for a torque.

@@ -1,4 +1,4 @@
-"""A plant that runs on the time of a clock, as far as somebody looks at it."""
+"""A walking person that runs on the time of a clock, as far as somebody looks at it."""
 
 from collections import deque
 
@@ -8,25 +8,15 @@ from jointz.sim import plant
 from jointz.sim.footswitch import ContactMaker
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
-from jointz.sim.plant import MotorMeasured
 from jointz.sim.plant_build import PlantBuild
+from jointz.sim.sampled_time import SampledTime
 
 _NOISE_ROWS = 4096
 _NEVER_NS = 2**63
 
 
-#: Device time (ns, 0 at the first sample), what the motor measures, angle, contact (0 or 1).
-Sample = tuple[int, MotorMeasured, float, float]
-
-
-class RunningPlant:
+class RunningPlant(SampledTime):
     """One person walking, from the first look on.
-
-    Samples lie on whole multiples of the sample period of the clock. The first
-    look or command decides which of them is the first sample, time 0 of the
-    devices' clock, so that a session starts the same under any clock. Looking
-    at host time t computes all samples up to t; a command given between two
-    samples acts from the earlier one on.
 
     Parameters
     ----------
@@ -43,10 +33,6 @@ class RunningPlant:
     ----------
     stride : Stride
         The one that the newest sample lies in.
-    samples : int
-        Computed so far.
-    due_ns : int, ns
-        When, by the host's clock, the next one comes; nobody needs to look before.
     """
 
     def __init__(
@@ -57,58 +43,22 @@ class RunningPlant:
         contacts: ContactMaker,
         noise: np.random.Generator,
     ) -> None:
+        super().__init__(build.grid.period_ns)
         self._params, self._curves = build.params, build.curves
-        self._period_ns = build.grid.period_ns
         timeout_s = build.preset.actuator.command_timeout_s
         self._timeout = round(timeout_s * 1e9) // self._period_ns
         self._motion, self._contacts, self._rng = motion, contacts, noise
         self._state = np.zeros(STATE_SIZE)
         self._history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
         self._noise = np.zeros((_NOISE_ROWS, len(Noise)))
-        self._queues: list[list[Sample]] = []
-        self._first_ns = 0
-        self.due_ns = 0
         self._command = 0.0
         self._commanded = 0
         self._toggles = deque((_NEVER_NS,))
         self._contact = 0.0
         self._next_stride = motion.next()
-        self.samples = 0
         self._load_stride()
         plant.begin(self._params, self._state, self.stride.row, self._history)
         self._compile()
-
-    def queue(self) -> list[Sample]:
-        """Return a new list to which every sample from now on is appended."""
-        samples: list[Sample] = []
-        self._queues.append(samples)
-        return samples
-
-    def forget(self, queue: list[Sample]) -> None:
-        """Append no more to a list.
-
-        Parameters
-        ----------
-        queue : list of Sample
-            From :meth:`queue`.
-        """
-        self._queues = [kept for kept in self._queues if kept is not queue]
-
-    def look(self, now_ns: int) -> None:
-        """Compute all samples up to a time of the host.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
-        if self.samples == 0:
-            self._first_ns = now_ns // self._period_ns * self._period_ns
-        due_ns = self._first_ns + self.samples * self._period_ns
-        while due_ns <= now_ns:
-            self._step()
-            due_ns += self._period_ns
-        self.due_ns = due_ns
 
     def command(self, torque_nm: float, now_ns: int) -> None:
         """Ask the actuator for a torque.

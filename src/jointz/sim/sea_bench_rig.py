@@ -11,7 +11,7 @@ from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
 from jointz.sim.bench_load import BenchLoad
 from jointz.sim.loaded_bench import BenchLabels, LoadedBench
 from jointz.sim.running_bench import BenchPlant
-from jointz.sim.running_plant import Sample
+from jointz.sim.sampled_time import Sample
 from jointz.sim.sea import SeaSettings
 from jointz.sim.sea_plant import SeaPlant
 

@@ -1,0 +1,74 @@
+"""Physics that runs on the time of a clock, as far as somebody looks at it."""
+
+from abc import ABC, abstractmethod
+
+from jointz.sim.plant import MotorMeasured
+
+#: Device time (ns, 0 at the first sample), what the motor measures, and two more readings: of a
+#: person angle and contact (0 or 1), of a bench torque and the far side's angle.
+Sample = tuple[int, MotorMeasured, float, float]
+
+
+class SampledTime(ABC):
+    """Samples on whole multiples of their period of the clock, handed to whoever queues.
+
+    The first look or command decides which of them is the first sample, time 0 of the
+    devices' clock, so that a session starts the same under any clock. Looking at host time
+    t computes all samples up to t; a command given between two samples acts from the
+    earlier one on.
+
+    Parameters
+    ----------
+    period_ns : int, ns
+        From sample to sample.
+
+    Attributes
+    ----------
+    samples : int
+        Computed so far.
+    due_ns : int, ns
+        When, by the host's clock, the next one comes; nobody needs to look before.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._queues: list[list[Sample]] = []
+        self._first_ns = 0
+        self.samples = 0
+        self.due_ns = 0
+
+    def queue(self) -> list[Sample]:
+        """Return a new list to which every sample from now on is appended."""
+        samples: list[Sample] = []
+        self._queues.append(samples)
+        return samples
+
+    def forget(self, queue: list[Sample]) -> None:
+        """Append no more to a list.
+
+        Parameters
+        ----------
+        queue : list of Sample
+            From :meth:`queue`.
+        """
+        self._queues = [kept for kept in self._queues if kept is not queue]
+
+    def look(self, now_ns: int) -> None:
+        """Compute all samples up to a time of the host.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            By the clock.
+        """
+        if self.samples == 0:
+            self._first_ns = now_ns // self._period_ns * self._period_ns
+        due_ns = self._first_ns + self.samples * self._period_ns
+        while due_ns <= now_ns:
+            self._step()
+            due_ns += self._period_ns
+        self.due_ns = due_ns
+
+    @abstractmethod
+    def _step(self) -> None:
+        """Compute the next sample, append it to the queues and count it."""
