@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import typer
 
 from jointz.cli.console import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
-from jointz.core.errors import EstimationError, WriteError
+from jointz.core.errors import EstimationError
+from jointz.core.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -135,15 +136,9 @@ def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
 
     canvas = Figure(figsize=size)
     fit.plot(canvas.subplots())
-    partial = figure.with_name(f".{figure.stem}.partial{figure.suffix}")
-    try:
-        canvas.savefig(partial, bbox_inches="tight", dpi=150)
-        partial.replace(figure)
-    except OSError as exc:
-        todo = "Make room or ask for permission, or name another file."
-        raise WriteError(str(figure), exc, todo) from exc
-    finally:
-        partial.unlink(missing_ok=True)
+    kind = figure.suffix.removeprefix(".")
+    with whole_file(figure, "Make room or ask for permission, or name another file.") as partial:
+        canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)
 
 
 def _print_table(table: "pd.DataFrame") -> None:

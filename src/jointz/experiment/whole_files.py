@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError, WriteError
+from jointz.core.whole_file import whole_file
 
 
 def make_folder(folder: Path) -> None:
@@ -44,18 +45,10 @@ def write_whole(file: Path, text: str) -> None:
     WriteError
         When the system does not let it be written.
     """
-    partial = file.with_name(f".{file.name}.partial")
-    try:
-        try:
-            with partial.open("w", encoding="utf-8") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            partial.replace(file)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as exc:
-        raise WriteError(str(file), exc) from exc
+    with whole_file(file) as partial, partial.open("w", encoding="utf-8") as stream:
+        stream.write(text)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def append_whole(fd: int, data: bytes, path: Path) -> None:

@@ -1,6 +1,5 @@
 """netCDF-4: recordings of other programs in, recordings of jointz in and out."""
 
-import os
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,9 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointz.core.errors import DataError, WriteError
+from jointz.core.errors import DataError
 from jointz.core.recording import validate_recording
 from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -97,14 +97,8 @@ def write_recording(recording: xr.Dataset, path: Path) -> None:
     """
     validate_recording(recording)
     content = _netcdf_bytes(recording.drop_encoding())
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(content)
-        os.replace(part, path)
-    except OSError as exc:
-        raise WriteError(str(path), exc, "Make room or name another place.") from exc
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path, "Make room or name another place.") as partial:
+        partial.write_bytes(content)
 
 
 def _netcdf_bytes(recording: xr.Dataset) -> bytes:

@@ -1,0 +1,35 @@
+"""A file that is there whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from jointz.core.errors import WriteError
+
+
+@contextmanager
+def whole_file(file: Path, todo: str = "Make room.") -> Iterator[Path]:
+    """Give a name to write under; the file gets its own when the block has ended well.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file; one that exists is replaced.
+    todo : str
+        What to do where the system does not let it be written.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be written.
+    """
+    partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
+    try:
+        try:
+            yield partial
+            partial.replace(file)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as exc:
+        raise WriteError(str(file), exc, todo) from exc
