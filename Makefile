@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow browser check docs benchmark clean
+.PHONY: demo test test-slow browser check docs benchmark accuracy clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -37,6 +37,10 @@ docs: $(VENV)/.installed-docs
 
 benchmark: $(VENV)/.installed-test
 	$(BIN)/python -m pytest benchmarks -q -s
+
+# Every method on simulated people whose truth is known; what is done is kept in .accuracy-cache.
+accuracy: $(VENV)/.installed
+	$(BIN)/python -m benchmarks.accuracy
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

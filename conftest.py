@@ -64,7 +64,7 @@ def write_csv_study(
         lines += [f"height_m = {person.height_m}"]
     for entry in spec.recordings:
         recording = read_recording(made.study / entry.file)
-        torque = torque_from_current(recording, spec.torque_model, cutoff_hz=20.0)
+        torque, _ = torque_from_current(recording, spec.torque_model, cutoff_hz=20.0)
         recording = recording.assign(torque=("time", torque))
         names = ("time", "angle", "torque", "command", "contact")
         table = pd.DataFrame({name: recording[name].to_numpy() for name in names})

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jointz.identify.joint import identify_joint
     from jointz.identify.paired_runs import identify_paired_runs
     from jointz.identify.static_stiffness import identify_static_stiffness
+    from jointz.identify.time_varying import identify_time_varying
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
     from jointz.workflows.run import run
@@ -28,6 +29,7 @@ _HOMES = {
     "identify_joint": "jointz.identify.joint",
     "identify_paired_runs": "jointz.identify.paired_runs",
     "identify_static_stiffness": "jointz.identify.static_stiffness",
+    "identify_time_varying": "jointz.identify.time_varying",
     "open_study": "jointz.io.study",
     "run": "jointz.workflows.run",
 }
@@ -41,6 +43,7 @@ __all__ = [
     "identify_joint",
     "identify_paired_runs",
     "identify_static_stiffness",
+    "identify_time_varying",
     "open_study",
     "run",
 ]

@@ -29,6 +29,7 @@ from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.paired_runs_fit import PairedRunsFit
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
+from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 from jointz.core.reproduction import Compared, ComparedTable, Reproduction
 from jointz.core.run_report import RunReport
 
@@ -203,6 +204,41 @@ def actuator_fit() -> Any:
     )
 
 
+def reflex_fit() -> ReflexFit:
+    return ReflexFit(
+        model="reflex",
+        estimator="parallel_cascade",
+        input="angle",
+        parameters=(
+            ParameterEstimate("stiffness", 70.0, 68.0, 72.0, "ok", ci_method="sandwich"),
+            ParameterEstimate("reflex_gain", 5.0, 4.0, 6.0, "ok"),
+            ParameterEstimate("reflex_delay", None, None, None, "undecided"),
+        ),
+        vaf_pct=95.0,
+        intrinsic_vaf_pct=81.0,
+        reflex_vaf_pct=-3.0,
+        linear_vaf_pct=86.0,
+        linear_stiffness=104.0,
+        vaf_of="torque",
+        status="undecided",
+        path=ReflexPath("positive", 0.25, 1.5, 0.75, 0.001),
+        n_samples=5900,
+        rate_hz=1000.0,
+        fit_rate_hz=100.0,
+        cutoff_hz=20.0,
+        condition_number=6.5,
+        covariance=((1.0, 0.0), (0.0, 0.25)),
+        ci_method="sandwich",
+        settings={"delay_range_s": [0.02, 0.1]},
+        warnings=("the delay cannot be told",),
+        series=ReflexSeries((0.0, 0.01), (0.1, 0.2), (0.1, 0.2), (0.05, 0.1), (0.05, 0.1)),
+    )
+
+
+def no_reflex() -> ReflexFit:
+    return dataclasses.replace(reflex_fit(), path=ReflexPath(p_value=0.5), covariance=())
+
+
 def static_stiffness_fit() -> Any:
     made = responding()
     return jointz.identify_static_stiffness(
@@ -235,6 +271,20 @@ def undecided_paired_runs() -> PairedRunsFit:
     )
 
 
+def time_varying_fit() -> Any:
+    rng = np.random.default_rng(3)
+    torque = sosfiltfilt(butter(2, 20.0, fs=250.0, output="sos"), rng.standard_normal(10_000))
+    angle = 0.01 * sosfiltfilt(butter(2, 5.0, fs=250.0, output="sos"), torque)
+    return jointz.identify_time_varying(
+        angle=angle,
+        torque=torque,
+        rate_hz=250.0,
+        heel_strikes=np.arange(0.0, 40.0),
+        n_phases=4,
+        resamples=100,
+    )
+
+
 def reproduction() -> Reproduction:
     rows = (
         Compared("error", "%", -2.15, -6.7, -2.7, None, 3.49, 1.9, -3.0, -2.4, "of 20"),
@@ -257,11 +307,14 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "bandwidth": bandwidth_fit,
     "frequency response": lambda: joint_model("frf"),
     "impulse response": lambda: joint_model("irf"),
+    "reflex": reflex_fit,
+    "no reflex": no_reflex,
     "actuator": actuator_fit,
     "static stiffness": static_stiffness_fit,
     "dither stiffness": dither_stiffness_fit,
     "paired runs": paired_runs_fit,
     "undecided paired runs": undecided_paired_runs,
+    "time-varying": time_varying_fit,
     "chapter": reproduction,
 }
 

@@ -26,7 +26,9 @@ def analyze(
     method: Annotated[
         str,
         typer.Option(
-            "--method", help="recommended, dissertation, pre_pulse, matched_strides or full_record."
+            "--method",
+            help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
+            "instrumental_variable, output_error, errors_in_variables, weak_form or full_record.",
         ),
     ] = "recommended",
     resamples: Annotated[

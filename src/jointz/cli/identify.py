@@ -44,6 +44,7 @@ class Model(StrEnum):
     KBJ = "kbj"
     IRF = "irf"
     FRF = "frf"
+    REFLEX = "reflex"
 
 
 class Estimator(StrEnum):
@@ -56,7 +57,12 @@ class Estimator(StrEnum):
 
 
 #: Size of the figure, inches: the frequency response has three parts.
-_SIZES = {Model.KBJ: (7.1, 3.5), Model.IRF: (7.1, 4.0), Model.FRF: (7.1, 6.0)}
+_SIZES = {
+    Model.KBJ: (7.1, 3.5),
+    Model.IRF: (7.1, 4.0),
+    Model.FRF: (7.1, 6.0),
+    Model.REFLEX: (7.1, 4.0),
+}
 
 identify = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Fit a model to a file.")
 
@@ -88,7 +94,8 @@ def joint(
         typer.Option(
             "--model",
             help="kbj: stiffness, damping, inertia. irf: impulse response, frf: frequency "
-            "response, both with the second-order joint behind them.",
+            "response, both with the second-order joint behind them. reflex: stiffness, damping, "
+            "inertia beside a stretch reflex with gain and delay.",
         ),
     ] = Model.KBJ,
     estimator: Annotated[
@@ -103,8 +110,8 @@ def joint(
         float | None,
         typer.Option(
             "--cutoff-hz",
-            help="kbj: low-pass of all signals, 30 Hz by default. irf, frf: end of the band, by "
-            "default where the coherence is lost.",
+            help="kbj, reflex: low-pass of all signals, by default 30 and 20 Hz. irf, frf: end of "
+            "the band, by default where the coherence is lost.",
         ),
     ] = None,
     figure: Figure = None,

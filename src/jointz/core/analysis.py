@@ -8,6 +8,7 @@ import pandas as pd
 
 from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.participant_model import ParticipantModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,6 +82,8 @@ class StudyAnalysis:
         Everything found in the recordings, used or not.
     single : tuple of PulseEstimate
         Pulses of a bench, each estimated by itself.
+    models : tuple of ParticipantModel
+        What the recommended method found about each walker's joint and sensor.
     statistics : mapping
         Descriptive statistics: onset accuracy, strides, VAF.
     settings : mapping
@@ -96,6 +99,7 @@ class StudyAnalysis:
     strides: tuple[StrideRecord, ...] = ()
     gaps: tuple[GapRecord, ...] = ()
     single: tuple[PulseEstimate, ...] = ()
+    models: tuple[ParticipantModel, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -202,6 +206,7 @@ class StudyAnalysis:
             "strides": [asdict(s) for s in self.strides],
             "gaps": [asdict(g) for g in self.gaps],
             "single": [asdict(p) for p in self.single],
+            "models": [m.to_dict() for m in self.models],
             "statistics": dict(self.statistics),
             "settings": dict(self.settings),
             "provenance": dict(self.provenance),
@@ -231,6 +236,7 @@ class StudyAnalysis:
             strides=tuple(StrideRecord(**s) for s in data["strides"]),
             gaps=tuple(GapRecord(**g) for g in data["gaps"]),
             single=tuple(PulseEstimate(**p) for p in data.get("single", ())),
+            models=tuple(ParticipantModel.from_dict(m) for m in data.get("models", ())),
             statistics=data["statistics"],
             settings=data["settings"],
             provenance=data["provenance"],

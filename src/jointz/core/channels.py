@@ -80,6 +80,11 @@ PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
         "load_friction": "1",
         "rotor_inertia": "kg*m^2",
         "torque_lag": "s",
+        "angle_lag": "s",
+        "friction_gain": "1",
+        "stiffness_gravity_corrected": "N*m/rad",
+        "reflex_gain": "N*m*s/rad",
+        "reflex_delay": "s",
         "bandwidth": "Hz",
     }
 )

@@ -22,6 +22,8 @@ class Exclusion(StrEnum):
     NO_BASELINE = "no_baseline"
     OUTSIDE_GROUPS = "outside_groups"
     LONE_PULSE = "lone_pulse"
+    UNUSUAL_GAIT = "unusual_gait"
+    UNUSUAL_RESPONSE = "unusual_response"
     CONSTANT_ANGLE = "constant_angle"
     CONSTANT_TORQUE = "constant_torque"
     USER = "user"
@@ -47,6 +49,8 @@ class Failure(StrEnum):
     ILL_CONDITIONED = "ill_conditioned"
     CONSTANT_CURRENT = "constant_current"
     CONSTANT_COMMAND = "constant_command"
+    NO_COMMAND = "no_command"
+    TOO_FEW_SAMPLES = "too_few_samples"
     NOT_COHERENT = "not_coherent"
     BELOW_RESOLUTION = "below_resolution"
     ABOVE_BAND = "above_band"
@@ -77,6 +81,8 @@ _EXCLUSION_MEANING = {
     Exclusion.NO_BASELINE: "no unperturbed data to subtract at this point of the cycle",
     Exclusion.OUTSIDE_GROUPS: "its group channel lies outside all edges",
     Exclusion.LONE_PULSE: "the only pulse at its timing point: nothing to resample",
+    Exclusion.UNUSUAL_GAIT: "the walker moved before it as in no unperturbed stride",
+    Exclusion.UNUSUAL_RESPONSE: "the response is far from that of all other pulses here",
     Exclusion.CONSTANT_ANGLE: "the measured angle stands still in its window: a dead sensor",
     Exclusion.CONSTANT_TORQUE: "the measured torque stands still in its window: a dead sensor",
     Exclusion.USER: "left out by the study's exclusions.csv",
@@ -95,6 +101,8 @@ _FAILURE_MEANING = {
     Failure.ILL_CONDITIONED: "the responses cannot tell stiffness, damping and inertia apart",
     Failure.CONSTANT_CURRENT: "the motor current does not change: it cannot tell the constant",
     Failure.CONSTANT_COMMAND: "the commanded torque does not change",
+    Failure.TOO_FEW_SAMPLES: "the window holds too few samples for the method",
+    Failure.NO_COMMAND: "the method needs the commanded torque, and none is recorded",
     Failure.NOT_COHERENT: "command and torque have nothing in common where it matters",
     Failure.BELOW_RESOLUTION: "the bandwidth lies below what the record can resolve",
     Failure.ABOVE_BAND: "the gain has not fallen where the command still excites",

@@ -1,6 +1,7 @@
 """Estimates of one cell: a participant at a timing point."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -68,26 +69,30 @@ class Response:
     torque : (n,) float, N*m
         Average torque response.
     fitted_torque : (n,) float, N*m
-        Torque of the fitted model.
+        Torque of the fitted model; the measured one where the angle was fitted.
+    fitted_angle : (n,) float, rad, or None
+        Angle of the fitted model, where the angle was fitted.
     """
 
     time_s: np.ndarray
     angle: np.ndarray
     torque: np.ndarray
     fitted_torque: np.ndarray
+    fitted_angle: np.ndarray | None = None
 
     def __eq__(self, other: object) -> bool:
         # The one of dataclasses compares tuples of arrays, which have no single truth.
         if not isinstance(other, Response):
             return NotImplemented
-        return all(
-            np.array_equal(getattr(self, name), getattr(other, name), equal_nan=True)
-            for name in self.__slots__
+        mine, others = self.to_dict(), other.to_dict()
+        return mine.keys() == others.keys() and all(
+            np.array_equal(mine[name], others[name], equal_nan=True) for name in mine
         )
 
     def to_dict(self) -> dict[str, list[float]]:
         """Return plain lists, ready for JSON."""
-        return {name: getattr(self, name).tolist() for name in self.__slots__}
+        values = {name: getattr(self, name) for name in self.__slots__}
+        return {name: array.tolist() for name, array in values.items() if array is not None}
 
     @classmethod
     def from_dict(cls, data: dict[str, list[float]]) -> "Response":
@@ -131,6 +136,12 @@ class CellEstimate:
         The average response, for figures.
     nuisance : tuple of ParameterEstimate
         What had to be estimated beside the impedance: friction, lag of a record.
+    centre_gait_pct : float or None
+        Where in the cycle the response tells of the stiffness, on average, %.
+    gravity_corrected : ParameterEstimate or None
+        The stiffness without what gravity adds to it, where that is known.
+    budget : mapping of str to mapping
+        Parameter -> source of error -> standard deviation, SI.
     """
 
     participant: str
@@ -146,6 +157,9 @@ class CellEstimate:
     displacement_rad: float | None = None
     response: Response | None = None
     nuisance: tuple[ParameterEstimate, ...] = ()
+    centre_gait_pct: float | None = None
+    gravity_corrected: ParameterEstimate | None = None
+    budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -187,6 +201,11 @@ class CellEstimate:
                 {name: getattr(p, name) for name in p.__slots__} for p in getattr(self, key)
             ]
         data["response"] = self.response.to_dict() if self.response else None
+        corrected = self.gravity_corrected
+        data["gravity_corrected"] = (
+            {name: getattr(corrected, name) for name in corrected.__slots__} if corrected else None
+        )
+        data["budget"] = {name: dict(sources) for name, sources in self.budget.items()}
         return data
 
     @classmethod
@@ -203,6 +222,8 @@ class CellEstimate:
             values[key] = tuple(ParameterEstimate(**p) for p in values.get(key, ()))
         response = values.get("response")
         values["response"] = Response.from_dict(response) if response else None
+        corrected = values.get("gravity_corrected")
+        values["gravity_corrected"] = ParameterEstimate(**corrected) if corrected else None
         return cls(**values)
 
 

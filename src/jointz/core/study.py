@@ -14,6 +14,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
 
+# Lengths beyond these were written in cm or mm.
+_TALLEST_PERSON_M = 3.0
+_LONGEST_LIMB_M = 2.0
+
 Condition = Literal["unperturbed", "perturbed", "no_device"]
 Baseline = Literal["pre_pulse", "unperturbed_mean", "matched_strides", "predicted"]
 
@@ -84,13 +88,15 @@ class CalibrationSpec(_Model):
     intrinsic_stiffness: Calibrated | None = None
     intrinsic_damping: Calibrated | None = None
     intrinsic_inertia: Calibrated | None = None
+    friction_gain: Calibrated | None = None
 
     @model_validator(mode="after")
     def _gains_are_positive(self) -> "CalibrationSpec":
-        for name in ("torque_gain", "angle_gain"):
+        for name in ("torque_gain", "angle_gain", "friction_gain"):
             entry = getattr(self, name)
             if entry is not None and entry.value <= 0:
-                raise ValueError(f"{name}: measured over true must be positive, got {entry.value}")
+                of = "true over stated" if name == "friction_gain" else "measured over true"
+                raise ValueError(f"{name}: {of} must be positive, got {entry.value}")
         return self
 
     def overridden_by(self, other: "CalibrationSpec | None") -> "CalibrationSpec":
@@ -127,14 +133,40 @@ class TorqueModelSpec(_Model):
         return abs(self.gear_ratio * self.torque_constant)
 
 
+class DeviceSpec(_Model):
+    """What hangs on the moving segment, beyond the place where torque is measured.
+
+    ``centre_m`` is the distance of its centre of mass from the joint.
+    """
+
+    mass_kg: float = Field(gt=0)
+    centre_m: float = Field(ge=0, lt=_LONGEST_LIMB_M)
+
+
 class ParticipantSpec(_Model):
-    """A person, or a case on a bench."""
+    """A person, or a case on a bench.
+
+    ``limb_mass_kg`` is the mass of all that moves with the joint's distal segment (of a knee:
+    shank and foot), ``limb_centre_m`` the distance of its centre from the joint.
+    """
 
     id: Name
     mass_kg: float | None = Field(default=None, gt=0)
-    height_m: float | None = Field(default=None, gt=0)
+    height_m: float | None = Field(default=None, gt=0, lt=_TALLEST_PERSON_M)
+    limb_mass_kg: float | None = Field(default=None, gt=0)
+    limb_centre_m: float | None = Field(default=None, gt=0, lt=_LONGEST_LIMB_M)
     group: Name | None = None
     calibration: CalibrationSpec | None = None
+
+    @model_validator(mode="after")
+    def _limb_is_whole(self) -> "ParticipantSpec":
+        if (self.limb_mass_kg is None) != (self.limb_centre_m is None):
+            missing = "limb_mass_kg" if self.limb_mass_kg is None else "limb_centre_m"
+            raise ValueError(f"{missing}: missing; limb_mass_kg and limb_centre_m go together")
+        whole, limb = self.mass_kg, self.limb_mass_kg
+        if whole is not None and limb is not None and limb >= whole:
+            raise ValueError(f"limb_mass_kg: {limb} kg is not less than mass_kg, {whole} kg")
+        return self
 
 
 class RecordingSpec(_Model):
@@ -206,6 +238,7 @@ class StudySpec(_Model):
     files: FilesSpec = FilesSpec()
     calibration: CalibrationSpec = CalibrationSpec()
     torque_model: TorqueModelSpec | None = None
+    device: DeviceSpec | None = None
 
     def participant(self, participant_id: str) -> ParticipantSpec:
         """Return the participant with this id.

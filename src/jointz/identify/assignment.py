@@ -48,7 +48,12 @@ class Candidate:
 
 
 def assign_pulses(
-    participant: str, sources: Sequence[Source], settings: ParticipantSettings, *, baseline: str
+    participant: str,
+    sources: Sequence[Source],
+    settings: ParticipantSettings,
+    *,
+    baseline: str,
+    alone: bool = False,
 ) -> list[Candidate]:
     """Give every pulse its timing point or group, and a code where it cannot be used.
 
@@ -62,6 +67,8 @@ def assign_pulses(
         Timing points, groups, window.
     baseline : str
         What will be subtracted; ``pre_pulse`` asks nothing of the gait.
+    alone : bool
+        Whether the only pulse at a timing point can be used.
 
     Returns
     -------
@@ -80,6 +87,8 @@ def assign_pulses(
     for index, source in enumerate(sources):
         if source.given.condition == "perturbed" and source.pulses:
             found += _of_source(participant, index, source, settings, baseline=baseline)
+    if alone:
+        return found
     usable = [c.record.timing_point for c in found if not c.record.code]
     return [
         c.coded(Exclusion.LONE_PULSE)

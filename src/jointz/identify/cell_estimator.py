@@ -9,20 +9,19 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
-from jointz.identify import baselines
 from jointz.identify.assignment import Candidate
-from jointz.identify.baselines import Baseline, StridePool
+from jointz.identify.baselines import Baseline
 from jointz.identify.calibration import pooled_calibration
-from jointz.identify.cells import (
-    FitSettings,
-    Method,
-    dead_signals,
-    failed_parameters,
-    fit_cell,
-)
-from jointz.identify.conditioning import ANGLE
+from jointz.identify.cell_data import CellData, FitSettings, Windows, dead_signals
+from jointz.identify.cell_parameters import failed_parameters
+from jointz.identify.cell_windows import WindowCutter, unfiltered_source
+from jointz.identify.cells import Method
 from jointz.identify.pulse_estimates import pulse_estimates
-from jointz.identify.sources import ParticipantSettings, Source, most_alike
+from jointz.identify.sources import ParticipantSettings, Source
+
+#: Unfiltered windows begin so much before the onset and end so much behind the window: torque
+#: that a lag may need, and rest that the weak form sees the onset against.
+_MARGIN_S = 0.02
 
 
 class CellEstimator:
@@ -51,8 +50,22 @@ class CellEstimator:
         self._method = method
         self._sources = sources
         self._settings = settings
-        self._baseline = settings.perturbations.baseline or method.baseline
-        self._pools: dict[tuple[int, ...], StridePool] = {}
+        self._own_baseline = method.baseline_for(walking=settings.walking)
+        self._baseline = settings.perturbations.baseline or self._own_baseline
+        window_s = settings.perturbations.window_s
+        self._filtered = WindowCutter(sources, settings, baseline=self._baseline, window_s=window_s)
+        self._lead = 0
+        if method.raw and sources:
+            signals = sources[0].signals
+            # A filtered window keeps the guard from every gap: so much there always is.
+            self._lead = int(min(_MARGIN_S, 0.5 * signals.guard_s) * signals.rate_hz)
+            lead_s = self._lead / signals.rate_hz
+            self._raw = WindowCutter(
+                [unfiltered_source(source, lead_s=lead_s) for source in sources],
+                settings,
+                baseline=self._baseline,
+                window_s=window_s + 2 * lead_s,
+            )
         self._single: list[PulseEstimate] = []
 
     @property
@@ -90,7 +103,7 @@ class CellEstimator:
         usable = [k for k, code in enumerate(codes) if not code]
         windows = baseline = None
         if usable:
-            windows, baseline = self._windows([candidates[k] for k in usable])
+            windows, baseline = self._filtered.cut([candidates[k] for k in usable])
             for k, code, dead in zip(usable, baseline.codes, dead_signals(windows), strict=True):
                 codes[k] = dead or code
         fine = np.array([not codes[k] for k in usable], dtype=bool)
@@ -115,28 +128,18 @@ class CellEstimator:
         if not self._settings.walking:
             responses = windows - baseline.mean()
             self._single += pulse_estimates(self._participant, used, responses, self._sources)
-        letter = self._method.name == "dissertation" and self._baseline == self._method.baseline
-        fit = fit_cell(
-            windows,
-            np.array([c.pulse.sign for c in used]),
-            baseline,
-            settings=FitSettings(
-                n_resamples=self._settings.n_resamples,
-                seed=self._settings.seed,
-                rate_hz=self._sources[used[0].source].signals.rate_hz,
-                letter=letter,
-                calibration=pooled_calibration(
-                    [self._sources[c.source].given.calibration for c in used]
-                ),
-                mass_kg=self._settings.mass_kg,
-                wants_per_mass=self._settings.walking,
-                bounded=self._settings.walking,
-            ),
+        signs = np.array([c.pulse.sign for c in used])
+        raw = None
+        if self._method.raw:
+            cut, unperturbed = self._raw.cut(used)
+            raw = Windows(cut, signs, unperturbed, self._lead)
+        fit = self._method.fit(
+            CellData(Windows(windows, signs, baseline), raw), self._fit_settings(used)
         )
         return CellEstimate(
             participant=self._participant,
             timing_point=label,
-            onset_gait_pct=_mean_phase([c.record.measured_pct for c in used]),
+            onset_gait_pct=mean_phase([c.record.measured_pct for c in used]),
             parameters=fit.parameters,
             vaf_pct=fit.vaf_pct,
             n_used=len(used),
@@ -146,6 +149,23 @@ class CellEstimator:
             condition_number=fit.condition_number,
             displacement_rad=fit.displacement_rad,
             response=fit.response,
+            nuisance=fit.nuisance,
+        )
+
+    def _fit_settings(self, used: Sequence[Candidate]) -> FitSettings:
+        settings, own = self._settings, self._baseline == self._own_baseline
+        return FitSettings(
+            n_resamples=settings.n_resamples,
+            seed=settings.seed,
+            rate_hz=self._sources[used[0].source].signals.rate_hz,
+            letter=own and self._method.name == "dissertation",
+            calibration=pooled_calibration(
+                [self._sources[c.source].given.calibration for c in used]
+            ),
+            mass_kg=settings.mass_kg,
+            wants_per_mass=settings.walking,
+            bounded=settings.walking,
+            cutoff_hz=settings.perturbations.cutoff_hz,
         )
 
     def _failed(
@@ -182,119 +202,18 @@ class CellEstimator:
             return Failure.NO_HEEL_STRIKES
         return Failure.ALL_PULSES_EXCLUDED
 
-    def _windows(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
-        """Cut the pulses' windows and their baselines, recording by recording."""
-        order = [c.source for c in candidates]
-        parts = []
-        for index in dict.fromkeys(order):
-            mine = [c for c in candidates if c.source == index]
-            parts.append((index, *self._of_source(index, mine)))
-        windows = np.concatenate([w for _, w, _ in parts])
-        baseline = _stacked([(self._home(index), b) for index, _, b in parts])
-        # Back into the order of the candidates.
-        placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
-        back = np.argsort(placed)
-        return windows[back], baseline.take(back)
 
-    def _of_source(
-        self, index: int, candidates: Sequence[Candidate]
-    ) -> tuple[np.ndarray, Baseline]:
-        signals = self._sources[index].signals
-        window_s = self._settings.perturbations.window_s
-        onsets = np.array([c.pulse.onset_s for c in candidates])
-        elapsed = [c.elapsed_s for c in candidates]
-        windows, _ = signals.cut(onsets, before_s=0.0, after_s=window_s)
-        if self._baseline == "pre_pulse":
-            before, _ = signals.cut(onsets, before_s=baselines.PRE_PULSE_S, after_s=0.0)
-            return windows, baselines.pre_pulse(before, n_samples=windows.shape[2])
-        pool = self._pool(self._home(index))
-        if pool.size == 0 or np.isnan(elapsed).any():
-            return windows, _no_baseline(windows)
-        if self._baseline == "unperturbed_mean":
-            return windows, baselines.unperturbed_mean(pool, elapsed, window_s=window_s)
-        before, _ = signals.cut(onsets, before_s=baselines.MATCH_S, after_s=0.0)
-        angle = np.nan_to_num(before[:, ANGLE])
-        return windows, baselines.matched_strides(pool, onsets, elapsed, angle, window_s=window_s)
+def mean_phase(phases: Sequence[float | None]) -> float | None:
+    """Return the circular mean of phases in %, None where any is missing.
 
-    def _home(self, index: int) -> tuple[int, ...]:
-        """Return which recordings make the baseline of the pulses of one."""
-        if self._baseline != "unperturbed_mean":
-            return (index,)
-        unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
-        # A new donning moves the sensor; on a bench every trial has a reference of its own.
-        keys = ("session", "side") if self._settings.walking else ("session", "side", "trial")
-        alike = most_alike(self._sources[index].given, unperturbed, keys=keys)
-        return tuple(k for k, s in enumerate(self._sources) if any(s.given is a for a in alike))
-
-    def _pool(self, home: tuple[int, ...]) -> StridePool:
-        if home not in self._pools:
-            sources = [self._sources[k] for k in home]
-            own = self._baseline == "matched_strides"
-            self._pools[home] = (
-                _own_pool(sources[0])
-                if own
-                else _unperturbed_pool(sources, walking=self._settings.walking)
-            )
-        return self._pools[home]
-
-
-def _no_baseline(windows: np.ndarray) -> Baseline:
-    n = len(windows)
-    return Baseline(
-        np.zeros((n, 1, *windows.shape[1:])), np.zeros((n, 1), dtype=int), np.zeros((n, 1), bool)
-    )
-
-
-def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
-    """Join baselines of several recordings; strides are shared where their home is."""
-    widest = max(b.windows.shape[1] for _, b in parts)
-    windows, sources, valid = [], [], []
-    first: dict[tuple[int, ...], int] = {}
-    total = 0
-    for home, part in parts:
-        if home not in first:
-            first[home] = total
-            total += part.n_sources
-        pad = widest - part.windows.shape[1]
-        windows.append(np.pad(part.windows, ((0, 0), (0, pad), (0, 0), (0, 0))))
-        sources.append(np.pad(part.sources + first[home], ((0, 0), (0, pad)), mode="edge"))
-        valid.append(np.pad(part.valid, ((0, 0), (0, pad))))
-    return Baseline(np.concatenate(windows), np.concatenate(sources), np.concatenate(valid))
-
-
-def _mean_phase(phases: Sequence[float | None]) -> float | None:
-    """Return the circular mean of phases in %, None where any is missing."""
+    Parameters
+    ----------
+    phases : sequence of float or None, %
+        Of the gait cycle.
+    """
     known = [p for p in phases if p is not None]
     if not known or len(known) < len(phases):
         return None
     angles = np.asarray(known) * 2 * np.pi / 100.0
     mean = np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi)
     return float(mean % 100.0)
-
-
-def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
-    """Collect the strides of the unperturbed condition; a bench trial is one stride."""
-    recordings, starts, onsets = [], [], []
-    for source in sources:
-        if walking and source.strides is None:
-            continue
-        recordings.append(source.signals)
-        onsets.append(_onsets(source))
-        if source.strides is None:
-            starts.append(source.given.recording["time"].to_numpy()[:1])
-        else:
-            starts.append(source.strides.start_s[source.undisturbed])
-    return StridePool(tuple(recordings), tuple(starts), tuple(onsets))
-
-
-def _own_pool(source: Source) -> StridePool:
-    """Collect the strides of a perturbed recording that neither hold nor follow a pulse."""
-    if source.strides is None:
-        return StridePool((), (), ())
-    after_one = np.concatenate([[False], source.undisturbed[:-1]])
-    start = source.strides.start_s[source.undisturbed & after_one]
-    return StridePool((source.signals,), (start,), (_onsets(source),))
-
-
-def _onsets(source: Source) -> np.ndarray:
-    return np.array([p.onset_s for p in source.pulses])

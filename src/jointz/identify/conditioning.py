@@ -204,8 +204,8 @@ def condition(
 
 def torque_from_current(
     recording: xr.Dataset, model: TorqueModelSpec, *, cutoff_hz: float
-) -> np.ndarray:
-    """Return the torque on the joint from motor current (equations 3.3 and 4.1).
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction.
 
     Parameters
     ----------
@@ -219,19 +219,17 @@ def torque_from_current(
 
     Returns
     -------
-    (n,) float, N*m
+    torque : (n,) float, N*m
         NaN where current or motion are missing.
+    friction : (n,) float, N*m
+        The part of it that friction makes: it is known worse than the rest.
     """
     current = recording["current"].to_numpy()
     velocity, acceleration = _motor_motion(recording, cutoff_hz)
-    friction = model.coulomb_friction + model.gear_friction * np.abs(current)
-    return np.asarray(
-        model.bias
-        + model.gear_ratio * model.torque_constant * current
-        - model.viscous_friction * velocity
-        - friction * np.sign(velocity)
-        - model.rotor_inertia * acceleration
-    )
+    size = model.coulomb_friction + model.gear_friction * np.abs(current)
+    friction = -size * np.sign(velocity) - model.viscous_friction * velocity
+    driving = model.bias + model.gear_ratio * model.torque_constant * current
+    return driving + friction - model.rotor_inertia * acceleration, friction
 
 
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from scipy.stats import t as student_t
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import ParameterEstimate
 from jointz.identify.frequency_response_spectra import JointSpectra
-from jointz.identify.joint_record import JointRecord
+from jointz.identify.joint_record import JointRecord, sign_warnings
 from jointz.kernels.spectra_second_order import (
     RecordSpectra,
     SpectrumFit,
@@ -217,21 +217,7 @@ def _doubts(
             f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: one "
             "stiffness may not hold over such a range"
         )
-    return (*notes, *_signs(fit))
-
-
-def _signs(fit: SpectrumFit) -> list[str]:
-    if np.all(fit.values < 0.0):
-        return [
-            "stiffness, damping and inertia are negative: the torque is counted on the other body. "
-            "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
-            "the sign of the angle"
-        ]
-    return [
-        f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
-        for name, value in zip(PARAMETERS, fit.values, strict=True)
-        if value < 0.0
-    ]
+    return (*notes, *sign_warnings(fit.values))
 
 
 def _untold_noise(found: JointSpectra, spectra: RecordSpectra) -> list[str]:

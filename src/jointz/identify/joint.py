@@ -16,10 +16,12 @@ from jointz.core.estimates import ParameterEstimate
 from jointz.core.frequency_response_fit import FrequencyResponseFit
 from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import FitSeries, JointFit
+from jointz.core.reflex_fit import ReflexFit
 from jointz.identify.frequency_response import identify_frequency_response
 from jointz.identify.impulse_response import identify_impulse_response
 from jointz.identify.joint_estimators import ESTIMATORS, JointSignals, Solution
-from jointz.identify.joint_record import JointRecord, check_choice, gather_record
+from jointz.identify.joint_record import JointRecord, check_choice, gather_record, sign_warnings
+from jointz.identify.reflex import identify_reflex
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     FEWEST_BLOCKS,
@@ -30,7 +32,7 @@ from jointz.kernels.block_sandwich import (
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 
-Model = Literal["kbj", "irf", "frf"]
+Model = Literal["kbj", "irf", "frf", "reflex"]
 Input = Literal["torque", "angle"]
 TorqueSide = Literal["joint", "device"]
 EstimatorName = Literal[
@@ -40,9 +42,10 @@ EstimatorName = Literal[
 _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Estimators that keep K, B, J >= 0: their intervals do too.
 _BOUNDED = ("bounded_least_squares", "admittance")
-_RESPONSES: dict[str, Callable[..., ImpulseResponseFit | FrequencyResponseFit]] = {
+_OTHER_MODELS: dict[str, Callable[..., ImpulseResponseFit | FrequencyResponseFit | ReflexFit]] = {
     "irf": identify_impulse_response,
     "frf": identify_frequency_response,
+    "reflex": identify_reflex,
 }
 _FILTER_ORDER = 4
 _CUTOFF_HZ = 30.0
@@ -69,7 +72,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     cutoff_hz: float | None = None,
     torque_acts_on: TorqueSide = "joint",
     ci_level: float = 0.95,
-) -> JointFit | ImpulseResponseFit | FrequencyResponseFit:
+) -> JointFit | ImpulseResponseFit | FrequencyResponseFit | ReflexFit:
     """Estimate stiffness, damping and inertia of a joint from one record.
 
     The model is torque = K*angle + B*velocity + J*acceleration + offset (1.5,
@@ -93,10 +96,10 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     rate_hz : float, optional
         Sampling rate, where there are no time stamps.
     model : str
-        ``kbj``; ``irf`` and ``frf`` call
-        :func:`jointz.identify.impulse_response.identify_impulse_response` and
-        :func:`jointz.identify.frequency_response.identify_frequency_response`,
-        and take no estimator.
+        ``kbj``; ``irf``, ``frf`` and ``reflex`` call
+        :func:`jointz.identify.impulse_response.identify_impulse_response`,
+        :func:`jointz.identify.frequency_response.identify_frequency_response` and
+        :func:`jointz.identify.reflex.identify_reflex`, and take no estimator.
     estimator : str, optional
         ``least_squares`` (default where the angle was perturbed),
         ``admittance`` (default where the torque was),
@@ -105,8 +108,8 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     input : str
         What was perturbed: ``torque`` or ``angle``.
     cutoff_hz : float, optional
-        Cutoff of the low-pass, 30 Hz by default; ``irf`` and ``frf`` choose the
-        end of their band from the record.
+        Cutoff of the low-pass, 30 Hz by default, 20 Hz for ``reflex``; ``irf``
+        and ``frf`` choose the end of their band from the record.
     torque_acts_on : str
         ``joint``, or ``device``: the sign of the torque is turned.
     ci_level : float
@@ -114,7 +117,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
 
     Returns
     -------
-    JointFit, ImpulseResponseFit or FrequencyResponseFit
+    JointFit, ImpulseResponseFit, FrequencyResponseFit or ReflexFit
         Parameters with intervals, VAF (2.7), warnings. A value that the record
         cannot decide has status ``undecided`` and is None.
 
@@ -158,7 +161,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     if model != "kbj":
         if estimator is not None:
             raise DataError(f"identify_joint: model {model} has no choice of estimator. Drop it.")
-        return _RESPONSES[model](
+        return _OTHER_MODELS[model](
             recording,
             **given,
             rate_hz=rate_hz,
@@ -395,9 +398,7 @@ def _warnings(
             f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: one "
             "stiffness may not hold over such a range"
         )
-    if solution.kbj[0] < 0 and not doubt:
-        notes.append("stiffness is negative: gravity or body weight may act as negative stiffness")
-    return tuple(notes)
+    return (*notes, *([] if doubt else sign_warnings(solution.kbj)))
 
 
 def _series(solution: Solution, signals: JointSignals) -> FitSeries:

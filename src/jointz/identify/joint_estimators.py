@@ -176,10 +176,12 @@ def instrumental_variable(signals: JointSignals) -> Solution:
     """Regress torque on motion with the commanded torque as the instrument.
 
     Instruments are the angle, velocity and acceleration that the command alone
-    would cause in the joint of the previous pass (refined instruments, Young
-    2011, Recursive Estimation, chapter 8); the first pass takes least squares.
-    What arises inside the joint, or comes back through the device, is
-    uncorrelated with them.
+    would cause in joint and device together: that is what it drives. Their K, B,
+    J come of the command regressed on the motion, by least squares and then
+    through the instruments of the previous pass (refined instruments, Young
+    2011, Recursive Estimation, chapter 8). What arises inside the joint, or
+    comes back through the device, is uncorrelated with them. Instruments of the
+    joint alone would be right too, but weak beside a stiff device.
 
     Parameters
     ----------
@@ -206,8 +208,11 @@ def instrumental_variable(signals: JointSignals) -> Solution:
             "instrument. Give the torque that was commanded, or estimator='admittance'.",
             channel="command",
         )
-    start = least_squares(signals)
-    return _with_instruments(signals, command, start)
+    X = signals.regressors()
+    condition = _checked_condition(X[:, :3])
+    Z = _instruments(signals, command - command.mean(), X)
+    coefficients = _solved_through(Z, X, signals.torque)
+    return _torque_solution(signals, Z, coefficients, condition, doubt=_weakness(Z, X))
 
 
 def admittance(signals: JointSignals) -> Solution:
@@ -309,20 +314,25 @@ def _checked_condition(motion: np.ndarray) -> float:
     return condition
 
 
-def _with_instruments(signals: JointSignals, source: np.ndarray, start: Solution) -> Solution:
-    """Solve Z'X b = Z'y with instruments made from ``source``."""
-    source = source - source.mean()
-    X = signals.regressors()
-    X_size = np.linalg.norm(X, axis=0)
-    values = start.kbj
+def _instruments(signals: JointSignals, source: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return (n, 4): the motion that ``source`` causes in joint and device together, and one."""
+    Z = X
     for _ in range(_IV_PASSES):
-        motion = _motion(_stable(values, signals), source, signals.rate_hz)
+        total = _solved_through(Z, X, source)[:3]
+        # A source counted the other way makes the same instruments, turned.
+        positive = np.copysign(1.0, total[2]) * total
+        motion = _motion(_stable(positive, signals), source, signals.rate_hz)
         Z = np.column_stack([*motion, np.ones_like(source)])
         Z /= np.linalg.norm(Z, axis=0)
-        solved = np.linalg.lstsq(Z.T @ (X / X_size), Z.T @ signals.torque, rcond=None)[0]
-        coefficients = solved / X_size
-        values = coefficients[:3]
-    return _torque_solution(signals, Z, coefficients, start.condition_number, doubt=_weakness(Z, X))
+    return Z
+
+
+def _solved_through(Z: np.ndarray, X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return b of Z'X b = Z'y; least squares where the instruments are the regressors."""
+    rows, columns = np.linalg.norm(Z, axis=0), np.linalg.norm(X, axis=0)
+    scaled = Z / rows
+    solved = np.linalg.lstsq(scaled.T @ (X / columns), scaled.T @ y, rcond=None)[0]
+    return np.asarray(solved / columns)
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
@@ -357,8 +367,10 @@ def _admittance_start(
 ) -> np.ndarray:
     """Choose the better of two starts: regression, and torque as its own instrument."""
     regression = least_squares(signals)
-    refined = _with_instruments(signals, signals.torque, regression)
-    starts = [_stable(fit.kbj, signals) for fit in (regression, refined)]
+    X = regression.instruments
+    Z = _instruments(signals, signals.torque, X)
+    refined = _solved_through(Z, X, signals.torque)[:3]
+    starts = [_stable(kbj, signals) for kbj in (regression.kbj, refined)]
     return min(starts, key=lambda values: float(np.sum(residual(values) ** 2)))
 
 

@@ -129,6 +129,34 @@ def gather_record(
     return JointRecord(dict(zip(names, values, strict=True)), rate, uniform, sha256)
 
 
+def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
+    """Say what negative values of stiffness, damping and inertia may come of.
+
+    Parameters
+    ----------
+    kbj : (3,) float
+        K, B, J.
+
+    Examples
+    --------
+    >>> sign_warnings([-3.0, 0.5, 0.01])
+    ['stiffness is negative: gravity or body weight may act so']
+    """
+    values = np.asarray(kbj, dtype=float)
+    if np.all(values < 0.0):
+        return [
+            "stiffness, damping and inertia are negative: the torque is counted on the other body. "
+            "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
+            "the sign of the angle"
+        ]
+    names = ("stiffness", "damping", "inertia")
+    return [
+        f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
+        for name, value in zip(names, values, strict=True)
+        if value < 0.0
+    ]
+
+
 def _check_channels(
     channels: Mapping[str, np.ndarray], first_row: int, *, where: str, required: tuple[str, ...]
 ) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from jointz.core.codes import Exclusion
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.participant_model import ParticipantModel
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.assignment import assign_pulses
 from jointz.identify.bench_cells import METHOD as FULL_RECORD
@@ -13,6 +14,8 @@ from jointz.identify.bench_cells import FullRecordEstimator
 from jointz.identify.cell_estimator import CellEstimator
 from jointz.identify.cells import METHODS
 from jointz.identify.sources import ParticipantSettings, RecordingInput, Source, prepare_sources
+from jointz.identify.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.walking_estimator import WalkingEstimator
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,8 @@ class ParticipantResult:
         Pulses of a bench, each by itself.
     pulses, strides, gaps : tuple
         Every one found.
+    model : ParticipantModel or None
+        What the recommended method found about joint and sensor.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -34,6 +39,7 @@ class ParticipantResult:
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
+    model: ParticipantModel | None = None
 
 
 def analyze_participant(
@@ -64,22 +70,38 @@ def analyze_participant(
     cells: dict[str, tuple[CellEstimate, ...]] = {}
     pulses: dict[str, list[PulseRecord]] = {}
     single: tuple[PulseEstimate, ...] = ()
+    model: ParticipantModel | None = None
     for name in settings.methods:
-        estimator = (
-            FullRecordEstimator(participant, sources, settings)
-            if name == FULL_RECORD
-            else CellEstimator(participant, METHODS[name], sources, settings)
+        estimator = _estimator(name, participant, sources, settings)
+        candidates = assign_pulses(
+            participant,
+            sources,
+            settings,
+            baseline=estimator.baseline,
+            alone=name == RECOMMENDED,
         )
-        candidates = assign_pulses(participant, sources, settings, baseline=estimator.baseline)
         cells[name], pulses[name] = estimator.run(candidates)
         single = single or estimator.single
+        if isinstance(estimator, WalkingEstimator):
+            model = estimator.model
     return ParticipantResult(
         cells=cells,
         single=single,
         pulses=tuple(pulses[settings.methods[0]]),
         strides=tuple(_stride_records(participant, sources, settings)),
         gaps=tuple(_gap_records(participant, sources)),
+        model=model,
     )
+
+
+def _estimator(
+    name: str, participant: str, sources: Sequence[Source], settings: ParticipantSettings
+) -> CellEstimator | FullRecordEstimator | WalkingEstimator:
+    if name == FULL_RECORD:
+        return FullRecordEstimator(participant, sources, settings)
+    if name == RECOMMENDED:
+        return WalkingEstimator(participant, sources, settings)
+    return CellEstimator(participant, METHODS[name], sources, settings)
 
 
 def _stride_records(

@@ -9,7 +9,14 @@ import xarray as xr
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.study import CalibrationSpec, PerturbationsSpec, TorqueModelSpec, UserExclusion
+from jointz.core.study import (
+    CalibrationSpec,
+    DeviceSpec,
+    ParticipantSpec,
+    PerturbationsSpec,
+    TorqueModelSpec,
+    UserExclusion,
+)
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
@@ -79,6 +86,15 @@ class ParticipantSettings:
         The participant's mass.
     user_exclusions : tuple of UserExclusion
         The user's own, of this participant.
+    joint, positive : str
+        Which joint, and its positive direction.
+    person : ParticipantSpec or None
+        Who it is: for the mass of the limb.
+    device : DeviceSpec or None
+        What hangs on the limb.
+    prior_scale : float
+        Multiplies what the recommended method expects of K, B and J before the data: results
+        that follow it are not decided by the data.
     """
 
     walking: bool
@@ -90,6 +106,11 @@ class ParticipantSettings:
     seed: int
     mass_kg: float | None
     user_exclusions: tuple[UserExclusion, ...] = ()
+    joint: str = "knee"
+    positive: str = "flexion"
+    person: ParticipantSpec | None = None
+    device: DeviceSpec | None = None
+    prior_scale: float = 1.0
 
     @property
     def timing_points(self) -> Mapping[str, float]:
@@ -200,8 +221,15 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
             path=given.file,
             channel="torque",
         )
-    torque = torque_from_current(recording, model, cutoff_hz=settings.perturbations.cutoff_hz)
-    with_torque = recording.assign(torque=("time", torque, {"units": "N*m"}))
+    cutoff_hz = settings.perturbations.cutoff_hz
+    torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
+    gain = given.calibration.friction_gain
+    if gain is not None and gain.value != 1.0:
+        torque, friction = torque + (gain.value - 1.0) * friction, gain.value * friction
+    units = {"units": "N*m"}
+    with_torque = recording.assign(
+        torque=("time", torque, units), friction=("time", friction, units)
+    )
     return replace(given, recording=with_torque)
 
 

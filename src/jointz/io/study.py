@@ -317,11 +317,6 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
                 f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
                 'a table (perturbations = "FILE.csv"), or perturbations.source.'
             )
-    if settings.get("baseline") == "predicted":
-        yield (
-            'perturbations.baseline: "predicted" is not in this version; expected pre_pulse, '
-            "unperturbed_mean or matched_strides."
-        )
     channel = _table(settings, "group").get("channel")
     if isinstance(channel, str) and (channel not in channels or channel in LABEL_CHANNELS):
         known = [name for name in channels if name not in LABEL_CHANNELS]

@@ -119,7 +119,7 @@ def estimate_response(
         normal -= linalg.toeplitz(np.asarray(input_noise, dtype=float)[:m])
     right = X.T @ y_kept / n
     floor = 0.0 if input_noise is None else float(input_noise[0])
-    order, singular, vectors = _supported(
+    order, singular, vectors = supported_directions(
         normal, right, power=float(y_kept @ y_kept) / n, n=n, floor=floor
     )
     basis, kept = vectors[:, order], singular[order]
@@ -163,10 +163,43 @@ def _lagged(
     return X, y_kept - y_kept.mean()
 
 
-def _supported(
+def supported_directions(
     normal: np.ndarray, right: np.ndarray, *, power: float, n: int, floor: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which directions to invert, all singular values, all directions."""
+    """Return which directions of the input to invert, by the smallest description length.
+
+    Parameters
+    ----------
+    normal : (m, m) float
+        Mean product of the input at all pairs of lags.
+    right : (m,) float
+        Mean product of the input at each lag with the output.
+    power : float
+        Mean square of the output.
+    n : int
+        Samples of the output.
+    floor : float
+        Directions whose singular value is not above this are noise of the input.
+
+    Returns
+    -------
+    order : (r,) int
+        Columns of ``vectors`` to invert, the one with most input first.
+    singular : (m,) float
+        Singular values, ascending.
+    vectors : (m, m) float
+        Directions, one a column.
+
+    Raises
+    ------
+    ValueError
+        When input or output is constant.
+
+    Notes
+    -----
+    As many as make (1 + r log(n)/n) * residual variance smallest: Westwick and
+    Kearney 1997, doi:10.1007/BF02648123; see :func:`estimate_response`.
+    """
     singular, vectors = linalg.eigh(normal)
     usable = np.flatnonzero(singular > max(_RANK * singular[-1], floor))
     if not usable.size or power <= 0.0:

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Final
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.report.budget_figure import draw_budget
 from jointz.report.event_figures import draw_onset_accuracy, draw_strides
 from jointz.report.impedance_figures import draw_impedance_over_gait
 from jointz.report.method_figures import draw_methods
@@ -19,6 +20,7 @@ _FIGURES: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
     "impedance_over_gait": draw_impedance_over_gait,
     "responses": draw_responses,
     "methods": draw_methods,
+    "budget": draw_budget,
     "onset_accuracy": draw_onset_accuracy,
     "strides": draw_strides,
 }

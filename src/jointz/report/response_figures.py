@@ -1,4 +1,4 @@
-"""Average responses to the pulses: angle, torque and the torque of the fitted model."""
+"""Average responses to the pulses: angle, torque, and whichever of them the model was fitted to."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from jointz.report.style import (
     place_legend,
     place_text,
 )
-from jointz.report.wording import DASH
+from jointz.report.wording import DASH, format_vaf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,7 +97,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
             _time_axis(axes, len(row.names), window_s, labelled=i == len(rows) - 1)
             if i == 0 or wrapped:
                 _name_columns(axes, row.names, window_s)
-    place_legend(figure, _legend())
+    place_legend(figure, _legend(responses))
     return figure
 
 
@@ -125,13 +125,15 @@ def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s
     )
     row_cells = [cells.get((row.participant, name)) for name in row.names]
     curves = [(i * pitch, c.response) for i, c in enumerate(row_cells) if c and c.response]
-    if quantity == "angle":
-        axes.plot(*_joined(curves, "angle", scale=180.0 / np.pi), color=BLUE, linewidth=1.1)
-    else:
-        axes.plot(*_joined(curves, "torque"), color=INK, linewidth=1.1)
+    scale = 180.0 / np.pi if quantity == "angle" else 1.0
+    colour = BLUE if quantity == "angle" else INK
+    axes.plot(*_joined(curves, quantity, scale=scale), color=colour, linewidth=1.1)
+    fitted = [(at, r) for at, r in curves if _fitted(r) == quantity]
+    if fitted:
         axes.plot(
-            *_joined(curves, "fitted_torque"), color=VERMILION, linewidth=1.1, dashes=(2.5, 1.5)
-        )
+            *_joined(fitted, f"fitted_{quantity}", scale=scale),
+            color=VERMILION, linewidth=1.1, dashes=(2.5, 1.5),
+        )  # fmt: skip
     _leave_headroom(axes)
     for i, cell in enumerate(row_cells):
         text = _panel_text(cell, quantity)
@@ -147,12 +149,19 @@ def _joined(
     return broken_line((shift + r.time_s, scale * getattr(r, name)) for shift, r in curves)
 
 
+def _fitted(response: Response) -> str:
+    """Return which signal the model was fitted to."""
+    return "torque" if response.fitted_angle is None else "angle"
+
+
 def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
+    """Return the number of pulses over the angle, and VAF over what was fitted."""
     if cell is None or cell.response is None:
         return DASH
-    if quantity == "angle":
-        return f"n {cell.n_used}"
-    return DASH if cell.vaf_pct is None else f"{cell.vaf_pct:.1f} %"
+    texts = [f"n {cell.n_used}"] if quantity == "angle" else []
+    if quantity == _fitted(cell.response):
+        texts.append(format_vaf(cell.vaf_pct))
+    return "\n".join(texts)
 
 
 def _leave_headroom(axes: "Axes") -> None:
@@ -192,9 +201,12 @@ def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:
         )  # fmt: skip
 
 
-def _legend() -> "list[Line2D]":
+def _legend(responses: Sequence[Response]) -> "list[Line2D]":
+    fitted = list(dict.fromkeys(_fitted(r) for r in responses))
     return [
         legend_line("measured angle (n pulses)", BLUE),
         legend_line("measured torque", INK),
-        legend_line("torque of the fitted model (VAF)", VERMILION, dashes=(2.5, 1.5)),
+        legend_line(
+            f"{' or '.join(fitted)} of the fitted model (VAF)", VERMILION, dashes=(2.5, 1.5)
+        ),
     ]

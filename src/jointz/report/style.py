@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +11,7 @@ import numpy as np
 from jointz.core.gait_phases import PHASES
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -136,22 +137,26 @@ def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **sty
     figure.text(left_mm / WIDTH_MM, 1.0 - top_mm / total, text, **style)
 
 
-def place_legend(figure: "Figure", handles: "list[Line2D]") -> None:
-    """Put one row of legend at the top of a figure.
+def place_legend(
+    figure: "Figure", handles: "Sequence[Artist]", *, columns: int | None = None
+) -> None:
+    """Put a legend at the top of a figure, in one row where nothing else is asked.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
         The figure.
-    handles : list of matplotlib.lines.Line2D
+    handles : sequence of matplotlib.artist.Artist
         What to explain; their labels are shown.
+    columns : int, optional
+        Entries in a row.
     """
     below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
     figure.legend(
         handles=handles,
         loc="upper center",
         bbox_to_anchor=(0.5, 1.0 - below_edge),
-        ncols=len(handles),
+        ncols=columns or len(handles),
         columnspacing=1.6,
         handletextpad=0.5,
         borderaxespad=0.0,

@@ -23,9 +23,16 @@ PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     "inertia": ("Inertia", "J"),
 }
 
+_METHOD_NAMES: Final[Mapping[str, str]] = {
+    "full_record": "whole trials",
+    "pre_pulse": "level before the pulse",
+    "errors_in_variables": "errors in variables",
+}
+
 # Below this nothing in SI that a joint has is a quantity; it is rounding, such as 2e-14.
 _NEGLIGIBLE = 1e-9
 _SMALLEST_PLAIN = 1e-4
+_ALMOST_ALL_PCT = 99.9
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -107,6 +114,24 @@ def format_estimate(estimate: ParameterEstimate) -> str:
     return format_interval(estimate.value, estimate.ci_low, estimate.ci_high)
 
 
+def format_vaf(vaf_pct: float | None) -> str:
+    """Write a variance accounted for; never as 100 % what is less.
+
+    Parameters
+    ----------
+    vaf_pct : float or None
+        %; None gives a dash.
+
+    Examples
+    --------
+    >>> format_vaf(98.123), format_vaf(99.9973), format_vaf(None)
+    ('98.1 %', '> 99.9 %', '\u2013')
+    """
+    if vaf_pct is None:
+        return DASH
+    return f"> {_ALMOST_ALL_PCT} %" if vaf_pct > _ALMOST_ALL_PCT else f"{vaf_pct:.1f} %"
+
+
 def format_count(count: int, singular: str, plural: str | None = None) -> str:
     """Write a count with its noun: ``1 pulse``, ``2 pulses``.
 
@@ -174,6 +199,22 @@ def pretty_unit(unit: str) -> str:
     'kg·m²'
     """
     return unit.replace("*", "·").replace("^2", "²")
+
+
+def method_name(method: str) -> str:
+    """Return a method as people say it.
+
+    Parameters
+    ----------
+    method : str
+        As ``--method`` and the column ``method`` name it.
+
+    Examples
+    --------
+    >>> method_name("matched_strides"), method_name("dissertation"), method_name("recommended")
+    ('matched strides', 'dissertation', 'recommended')
+    """
+    return _METHOD_NAMES.get(method, method.replace("_", " "))
 
 
 def parameter_name(parameter: str) -> str:

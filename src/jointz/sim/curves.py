@@ -25,6 +25,7 @@ _THIGH_MASS, _THIGH_LENGTH, _THIGH_GYRATION = 0.100, 0.245, 0.540
 _STANCE_SHARES = (1.0, 0.4)
 _STANCE_CYCLES = 0.62
 _CHANGE_CYCLES = 0.04  # between stance and swing
+_HALF_WINDOW_PCT = 4.5
 # The thigh over the cycle, one cosine: flexion at heel strike, extension at push-off.
 _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
 
@@ -158,8 +159,11 @@ def packed_curves(person: Person, preset: Preset) -> np.ndarray:
 
 
 def _smooth_curve(per_point: Mapping[str, float], cycles: np.ndarray) -> np.ndarray:
-    """Interpolate values at the timing points without plateaus; stays positive."""
-    knots = np.array(list(TIMING_POINTS.values())) / 100.0
+    """Interpolate values without plateaus; stays positive.
+
+    A value of table 4.1 belongs to the window of 100 ms behind its onset: it is met in the middle.
+    """
+    knots = (np.array(list(TIMING_POINTS.values())) + _HALF_WINDOW_PCT) / 100.0
     values = np.log([per_point[name] for name in TIMING_POINTS])
     spline = CubicSpline(
         np.append(knots, knots[0] + 1.0), np.append(values, values[0]), bc_type="periodic"

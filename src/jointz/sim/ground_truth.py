@@ -19,7 +19,17 @@ from jointz.sim.plant_build import PlantBuild
 _RATE_HZ = 2000.0  # of the model response that weighs K, B and J
 _CURVE_POINTS = 101
 _BEYOND_S = 2.0  # strides are laid out so far past the end: a window may reach there
-_PARAMETERS = ("stiffness", "damping", "inertia")
+# Of a pulse, whose means over its timing point are told too.
+_MEANS = (
+    "stiffness",
+    "damping",
+    "inertia",
+    "gravity_stiffness",
+    "onset_gait_pct",
+    "stiffness_centre_pct",
+    "damping_centre_pct",
+    "inertia_centre_pct",
+)
 
 
 def condition_truth(
@@ -97,10 +107,9 @@ def _pulse_truth(
     offset_s: float,
     window_s: float,
 ) -> dict[str, Any]:
-    r"""Average K, B and J over the window with the information that each sample holds.
+    """Average K, B and J over the window with the information that the angle holds on them.
 
-    The weights are :math:`x^2`, :math:`\dot x^2` and :math:`\ddot x^2` of the response of the
-    true joint to the torque of the pulse without errors.
+    The response is that of the true joint with gravity, without reflex, strap and instruments.
     """
     onset_s = float(pulse["onset_s"]) - offset_s
     since = np.arange(round(window_s * _RATE_HZ) + 1) / _RATE_HZ
@@ -108,29 +117,74 @@ def _pulse_truth(
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
     torque = _torque(build, since, pulse, shape)
     moved = J + build.params[Param.EXO_INERTIA]
-    x, v = respond(torque, K, B, moved, rate_hz=_RATE_HZ)
+    gravity = _gravity_stiffness(build, phase)
+    x, v = respond(torque, K + gravity, B, moved, rate_hz=_RATE_HZ)
     softening = build.params[Param.SOFTENING]
     if softening > 0.0:
         K = K / (1.0 + softening * x**2)
-        x, v = respond(torque, K, B, moved, rate_hz=_RATE_HZ)
-    a = (torque - B * v - K * x) / moved
-    gravity = _gravity_stiffness(build, phase)
+        x, v = respond(torque, K + gravity, B, moved, rate_hz=_RATE_HZ)
+    a = (torque - B * v - (K + gravity) * x) / moved
+    joint = K + gravity, B, moved
+    weights = {
+        name: window_weights(motion, *joint, rate_hz=_RATE_HZ)
+        for name, motion in (("stiffness", x), ("damping", v), ("inertia", a))
+    }
+    after_pct = 100.0 * np.mod(phase - phase[0], 1.0)
+    centres = {f"{name}_centre_pct": float(w @ after_pct) for name, w in weights.items()}
     return {
         "pulse": int(pulse["pulse"]),
         "onset_s": float(pulse["onset_s"]),
         "timing_point": str(pulse["timing_point"]),
         "onset_gait_pct": 100.0 * float(phase[0]),
-        "stiffness": _weighted(K, x),
-        "damping": _weighted(B, v),
-        "inertia": _weighted(J, a),
-        "gravity_stiffness": _weighted(gravity, x),
+        "stiffness": float(weights["stiffness"] @ K),
+        "damping": float(weights["damping"] @ B),
+        "inertia": float(weights["inertia"] @ J),
+        "gravity_stiffness": float(weights["stiffness"] @ gravity),
+        **centres,
         "displacement_rad": float(x[-1]),
     }
 
 
-def _weighted(values: np.ndarray, signal: np.ndarray) -> float:
-    weights = signal**2
-    return float((weights * values).sum() / weights.sum())
+def window_weights(
+    motion: np.ndarray, K: np.ndarray, B: np.ndarray, J: np.ndarray, *, rate_hz: float
+) -> np.ndarray:
+    r"""Return how much K, B or J at every moment of the window counts in one value for it.
+
+    Parameters
+    ----------
+    motion : (n,) float
+        What the parameter is multiplied by: the deviation, its rate or its acceleration.
+    K, B, J : (n,) float, N*m/rad, N*m*s/rad, kg*m^2
+        Of the joint and what moves with it, over the window.
+    rate_hz : float, Hz
+        Sample rate of all.
+
+    Returns
+    -------
+    (n,) float
+        Weights whose sum is 1; single ones may be negative.
+
+    Notes
+    -----
+    A small change :math:`\delta(t)` of the parameter moves the angle by :math:`-\int h(s, t)\,
+    m(t)\,\delta(t)\,dt`, h being the joint's impulse response. Least squares on the angle with
+    one value for the window, whose sensitivity is :math:`S(s) = -\int h(s, t)\,m(t)\,dt`, then
+    finds the mean of :math:`\delta` with the weights :math:`-m(t)\,p(t)`, :math:`p(t) = \int
+    h(s, t)\,S(s)\,ds`. What changes at the end of a window has no time left to show.
+
+    p obeys the adjoint equation :math:`(Jp)'' - (Bp)' + Kp = S`, at rest at the end. With
+    :math:`q = Jp` and time reversed it is that of a joint of inertia 1, damping B/J and
+    stiffness K/J + (B/J)'.
+
+    Misleads for large changes within a window, for which the angle is not linear in them, and
+    for a fit that weighs the samples of the angle differently.
+    """
+    sensitivity, _ = respond(-motion, K, B, J, rate_hz=rate_hz)
+    damping = (B / J)[::-1]
+    stiffness = (K / J)[::-1] + np.gradient(damping, 1.0 / rate_hz)
+    heard, _ = respond(sensitivity[::-1], stiffness, damping, 1.0, rate_hz=rate_hz)
+    weights = -motion * heard[::-1] / J
+    return np.asarray(weights / weights.sum())
 
 
 def _torque(
@@ -176,7 +230,7 @@ def _by_point(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     return {
         point: {
             name: float(np.mean([row[name] for row in rows if row["timing_point"] == point]))
-            for name in (*_PARAMETERS, "onset_gait_pct")
+            for name in _MEANS
         }
         for point in points
     }
@@ -196,10 +250,13 @@ def _curves(build: PlantBuild) -> dict[str, Any]:
 
 
 def _instruments(build: PlantBuild) -> dict[str, Any]:
-    settings, leg = build.preset.actuator, leg_of(build.person)
+    settings, goniometer = build.preset.actuator, build.preset.goniometer
+    leg = leg_of(build.person)
     return {
         **asdict(build.instruments),
-        "angle_delay_s": build.preset.goniometer.delay_s,
+        "angle_delay_s": goniometer.delay_s,
+        "tissue_damping": goniometer.tissue_damping if goniometer.tissue_range_hz else None,
+        "torsion_rad_nm": goniometer.torsion_rad_nm,
         "actuator_delay_s": settings.delay_s,
         "actuator_time_constant_s": settings.time_constant_s,
         "rotor_inertia": settings.rotor_inertia,

@@ -119,7 +119,7 @@ class Instruments:
     strap_stiffness : float, N*m/rad
         Between frame and leg; 0 for a rigid strap.
     tissue_hz : float, Hz
-        Resonance between joint and goniometer; 0 for none.
+        Resonance of the tissue between joint and goniometer; 0 for none.
     """
 
     torque_gain: float
@@ -143,18 +143,21 @@ def draw_instruments(person: Person, preset: Preset) -> Instruments:
     rng = person.stream("instruments")
     errors = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
     shares = rng.random(3).tolist()
-    body = preset.body
+    body, goniometer = preset.body, preset.goniometer
+    tissue, gain_error = goniometer.tissue_range_hz, goniometer.gain_error
+    if gain_error is None:
+        gain_error = goniometer.gain_error_sd * errors[1]
 
     def between(limits: Range, share: float) -> float:
         return limits[0] + share * (limits[1] - limits[0])
 
     return Instruments(
         torque_gain=1.0 + preset.actuator.gain_error_sd * errors[0],
-        angle_gain=1.0 + preset.goniometer.gain_error_sd * errors[1],
+        angle_gain=1.0 + gain_error,
         friction_gain=1.0 + preset.actuator.friction_error_sd * errors[2],
-        angle_lag_s=between(preset.goniometer.lag_range_s, shares[0]),
+        angle_lag_s=between(goniometer.lag_range_s, shares[0]),
         strap_stiffness=between(body.strap_range_nm_rad, shares[1]) if body else 0.0,
-        tissue_hz=between(body.tissue_range_hz, shares[2]) if body else 0.0,
+        tissue_hz=between(tissue, shares[2]) if tissue else 0.0,
     )
 
 

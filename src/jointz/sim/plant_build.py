@@ -141,7 +141,7 @@ def _fill_joint(params: np.ndarray, preset: Preset, grid: Grid) -> None:
 def _fill_goniometer(
     params: np.ndarray, preset: Preset, instruments: Instruments, grid: Grid
 ) -> None:
-    settings, body = preset.goniometer, preset.body
+    settings = preset.goniometer
     params[Param.ANGLE_DELAY] = round(settings.delay_s / grid.step_s)
     rest = instruments.angle_lag_s - settings.delay_s
     params[Param.ANGLE_LAG_RATE] = 1.0 / rest if rest > 0.0 else 0.0
@@ -154,9 +154,9 @@ def _fill_goniometer(
     params[Param.DRIFT_KEEP], params[Param.DRIFT_DRIVE] = _autoregression(
         settings.drift_sd_rad, settings.drift_time_s, grid
     )
-    if body is not None:
+    if settings.tissue_range_hz is not None:
         params[Param.TISSUE_RATE] = 2.0 * pi * instruments.tissue_hz
-        params[Param.TISSUE_DAMPING] = body.tissue_damping
+        params[Param.TISSUE_DAMPING] = settings.tissue_damping
 
 
 def _fill_actuator(
@@ -203,6 +203,8 @@ def _active(preset: Preset) -> int:
     """Return how many of the states there is anything to integrate of."""
     if preset.body is not None:
         return INTEGRATED
+    if preset.goniometer.tissue_range_hz is not None:
+        return int(State.EXO_ANGLE)
     return int(State.TISSUE if preset.joint.reflex is not None else State.REFLEX)
 
 

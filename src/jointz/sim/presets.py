@@ -170,7 +170,7 @@ class ActuatorSettings:
 
 @dataclass(frozen=True, slots=True)
 class GoniometerSettings:
-    """An electrogoniometer.
+    """An electrogoniometer on soft tissue.
 
     Parameters
     ----------
@@ -178,8 +178,14 @@ class GoniometerSettings:
         Pure delay.
     lag_range_s : tuple of float, s
         Range of the total lag: the delay and a first order.
+    tissue_range_hz : tuple of float, optional, Hz
+        Resonance between joint and goniometer, before its lag; None: the tissue is rigid.
+    tissue_damping : float
+        Damping ratio of that resonance.
     gain_error_sd : float
-        Share.
+        Share; also what a lab believes of its instrument.
+    gain_error : float, optional
+        The error that every wearer's instrument has, share; None: drawn.
     white_sd_rad, coloured_sd_rad, coloured_time_s : float, rad, rad, s
         Noise.
     drift_sd_rad, drift_time_s : float, rad, s
@@ -190,13 +196,32 @@ class GoniometerSettings:
 
     delay_s: float = 0.002
     lag_range_s: Range = (0.004, 0.012)
+    tissue_range_hz: Range | None = None
+    tissue_damping: float = 0.3
     gain_error_sd: float = 0.02
+    gain_error: float | None = None
     white_sd_rad: float = radians(0.3)
     coloured_sd_rad: float = radians(0.15)
     coloured_time_s: float = 0.1
     drift_sd_rad: float = 0.0
     drift_time_s: float = 300.0
     torsion_rad_nm: float = 0.0
+
+    def __post_init__(self) -> None:
+        low, high = self.lag_range_s
+        if not 0.0 <= self.delay_s <= low <= high:
+            raise DataError(
+                "GoniometerSettings: expected 0 <= delay_s <= lag_range_s, the total lag from low "
+                f"to high, got {self.delay_s:g} s and {low:g}..{high:g} s."
+            )
+        if self.tissue_range_hz is None:
+            return
+        low, high = self.tissue_range_hz
+        if not (0.0 < low <= high and self.tissue_damping >= 0.0):
+            raise DataError(
+                "GoniometerSettings: expected 0 < tissue_range_hz from low to high and "
+                f"tissue_damping >= 0, got {low:g}..{high:g} Hz and {self.tissue_damping:g}."
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +246,7 @@ class FootswitchSettings:
 
 @dataclass(frozen=True, slots=True)
 class BodySettings:
-    """Leg, exoskeleton frame, strap and tissue as bodies of their own.
+    """Leg, exoskeleton frame and strap as bodies of their own.
 
     Parameters
     ----------
@@ -231,16 +256,12 @@ class BodySettings:
         Strap damping over strap stiffness.
     frame_mass_kg, frame_distance_m : float, kg, m
         What hangs on the shank, and how far below the knee its centre is.
-    tissue_range_hz, tissue_damping : tuple of float, float
-        Resonance between joint and goniometer: Hz, damping ratio.
     """
 
     strap_range_nm_rad: Range = (300.0, 1000.0)
     strap_damping_time_s: float = 0.005
     frame_mass_kg: float = 1.0
     frame_distance_m: float = 0.18
-    tissue_range_hz: Range = (20.0, 40.0)
-    tissue_damping: float = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,13 +345,20 @@ _HARD = Preset(
     footswitch=FootswitchSettings(jitter_sd_s=0.01, missed=0.005, false=0.005),
 )
 
+_ANTHROPOMETRIC = replace(
+    _NOMINAL,
+    name="anthropometric",
+    goniometer=GoniometerSettings(tissue_range_hz=(20.0, 40.0)),
+    body=BodySettings(),
+)
+
 #: Name -> preset.
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
         "clean": _CLEAN,
         "nominal": _NOMINAL,
         "hard": _HARD,
-        "anthropometric": replace(_NOMINAL, name="anthropometric", body=BodySettings()),
+        "anthropometric": _ANTHROPOMETRIC,
     }
 )
 

@@ -72,10 +72,11 @@ class SimulatedRig:
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What a lab knows: gains and the frame's inertia with their sd; nobody measured a lag."""
+        """What a lab knows, with its sd: gains, friction, the frame's inertia; nobody measured a lag."""
         gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,
+            "friction_gain": self.preset.actuator.friction_error_sd,
         }
         known = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
         body = self.preset.body
@@ -98,7 +99,7 @@ class SimulatedRig:
         clock : Clock
             The host's.
         """
-        build = self._build(worn=worn)
+        build = self.build(worn=worn)
         running = RunningPlant(
             build,
             motion=self.motion(condition, segment),
@@ -154,7 +155,7 @@ class SimulatedRig:
             From the onset: over which stiffness, damping and inertia are averaged.
         """
         return condition_truth(
-            self._build(worn=worn),
+            self.build(worn=worn),
             motions=[self.motion(condition, stretch.segment) for stretch in stretches],
             stretches=stretches,
             pulses=pulses,
@@ -191,7 +192,14 @@ class SimulatedRig:
             stumbles=self.inject.stumbles,
         )
 
-    def _build(self, *, worn: bool) -> PlantBuild:
+    def build(self, *, worn: bool) -> PlantBuild:
+        """Return the constants of the plant.
+
+        Parameters
+        ----------
+        worn : bool
+            Whether the exoskeleton is worn.
+        """
         return build_plant(self.person, self.preset, grid=self.grid, worn=worn)
 
 

@@ -25,6 +25,8 @@ from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.pulse_tables import share_table
 from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.walking_estimator import BASELINE as PREDICTED
+from jointz.identify.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file, open_study
 from jointz.stats.population import population_means
@@ -147,7 +149,7 @@ def check_method(method: str) -> str:
     ValueError
         When there is no such method.
     """
-    known = ["recommended", *METHODS]
+    known = list(dict.fromkeys(["recommended", *METHODS]))
     if method not in known:
         raise ValueError(f"method: expected one of {', '.join(known)}; got {method!r}.")
     return method
@@ -158,10 +160,18 @@ def _chosen(study: Study, method: str) -> str:
     walking, perturbations = study.spec.kind == "walking", study.spec.perturbations
     if method == "recommended":
         # A load that torque moves is one system; groups, and steps of the angle, are not.
-        torque = perturbations.group is None and perturbations.source != "angle"
-        return FULL_RECORD if torque and not walking else "dissertation"
+        torque = perturbations.source != "angle"
+        if walking:
+            asked = perturbations.baseline or PREDICTED
+            return RECOMMENDED if torque and asked == PREDICTED else "dissertation"
+        return FULL_RECORD if torque and perturbations.group is None else "dissertation"
     if walking and method in BENCH_ONLY:
         raise ValueError(f"method: {method} is for bench studies; this study walks.")
+    if perturbations.baseline == PREDICTED and method != RECOMMENDED:
+        raise ValueError(
+            f'method: {method} has no baseline "{PREDICTED}"; only {RECOMMENDED} has. Choose '
+            "another under perturbations.baseline."
+        )
     return method
 
 
@@ -184,6 +194,10 @@ def _settings(
         seed=seed,
         mass_kg=spec.participant(person_id).mass_kg,
         user_exclusions=tuple(e for e in study.user_exclusions if e.participant == person_id),
+        joint=spec.joint,
+        positive=spec.positive,
+        person=spec.participant(person_id),
+        device=spec.device,
     )
 
 
@@ -262,6 +276,7 @@ def _assembled(
         strides=strides,
         gaps=gaps,
         single=single,
+        models=tuple(r.model for r in results.values() if r.model is not None),
         statistics=study_statistics(study, method, cells, results.values()),
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
         provenance={
@@ -329,8 +344,14 @@ def _missing(
         n_used=0,
         n_excluded=0,
         method=method,
-        baseline=study.spec.perturbations.baseline or METHODS[method].baseline,
+        baseline=_baseline(study, method),
     )
+
+
+def _baseline(study: Study, method: str) -> str:
+    """Return what is subtracted: as the study asks, else the method's own."""
+    own = METHODS[method].baseline_for(walking=study.spec.kind == "walking")
+    return study.spec.perturbations.baseline or own
 
 
 def _settings_record(study: Study, method: str, *, resamples: int, seed: int) -> dict[str, Any]:
@@ -342,7 +363,7 @@ def _settings_record(study: Study, method: str, *, resamples: int, seed: int) ->
         "positive": spec.positive,
         "torque_acts_on": spec.torque_acts_on,
         "method": method,
-        "baseline": spec.perturbations.baseline or METHODS[method].baseline,
+        "baseline": _baseline(study, method),
         "resamples": resamples,
         "seed": seed,
         "ci_level": 0.95,

@@ -279,7 +279,7 @@ def _paired_runs(study: Path) -> PairedRunsFit:
     runs = {}
     for entry in spec.recordings:
         run = xr.load_dataset(study / entry.file, engine="h5netcdf")
-        torque = torque_from_current(run, spec.torque_model, cutoff_hz=cutoff_hz)
+        torque, _ = torque_from_current(run, spec.torque_model, cutoff_hz=cutoff_hz)
         runs[entry.condition] = run.assign(torque=("time", torque))
     return identify_paired_runs(
         [(runs["unperturbed"], runs["perturbed"])],

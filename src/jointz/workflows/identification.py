@@ -16,6 +16,7 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.frequency_response_fit import FrequencyResponseFit
 from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import JointFit
+from jointz.core.reflex_fit import ReflexFit
 from jointz.core.study import FilesSpec
 from jointz.identify.actuator import identify_actuator
 from jointz.identify.bandwidth import identify_bandwidth
@@ -134,7 +135,7 @@ def identify_joint_file(
     files: Mapping[str, Any] | None = None,
     rate_hz: float | None = None,
     **settings: Any,
-) -> tuple[JointFit | ImpulseResponseFit | FrequencyResponseFit, dict[str, Column]]:
+) -> tuple[JointFit | ImpulseResponseFit | FrequencyResponseFit | ReflexFit, dict[str, Column]]:
     """Identify a joint from one time series in a file.
 
     Parameters
@@ -155,7 +156,7 @@ def identify_joint_file(
 
     Returns
     -------
-    fit : JointFit, ImpulseResponseFit or FrequencyResponseFit
+    fit : JointFit, ImpulseResponseFit, FrequencyResponseFit or ReflexFit
         The result; which one follows from the model.
     columns : dict of str to Column
         The columns as they were understood.

@@ -86,7 +86,7 @@ def _trial(
     if "position" in recording:
         angle = angle - recording["position"].to_numpy()
     if "torque" not in recording and model is not None:
-        torque = torque_from_current(recording, model, cutoff_hz=perturbations.cutoff_hz)
+        torque, _ = torque_from_current(recording, model, cutoff_hz=perturbations.cutoff_hz)
     else:
         torque = recording["torque"].to_numpy()
     return _Trial(

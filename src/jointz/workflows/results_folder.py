@@ -12,6 +12,7 @@ import pandas as pd
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
+from jointz.report.details import details_frame, models_frame
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
@@ -226,6 +227,7 @@ def _take_place(partial: Path, out: Path) -> None:
 def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
     tables = {
         "estimates": analysis.to_frame(),
+        "details": details_frame(analysis),
         "comparison": analysis.comparison_frame(),
         "population": analysis.population_frame(),
         "excluded": analysis.excluded_frame(),
@@ -234,6 +236,8 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
     }
     if analysis.single:
         tables["single_pulses"] = analysis.single_frame()
+    if analysis.models:
+        tables["models"] = models_frame(analysis)
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
 

@@ -12,6 +12,7 @@ from jointz.core.study import (
     Calibrated,
     CalibrationSpec,
     ChannelSpec,
+    DeviceSpec,
     FilesSpec,
     GroupSpec,
     ParticipantSpec,
@@ -59,6 +60,7 @@ def test_a_minimal_study_has_the_defaults_of_the_format():
     }
     assert spec.calibration == CalibrationSpec()
     assert spec.torque_model is None
+    assert spec.device is None
 
 
 @pytest.mark.parametrize("key", MINIMAL)
@@ -212,6 +214,63 @@ def test_a_column_by_name_or_number_is_kept(column):
 )
 def test_a_person_has_a_mass_and_height_above_zero(key, value):
     assert refused(ParticipantSpec, id="S01", **{key: value}).startswith(f"{key}: ")
+
+
+@pytest.mark.parametrize(
+    ("model", "key", "value"),
+    [
+        (ParticipantSpec, "height_m", 174.0),
+        (ParticipantSpec, "limb_centre_m", 26.0),
+        (DeviceSpec, "centre_m", 18.0),
+    ],
+)
+def test_a_length_in_centimetres_is_refused(model, key, value):
+    whole = {"id": "S01", "limb_mass_kg": 4.4} if model is ParticipantSpec else {"mass_kg": 1.0}
+
+    assert refused(model, **(whole | {key: value})).startswith(f"{key}: Input should be less than")
+
+
+@pytest.mark.parametrize(
+    ("given", "missing"),
+    [("limb_mass_kg", "limb_centre_m"), ("limb_centre_m", "limb_mass_kg")],
+)
+def test_mass_and_centre_of_a_limb_go_together(given, missing):
+    told = refused(ParticipantSpec, id="S01", **{given: 0.3})
+
+    assert told.endswith(f"{missing}: missing; limb_mass_kg and limb_centre_m go together")
+
+
+def test_a_limb_is_lighter_than_its_person():
+    limb = {"limb_mass_kg": 72.4, "limb_centre_m": 0.26}
+
+    assert "72.4 kg is not less than mass_kg" in refused(
+        ParticipantSpec, id="S01", mass_kg=72.4, **limb
+    )
+    assert ParticipantSpec(id="S01", **limb).limb_mass_kg == 72.4
+
+
+def test_a_limb_and_a_device_that_were_weighed_are_kept():
+    person = ParticipantSpec(id="S01", mass_kg=72.4, limb_mass_kg=4.4, limb_centre_m=0.26)
+    study = StudySpec.model_validate(MINIMAL | {"device": {"mass_kg": 1.0, "centre_m": 0.18}})
+
+    assert (person.limb_mass_kg, person.limb_centre_m) == (4.4, 0.26)
+    assert study.device == DeviceSpec(mass_kg=1.0, centre_m=0.18)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("mass_kg", 0.0), ("centre_m", -0.1), ("mass_kg", "1"), ("inertia", 0.03)]
+)
+def test_a_device_that_cannot_be_is_refused(key, value):
+    given = {"mass_kg": 1.0, "centre_m": 0.18} | {key: value}
+
+    assert refused(DeviceSpec, **given).startswith(f"{key}: ")
+
+
+@pytest.mark.parametrize("key", ["mass_kg", "centre_m"])
+def test_a_device_has_both_mass_and_centre(key):
+    given = {k: v for k, v in {"mass_kg": 1.0, "centre_m": 0.18}.items() if k != key}
+
+    assert refused(DeviceSpec, **given) == f"{key}: Field required"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.assignment import assign_pulses
 from jointz.identify.baselines import Baseline
-from jointz.identify.cell_estimator import CellEstimator, _mean_phase, _stacked
+from jointz.identify.cell_estimator import CellEstimator, mean_phase
+from jointz.identify.cell_windows import _stacked
 from jointz.identify.cells import METHODS
 from jointz.identify.sources import ParticipantSettings, RecordingInput, prepare_sources
 
@@ -287,10 +288,10 @@ def test_pulses_after_a_sensor_died_are_left_out_and_the_others_stand():
     assert (cell.n_used, cell.n_excluded) == (2, 1)
 
 
-def test_the_mean_phase_is_taken_on_the_circle():
-    assert _mean_phase([98.0, 2.0, 3.0]) == pytest.approx(1.0, abs=0.01)
-    assert _mean_phase([10.0, None]) is None
-    assert _mean_phase([]) is None
+def test_themean_phase_is_taken_on_the_circle():
+    assert mean_phase([98.0, 2.0, 3.0]) == pytest.approx(1.0, abs=0.01)
+    assert mean_phase([10.0, None]) is None
+    assert mean_phase([]) is None
 
 
 def test_stacked_baselines_share_strides_where_their_home_is_shared():

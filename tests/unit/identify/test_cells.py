@@ -279,3 +279,72 @@ def test_a_failed_cell_has_a_row_for_every_parameter():
     assert {r.status for r in rows} == {"failed:no_pulses"}
     assert all(r.value is None and not r.stands for r in rows)
     assert len(failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=False)) == 3
+
+
+#: Value, ends of the interval and status of K, B, J, as they were before the family of methods.
+BEFORE_THE_FAMILY = {
+    (True, False, False): [
+        (0.10713458059210167, 0.0, 1.3953714843211833, "at_bound"),
+        (1.5189614181172069, 1.5096912034386025, 1.5304121877344672, "ok"),
+        (0.049856401496523386, 0.04963839329263521, 0.05010657136392572, "ok"),
+    ],
+    (True, False, True): [
+        (0.08626661100368971, 0.0, 1.40303837763268, "at_bound"),
+        (1.5199796707575501, 1.3021089917289976, 1.6779312298849138, "ok"),
+        (0.04980879475681138, 0.04828727178187307, 0.051569178933537796, "ok"),
+    ],
+    (True, True, False): [
+        (10.852891311085443, 8.763915258109307, 13.405449747052037, "ok"),
+        (1.516598942006167, 1.489475454400897, 1.5392977290687886, "ok"),
+        (0.05186970207880016, 0.05150559219546001, 0.05244726229792895, "ok"),
+    ],
+    (True, True, True): [
+        (10.740277557865237, 8.753180820763838, 13.333526323305586, "ok"),
+        (1.5178095000432594, 1.3065607840346352, 1.6887761761106987, "ok"),
+        (0.05180064549348912, 0.05022634727766056, 0.05370106267316432, "ok"),
+    ],
+    (False, False, False): [
+        (0.0, 0.0, 1.3953714843211833, "at_bound"),
+        (1.5194873124448713, 1.5096912034386025, 1.5304121877344672, "ok"),
+        (0.04982131559028092, 0.04963839329263521, 0.05010657136392572, "ok"),
+    ],
+    (False, False, True): [
+        (0.0, 0.0, 1.40303837763268, "at_bound"),
+        (1.5194873124448713, 1.3021089917289976, 1.6779312298849138, "ok"),
+        (0.04982131559028092, 0.04828727178187307, 0.051569178933537796, "ok"),
+    ],
+    (False, True, False): [
+        (10.83012116988431, 0.0, 27.481924601039232, "ok"),
+        (1.5165886249632743, 1.3957382129119202, 1.6056432284263564, "ok"),
+        (0.05185249076546707, 0.049635433743566014, 0.05513875964036751, "ok"),
+    ],
+    (False, True, True): [
+        (10.83012116988431, 0.0, 27.55884271204272, "ok"),
+        (1.5165886249632743, 1.302786473956977, 1.7461592122316585, "ok"),
+        (0.05185249076546707, 0.04861779252323309, 0.055603338111468906, "ok"),
+    ],
+}
+
+
+def shared_strides(n: int) -> Baseline:
+    rng = np.random.default_rng(8)
+    strides = 0.05 * rng.standard_normal((6, 4, N)).cumsum(axis=2) * [[1e-3], [1e-2], [1], [1]]
+    valid = rng.random((n, 6)) > 0.2
+    windows = np.where(valid[:, :, None, None], strides[None], 0.0)
+    return Baseline(windows, np.broadcast_to(np.arange(6), (n, 6)), valid, 4)
+
+
+@pytest.mark.parametrize(("letter", "strides", "lag"), BEFORE_THE_FAMILY)
+def test_the_numbers_of_the_dissertation_and_its_kin_are_what_they_were(letter, strides, lag):
+    known = CalibrationSpec(torque_lag_s=Calibrated(value=0.004, sd=5e-4) if lag else None)
+    cell = fit(
+        responses((0.1, 1.5, 0.05), noise=0.3, n=10),
+        letter=letter,
+        calibration=known,
+        baseline=shared_strides(10) if strides else None,
+    )
+
+    for p, expected in zip(cell.parameters, BEFORE_THE_FAMILY[letter, strides, lag], strict=False):
+        # Only what another build of BLAS adds up in another order.
+        assert [p.value, p.ci_low, p.ci_high] == pytest.approx(expected[:3], rel=1e-10, abs=1e-12)
+        assert p.status == expected[3]

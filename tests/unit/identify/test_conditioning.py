@@ -203,7 +203,7 @@ def test_torque_from_current_is_equation_4_1():
     ).drop_vars("torque")
 
     np.testing.assert_allclose(
-        torque_from_current(made, MODEL, cutoff_hz=20.0),
+        torque_from_current(made, MODEL, cutoff_hz=20.0)[0],
         by_hand(current, velocity, acceleration),
     )
 
@@ -218,7 +218,7 @@ def test_motion_that_was_not_measured_is_differentiated(given):
     other = {} if given == "angle" else {"angle": np.zeros(t.size)}
     made = build_recording(t, {"current": current, **other, **more})
 
-    found = torque_from_current(made, MODEL, cutoff_hz=40.0)
+    found, _ = torque_from_current(made, MODEL, cutoff_hz=40.0)
 
     # Friction turns with the sign of velocity; compare where it is plain.
     moving = (np.abs(velocity) > 0.5) & (t > 0.3) & (t < t[-1] - 0.3)
@@ -234,6 +234,6 @@ def test_torque_is_missing_where_current_or_motion_are():
     angle[2000:2005] = np.nan
     made = build_recording(t, {"current": current, "angle": angle})
 
-    missing = np.isnan(torque_from_current(made, MODEL, cutoff_hz=20.0))
+    missing = np.isnan(torque_from_current(made, MODEL, cutoff_hz=20.0)[0])
 
     assert np.flatnonzero(missing).tolist() == [100, *range(2000, 2005)]

@@ -191,7 +191,7 @@ def test_a_record_too_short_for_an_interval_is_undecided() -> None:
         ),
         ({"cutoff_hz": 250.0}, DataError, r"cutoff_hz < 250 \(half the sampling rate\), got 250"),
         ({"cutoff_hz": 0.0}, DataError, "cutoff_hz"),
-        ({"model": "arx"}, ValueError, "model: expected one of kbj, irf, frf; got 'arx'"),
+        ({"model": "arx"}, ValueError, "model: expected one of kbj, irf, frf, reflex; got 'arx'"),
         ({"estimator": "best"}, ValueError, "least_squares, bounded_least_squares, admittance"),
         ({"input": "force"}, ValueError, "torque, angle"),
         ({"torque_acts_on": "hand"}, ValueError, "joint, device"),

@@ -65,6 +65,32 @@ def torque_perturbed(
     return {"angle": angle[::4], "torque": torque[::4], "command": command[::4]}
 
 
+def beside_device(seed: int, stiffness: float, *, inside_nm: float = 1.0) -> Channels:
+    """Four minutes of joint and device as one, each frequency by itself: no simulation error."""
+    n, rate_hz = 120_000, 500.0
+    s = 2j * np.pi * np.fft.rfftfreq(n, 1.0 / rate_hz)
+    rng = np.random.default_rng(seed)
+
+    def noise(cutoff_hz: float, rms: float) -> np.ndarray:
+        spectrum = np.fft.rfft(rng.standard_normal(n))
+        spectrum[np.abs(s) > 2 * np.pi * cutoff_hz] = 0.0
+        spectrum[0] = 0.0
+        return spectrum * (rms / np.fft.irfft(spectrum, n).std())
+
+    def impedance(K: float, B: float, J: float) -> np.ndarray:
+        return K + B * s + J * s**2
+
+    command, inside = noise(20.0, 20.0), noise(2.0, inside_nm)
+    device = impedance(stiffness, 0.05, 0.002)
+    angle = (command - inside) / (impedance(*TRUTH.values()) + device)
+    spectra = {"angle": angle, "torque": command - device * angle, "command": command}
+    return {name: np.fft.irfft(spectrum, n) for name, spectrum in spectra.items()}
+
+
+def fits_beside_device(seeds: range, stiffness: float) -> list[JointFit]:
+    return [identify_joint(beside_device(seed, stiffness), rate_hz=500.0) for seed in seeds]
+
+
 def errors_pct(fit: JointFit) -> np.ndarray:
     return np.array([100 * (fit.parameter(name).value / x - 1) for name, x in TRUTH.items()])
 
@@ -122,6 +148,36 @@ def test_the_commanded_torque_as_instrument_is_right_beside_a_device(stiffness: 
     fit = identify_joint(data, rate_hz=500.0, estimator="instrumental_variable")
     assert np.abs(errors_pct(fit)).max() < 2.0
     assert all(covers(fit))
+
+
+@pytest.mark.parametrize("stiffness", [0.4, 1000.0])
+def test_torque_inside_the_joint_beside_a_device_leaves_one_percent_at_most(
+    stiffness: float,
+) -> None:
+    fits = fits_beside_device(range(10), stiffness)
+    K, B, J = np.mean([errors_pct(fit) for fit in fits], axis=0)
+    assert {(fit.estimator, fit.status) for fit in fits} == {("instrumental_variable", "ok")}
+    assert max(abs(K), abs(B), abs(J)) < 1.0
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1e-3])
+def test_sign_and_unit_of_the_command_do_not_matter(factor: float) -> None:
+    data = beside_device(1, 100.0)
+    scaled = data | {"command": factor * data["command"]}
+    found, same = (identify_joint(d, rate_hz=500.0).to_frame()["value"] for d in (scaled, data))
+    np.testing.assert_allclose(found, same, rtol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [0.4, 20.0, 100.0, 1000.0])
+def test_over_forty_records_one_percent_and_honest_intervals_beside_any_device(
+    stiffness: float,
+) -> None:
+    fits = fits_beside_device(range(100, 140), stiffness)
+    errors = np.array([errors_pct(fit) for fit in fits])
+    assert np.abs(errors.mean(axis=0)).max() < 1.0
+    # 33 of 40 is the 0.1 % point of the binomial at 0.95.
+    assert (np.sum([covers(fit) for fit in fits], axis=0) >= 33).all()
 
 
 def test_a_command_that_has_nothing_to_do_with_the_record_decides_nothing() -> None:

@@ -666,12 +666,6 @@ def test_another_unit_of_a_contact_is_refused(study, lines, problem):
             None,
         ),
         (
-            'baseline = "pre_pulse"',
-            'baseline = "predicted"',
-            'perturbations.baseline: "predicted" is not in this version; expected pre_pulse, '
-            "unperturbed_mean or matched_strides.",
-        ),
-        (
             'channel = "ankle_position"',
             'channel = "hip"',
             "perturbations.group.channel: 'hip' is not among the channels of numbers (time, angle, "
@@ -815,7 +809,6 @@ def test_all_problems_stand_in_one_message(study):
     (study.root / "exclusions.csv").write_text("participant\nS01\n")
     study.edit('joint = "knee"', "joint = 3\nsmaple_rate_hz = 3")
     study.edit('unit = "deg"', 'unit = "degg"').edit('column = "torque_nm"', 'column = "tau"')
-    study.edit('baseline = "pre_pulse"', 'baseline = "predicted"')
     study.edit('id = "S01"', 'id = "S09"')
 
     error = study.refused(
@@ -824,7 +817,6 @@ def test_all_problems_stand_in_one_message(study):
         "channels.angle.unit: 'degg'",
         "recordings[1].participant: 'S01' is not among the participants (S09).",
         "recordings[2].participant",
-        'baseline: "predicted"',
         "recordings[1].file: S01_enp.csv has no column 'tau'",
         "recordings[2].file",
         "recordings[2].perturbations: file",

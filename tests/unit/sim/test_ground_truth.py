@@ -6,9 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
+from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.protocol import PulseSpec
 from jointz.devices.interface import Stretch
+from jointz.sim.curves import impedance_over_cycle
+from jointz.sim.ground_truth import window_weights
 from jointz.sim.people import draw_person
 from jointz.sim.presets import JointSettings, preset
 from jointz.sim.rig import SimulatedRig, simulated_rig
@@ -16,6 +21,18 @@ from jointz.sim.rig import SimulatedRig, simulated_rig
 COLUMNS = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point", "completed"]
 WHOLE = (Stretch(0, 0.0, 30.0),)
 PARAMETERS = ("stiffness", "damping", "inertia")
+RATE_HZ = 2000.0
+TIMES = np.arange(201) / RATE_HZ
+CENTRE_S = 0.05
+LATE_S = 0.006
+# Residuals of a sum that is an integral: the last sample counts half.
+FOLD = np.append(np.ones(TIMES.size - 1), 0.5**0.5)
+#: A joint whose parameters all change within the window.
+VARYING = {
+    "K": lambda t: 60.0 + 100.0 * t,
+    "B": lambda t: 3.0 - 10.0 * t,
+    "J": lambda t: 0.05 + 0.1 * t,
+}
 
 
 def pulses_at(rig, share, *, offset_s=0.0, strides=(3, 7), segment=0, amplitude_nm=17.0):
@@ -89,19 +106,144 @@ def test_truth_on_a_plateau_is_the_persons_value():
     assert truth["timing_points"]["LRE"]["inertia"] == pytest.approx(person.inertia)
 
 
-def test_values_that_vary_are_weighted_by_the_response():
-    rig = SimulatedRig(draw_person(2, seed=1), preset("hard"))
-    # Across the step of stiffness between loading response and mid-stance: 18 to 21 %.
-    row = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.14))["pulses"][
-        0
-    ]
-    person = rig.person
-    before, after = (person.mass_kg * person.stiffness_per_mass[p] for p in ("LRE", "MST"))
-    assert min(before, after) < row["stiffness"] < max(before, after)
-    # The displacement is large late in the window, the acceleration early.
-    assert abs(row["stiffness"] - after) < abs(row["stiffness"] - before)
-    early = person.inertia * (1 + 0.15 * np.cos(2 * np.pi * 0.155))
-    assert row["inertia"] == pytest.approx(early, rel=0.02)
+def constant(value):
+    return lambda _: value
+
+
+def refitted(joint, name):
+    """Return the value of one parameter that fits the angle of a joint best; the others known.
+
+    An own simulation (scipy) and least squares over the window, by the trapezoidal rule.
+    """
+    reached, _ = solved(joint)
+    size = abs(reached).max() / FOLD
+
+    def residual(share):
+        value = share[0] * joint[name](CENTRE_S)
+        return (solved({**joint, name: constant(value)})[0] - reached) / size
+
+    return joint[name](CENTRE_S) * fitted(residual, 1.0)
+
+
+def looked_up(times, values):
+    """Return the straight lines through evenly spaced values, quicker than numpy's."""
+    per_s, values = (times.size - 1) / times[-1], [*values.tolist(), values[-1]]
+
+    def at(t):
+        place = t * per_s
+        i = int(place)
+        return values[i] + (place - i) * (values[i + 1] - values[i])
+
+    return at
+
+
+def fitted(residual, guess):
+    tight = {"xtol": 1e-13, "ftol": 1e-13, "gtol": 1e-13}
+    return least_squares(residual, [guess], diff_step=1e-4, x_scale=0.1, **tight).x[0]
+
+
+def solved(joint):
+    """Return deviation and rate at TIMES under 17 N*m behind 6 ms and a first order of 12 ms."""
+
+    def rhs(t, state):
+        torque = -17.0 * np.expm1(-(t - LATE_S) / 0.012)
+        return [
+            state[1],
+            (torque - joint["B"](t) * state[1] - joint["K"](t) * state[0]) / joint["J"](t),
+        ]
+
+    after = TIMES > LATE_S
+    states = np.zeros((2, TIMES.size))
+    states[:, after] = solve_ivp(
+        rhs,
+        (LATE_S, TIMES[-1]),
+        [0.0, 0.0],
+        method="DOP853",
+        t_eval=TIMES[after],
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=0.005,
+    ).y
+    return states
+
+
+def weights_of(joint, name):
+    x, v = solved(joint)
+    K, B, J = (np.array([joint[one](t) for t in TIMES]) for one in "KBJ")
+    torque = -17.0 * np.expm1(-np.maximum(TIMES - LATE_S, 0.0) / 0.012)
+    motion = {"K": x, "B": v, "J": (torque - B * v - K * x) / J}[name]
+    return window_weights(motion, K, B, J, rate_hz=RATE_HZ)
+
+
+@pytest.mark.parametrize("at_s", [0.02, 0.045, 0.075])
+@pytest.mark.parametrize("name", ["K", "B", "J"])
+def test_a_change_in_a_narrow_stretch_moves_a_fit_of_the_angle_by_its_weight(name, at_s):
+    unit = VARYING[name](CENTRE_S)
+
+    def change(t):
+        return np.exp(-0.5 * ((t - at_s) / 0.004) ** 2)
+
+    def shifted(size):
+        """Return what a constant added to the parameter has to be for the joint that changed."""
+        changed = {**VARYING, name: lambda t: VARYING[name](t) + size * unit * change(t)}
+        reached, _ = solved(changed)
+
+        def residual(share):
+            joint = {**VARYING, name: lambda t: VARYING[name](t) + share[0] * unit}
+            return (solved(joint)[0] - reached) * FOLD / abs(reached).max()
+
+        return fitted(residual, 0.0)
+
+    # Up and down: what is left is linear in the change.
+    moved = (shifted(0.02) - shifted(-0.02)) / 0.04
+    assert moved == pytest.approx(weights_of(VARYING, name) @ change(TIMES), rel=1e-3)
+
+
+@pytest.mark.parametrize(("rise", "within"), [(0.05, 3e-4), (0.3, 0.01)])
+@pytest.mark.parametrize("name", ["K", "B", "J"])
+def test_a_fit_to_a_parameter_that_rises_in_the_window_finds_the_weighted_mean(name, rise, within):
+    still = {one: constant(VARYING[one](CENTRE_S)) for one in "KBJ"}
+    middle = VARYING[name](CENTRE_S)
+    rising = {**still, name: lambda t: middle * (1.0 + rise * (t / CENTRE_S - 1.0))}
+    values = np.array([rising[name](t) for t in TIMES])
+    assert weights_of(rising, name).sum() == pytest.approx(1.0)
+    assert weights_of(rising, name) @ values == pytest.approx(
+        refitted(rising, name), abs=within * middle
+    )
+
+
+def test_the_truth_of_a_pulse_is_what_a_fit_of_the_angle_finds():
+    # Stiffness and damping change between loading response and mid-stance (18 to 21 %).
+    person = draw_person(2, seed=1)
+    points = {"LRE": 1.1, "MST": 0.95}
+    person = replace(
+        person,
+        stiffness_per_mass=dict.fromkeys(TIMING_POINTS, 1.0) | points,
+        damping_per_mass=dict.fromkeys(TIMING_POINTS, 0.04)
+        | {name: 0.04 * share for name, share in points.items()},
+    )
+    rig = SimulatedRig(person, preset("hard"))
+    pulses = pulses_at(rig, 0.14, strides=(3,))
+    row = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses)["pulses"][0]
+    motion = rig.motion("perturbed", 0)
+    stride = [motion.next() for _ in range(4)][3]
+    fine = np.linspace(0.0, TIMES[-1], 1001)
+    phase = stride.cycles(float(pulses["onset_s"].iloc[0]) + fine)
+    curves = dict(zip("KBJ", impedance_over_cycle(person, rig.preset, phase), strict=False))
+    curves["J"] = curves["J"] + rig.preset.actuator.rotor_inertia
+    joint = {name: looked_up(fine, curve) for name, curve in curves.items()}
+    assert row["stiffness"] == pytest.approx(refitted(joint, "K"), rel=2e-3)
+    assert row["damping"] == pytest.approx(refitted(joint, "B"), rel=2e-3)
+    moved = row["inertia"] + rig.preset.actuator.rotor_inertia
+    assert moved == pytest.approx(refitted(joint, "J"), rel=2e-3)
+    # Each parameter has a middle of its own: the inertia early, the stiffness late.
+    weights = {name: weights_of(joint, name) for name in "KBJ"}
+    after_pct = np.interp(TIMES, fine, 100.0 * (phase - phase[0]))
+    for name, parameter in zip("KBJ", PARAMETERS, strict=True):
+        centre = weights[name] @ after_pct
+        assert row[f"{parameter}_centre_pct"] == pytest.approx(centre, rel=2e-3)
+    assert 0 < row["inertia_centre_pct"] < row["damping_centre_pct"] < row["stiffness_centre_pct"]
+    assert row["stiffness_centre_pct"] < after_pct[-1]
 
 
 def test_truth_does_not_depend_on_the_sign_or_the_size_of_a_pulse():
@@ -156,6 +298,8 @@ def test_gravity_adds_to_the_stiffness_of_an_anthropometric_leg_only():
     truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
     # SCIENCE 3.8: about 11 N*m/rad for shank and exoskeleton.
     assert truth["pulses"][0]["gravity_stiffness"] == pytest.approx(11.0, rel=0.35)
+    gravities = [row["gravity_stiffness"] for row in truth["pulses"]]
+    assert truth["timing_points"]["LRE"]["gravity_stiffness"] == pytest.approx(np.mean(gravities))
     rigid = simulated_rig(0)
     truth = rigid.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rigid, 0.07))
     assert truth["pulses"][0]["gravity_stiffness"] == 0.0
@@ -168,6 +312,9 @@ def test_truth_is_ready_for_json_and_names_everything():
     assert json.dumps(again) == json.dumps(truth)
     assert len(again["curves"]["stiffness"]) == len(again["curves"]["gait_pct"]) == 101
     assert again["instruments"]["strap_stiffness"] >= 300.0
+    assert 20.0 <= again["instruments"]["tissue_hz"] <= 40.0
+    assert again["instruments"]["tissue_damping"] == 0.3
+    assert again["timing_points"]["LRE"].keys() < again["pulses"][0].keys()
     assert again["settings"]["name"] == "anthropometric"
     assert again["plant"]["strap_stiffness"] == again["instruments"]["strap_stiffness"]
     assert again["person"]["stiffness_per_mass"].keys() == rig.person.stiffness_per_mass.keys()

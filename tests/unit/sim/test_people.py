@@ -1,6 +1,6 @@
 """The population and its instruments."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim.people import draw_instruments, draw_person
-from jointz.sim.presets import PRESETS, ReflexSettings, preset
+from jointz.sim.presets import PRESETS, GoniometerSettings, ReflexSettings, preset
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +74,16 @@ def test_instruments_err_as_much_as_the_preset_says(people, name):
     assert {d.strap_stiffness for d in drawn} == {0.0}
 
 
+def test_soft_tissue_and_an_error_of_the_gain_can_be_set_alone(people):
+    nominal = preset("nominal")
+    soft = replace(nominal.goniometer, tissue_range_hz=(20.0, 40.0), gain_error=0.03)
+    for person in people[:20]:
+        before = draw_instruments(person, nominal)
+        after = draw_instruments(person, replace(nominal, goniometer=soft))
+        assert 20.0 <= after.tissue_hz <= 40.0
+        assert replace(after, tissue_hz=0.0) == replace(before, angle_gain=1.03)
+
+
 def test_a_strap_and_tissue_of_their_own_lie_in_their_ranges(people):
     drawn = [draw_instruments(p, preset("anthropometric")) for p in people]
     assert all(300 <= d.strap_stiffness <= 1000 and 20 <= d.tissue_hz <= 40 for d in drawn)
@@ -96,5 +106,11 @@ def test_the_clean_preset_has_no_errors():
 def test_settings_that_do_not_exist_are_refused():
     with pytest.raises(DataError, match="expected one of clean, nominal, hard, anthropometric"):
         preset("easy")
+    for wrong in ({"lag_range_s": (0.001, 0.001)}, {"lag_range_s": (0.012, 0.004)}):
+        with pytest.raises(DataError, match=r"expected 0 <= delay_s <= lag_range_s"):
+            GoniometerSettings(**wrong)
+    for wrong in ({"tissue_range_hz": (40.0, 20.0)}, {"tissue_range_hz": (0.0, 20.0)}):
+        with pytest.raises(DataError, match=r"expected 0 < tissue_range_hz"):
+            GoniometerSettings(**wrong)
     with pytest.raises(DataError, match=r"latency_s in 0\.03\.\.0\.06 s, got 0\.2"):
         ReflexSettings(latency_s=0.2)

@@ -4,19 +4,20 @@ from bisect import bisect_right
 from cmath import exp as turned
 from dataclasses import replace
 from itertools import pairwise
-from math import exp, pi, sin, tanh
+from math import exp, pi, radians, sin, tanh
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from jointz.core.clock import VirtualClock
+from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim import plant
 from jointz.sim.curves import impedance_over_cycle, leg_of
 from jointz.sim.layout import GAIT_SIZE, HISTORY, STATE_SIZE, Gait, Noise, Param, State
 from jointz.sim.people import draw_instruments, draw_person
 from jointz.sim.plant_build import Grid, build_plant
-from jointz.sim.presets import BodySettings, JointSettings, ReflexSettings, preset
+from jointz.sim.presets import BodySettings, JointSettings, Preset, ReflexSettings, preset
 from jointz.sim.rig import SimulatedRig
 
 SECONDS = 1.3
@@ -162,7 +163,7 @@ class Reference:
         if body is None:
             torque -= friction * tanh((rate + v) / a.sign_velocity_rad_s)
             acceleration = (torque - held - a.rotor_inertia * bend) / (J + a.rotor_inertia)
-            exo, tissue, shown = 0.0, 0.0, theta + x
+            exo = 0.0
         else:
             held += self.gravity * (sin(theta + x - thigh) - sin(theta - thigh))
             stiffness = self.tools.strap_stiffness
@@ -172,8 +173,11 @@ class Reference:
             weight = body.frame_mass_kg * 9.81 * body.frame_distance_m
             torque -= weight * sin(theta + xe - thigh) + strap
             exo = torque / (a.rotor_inertia + body.frame_mass_kg * body.frame_distance_m**2) - bend
+        tissue, shown = 0.0, theta + x
+        if self.preset.goniometer.tissue_range_hz is not None:
             w = 2 * pi * self.tools.tissue_hz
-            tissue, shown = w**2 * (theta + x - y) - 2 * body.tissue_damping * w * yd, y
+            tissue = w**2 * (theta + x - y) - 2 * self.preset.goniometer.tissue_damping * w * yd
+            shown = y
         lag = self.tools.angle_lag_s - self.preset.goniometer.delay_s
         lagged = (shown - g) / lag if lag > 0 else 0.0
         return [
@@ -188,6 +192,11 @@ class Reference:
             ve,
             exo,
         ]
+
+    def joint_torque(self, t, state):
+        """Return the torque on a joint without strap, softening and reflex, N*m."""
+        K, B, J, _ = self.impedance(self.path.phase(t)[1])
+        return J * self.rhs(t, state, 0.0)[1] + B * state[1] + K * state[0]
 
     def solve(self, times):
         """Return the state at all times; stretches end where an input has a corner."""
@@ -223,6 +232,11 @@ class Reference:
         return np.array(states)
 
 
+def instrumented(one: Preset, **settings):
+    return replace(one, goniometer=replace(one.goniometer, **settings))
+
+
+SMOOTH = JointSettings(smooth=True)
 CASES = {
     "nominal, with torque error": exact("nominal", torque_error=0.25),
     "hard": exact("hard"),
@@ -231,10 +245,20 @@ CASES = {
     "velocity reflex and softening": replace(
         exact("nominal"), joint=JointSettings(reflex=ReflexSettings(), softening_rad=0.3)
     ),
+    "soft tissue on a rigid leg, torsion, gain": instrumented(
+        exact("nominal"),
+        tissue_range_hz=(20.0, 40.0),
+        torsion_rad_nm=radians(0.5) / 17.0,
+        gain_error=0.03,
+    ),
+    "soft tissue and a delay only, reflex": replace(
+        instrumented(exact("nominal"), tissue_range_hz=(40.0, 40.0), lag_range_s=(0.002, 0.002)),
+        joint=JointSettings(reflex=ReflexSettings()),
+    ),
     "position reflex, smooth curves, soft strap": replace(
-        exact("anthropometric"),
+        instrumented(exact("anthropometric"), tissue_range_hz=(20.0, 20.0)),
         joint=JointSettings(reflex=ReflexSettings(gain=1.0, kind="position"), smooth=True),
-        body=BodySettings(strap_range_nm_rad=(300.0, 300.0), tissue_range_hz=(20.0, 20.0)),
+        body=BodySettings(strap_range_nm_rad=(300.0, 300.0)),
     ),
 }
 
@@ -248,10 +272,17 @@ def test_the_compiled_plant_solves_the_equations_of_motion(name):
     exo = states[:, 0] if rig.preset.body is None else states[:, 8]
     assert np.abs(exo).max() > 0.15  # the pulses moved it
     np.testing.assert_allclose(angle, theta + exo, rtol=0, atol=EXACT)
-    tools, late = reference.tools, round(rig.preset.goniometer.delay_s * 500.0)
-    lagged = states[:, 3] if tools.angle_lag_s > 0 else theta + states[:, 0]
+    tools, goniometer = reference.tools, rig.preset.goniometer
+    late = round(goniometer.delay_s * 500.0)
+    followed = theta + states[:, 0] if goniometer.tissue_range_hz is None else states[:, 6]
+    lagged = states[:, 3] if tools.angle_lag_s > goniometer.delay_s else followed
     expected = np.concatenate([np.full(late, lagged[0]), lagged])[: time.size]
-    np.testing.assert_allclose(shown, tools.angle_gain * expected, rtol=0, atol=EXACT)
+    expected *= tools.angle_gain
+    if goniometer.torsion_rad_nm:
+        torque = [reference.joint_torque(t, state) for t, state in zip(time, states, strict=True)]
+        expected += goniometer.torsion_rad_nm * np.array(torque)
+        shown, expected = shown[1:], expected[1:]  # nothing accelerates at the first sample
+    np.testing.assert_allclose(shown, expected, rtol=0, atol=EXACT)
 
 
 def rest(*, damping, friction):
@@ -300,6 +331,22 @@ def test_stiffness_stands_still_around_timing_points():
     cycles = (7.0 + np.linspace(-0.5, 11.0, 50)) / 100.0
     stiffness = impedance_over_cycle(person, preset("nominal"), cycles)[0]
     np.testing.assert_allclose(stiffness, person.mass_kg * person.stiffness_per_mass["LRE"])
+
+
+def test_smooth_curves_meet_the_persons_values_in_the_middle_of_the_windows_of_100_ms():
+    person, settings = draw_person(0, seed=1), replace(preset("nominal"), joint=SMOOTH)
+    middles = np.array(list(TIMING_POINTS.values())) + 100.0 * 0.05 / 1.1
+    found = impedance_over_cycle(person, settings, middles / 100.0)
+    for per_mass, got in ((person.stiffness_per_mass, 0), (person.damping_per_mass, 1)):
+        wanted = person.mass_kg * np.array(list(per_mass.values()))
+        # The middle is known to 0.05 % of the cycle.
+        np.testing.assert_allclose(found[got], wanted, rtol=0.01)
+    cycles = np.linspace(0.0, 1.0, 2001)
+    stiffness, damping = impedance_over_cycle(person, settings, cycles % 1.0)[:2]
+    for curve in (stiffness, damping):
+        assert (curve > 0.0).all()
+        assert np.abs(np.diff(curve)).max() < 0.01 * curve.max()  # no step, not at heel strike
+        assert np.count_nonzero(np.abs(np.diff(curve)) < 1e-9 * curve.max()) == 0  # no plateau
 
 
 def test_a_knee_with_a_free_hip_feels_the_two_links_equations_of_motion():

@@ -397,7 +397,10 @@ class TestGrid:
     def test_grids_and_delays_that_cannot_be_are_refused(self):
         with pytest.raises(DataError, match="expected sample_rate_hz > 0"):
             Grid(0.0)
-        slow = replace(preset("clean"), goniometer=replace(preset("clean").goniometer, delay_s=1.0))
+        slow = replace(
+            preset("clean"),
+            goniometer=replace(preset("clean").goniometer, delay_s=1.0, lag_range_s=(1.0, 1.0)),
+        )
         with pytest.raises(DataError, match="a delay is too long"):
             build_plant(draw_person(0, seed=1), slow, grid=Grid(), worn=True)
 

@@ -54,6 +54,14 @@ def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):
     assert found.settings["baseline"] == "pre_pulse"
 
 
+def test_a_bench_study_says_which_baseline_its_method_took(small_study):
+    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
+    found = jointz.analyze(small_study.root, method="least_squares", resamples=20)
+
+    assert found.settings["baseline"] == "unperturbed_mean"  # no strides to match on a bench
+    assert {c.baseline for c in found.cells} == {"unperturbed_mean"}
+
+
 def test_settings_and_provenance_say_what_was_done(small_study_source, whole):
     assert whole.settings["resamples"] == 50
     assert whole.settings["seed"] == whole.provenance["seed"] == 3

@@ -1,0 +1,238 @@
+"""One participant of a row: recordings as a study would hold them, and the truth beside them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from benchmarks.accuracy.rows import PARAMETERS, Row
+
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.recording import build_recording
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.devices.interface import Stretch
+from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.sim.descriptions import exoskeleton
+from jointz.sim.direct_walk import WALKING_PULSE, Walk, WalkPlan, walk_directly
+from jointz.sim.people import Person, draw_person
+from jointz.sim.rig import SimulatedRig
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """Log-normal distributions that K, B and J of a rig are drawn from.
+
+    Parameters
+    ----------
+    stiffness, damping, inertia : tuple of float
+        Median (SI) and standard deviation of the logarithm.
+    """
+
+    stiffness: tuple[float, float] = (50.0, 0.8)
+    damping: tuple[float, float] = (2.5, 0.6)
+    inertia: tuple[float, float] = (0.05, 0.4)
+
+
+#: To be those of the method whose calibration is tested.
+PRIORS = Priors()
+
+#: As the walking protocol has them: strides walked without pulses, bootstrap resamples.
+UNPERTURBED_STRIDES = 60
+RESAMPLES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """A participant who walked.
+
+    Parameters
+    ----------
+    rig : SimulatedRig
+        Who in what.
+    walk, level : Walk
+        With pulses and without.
+    recordings : tuple of RecordingInput
+        What the study holds: perturbed and unperturbed.
+    truth : mapping
+        As the simulation writes it, of the perturbed walk.
+    """
+
+    rig: SimulatedRig
+    walk: Walk
+    level: Walk
+    recordings: tuple[RecordingInput, ...]
+    truth: dict[str, Any]
+
+
+def rig_of(row: Row, number: int, seed: int) -> SimulatedRig:
+    """Build the rig of a row's participant; the person is the same in every row.
+
+    Parameters
+    ----------
+    row : Row
+        Which row.
+    number, seed : int
+        Participant, and seed of the population.
+
+    Raises
+    ------
+    DataError
+        When the row cannot run in this version.
+    """
+    if row.missing:
+        raise DataError(f"row {row.name}: {row.missing}.")
+    person = draw_person(number, seed=seed)
+    if row.from_priors:
+        person = _from_priors(person, PRIORS)
+    return SimulatedRig(_with_stiffness(person, row), row.preset)
+
+
+def simulate(row: Row, number: int, seed: int) -> Simulated:
+    """Let one participant of a row walk with and without pulses.
+
+    Parameters
+    ----------
+    row : Row
+        Which row.
+    number, seed : int
+        Participant, and seed of the population.
+    """
+    rig = rig_of(row, number, seed)
+    walk = walk_directly(rig, "perturbed", plan=WalkPlan(per_point=row.per_point))
+    level = walk_directly(
+        rig, "unperturbed", plan=WalkPlan(per_point=0, warm_up_strides=UNPERTURBED_STRIDES)
+    )
+    truth = rig.truth(
+        "perturbed",
+        worn=True,
+        stretches=[Stretch(0, 0.0, walk.end_s)],
+        pulses=walk.pulses,
+        shape=WALKING_PULSE,
+    )
+    return as_known(Simulated(rig, walk, level, (), truth), row)
+
+
+def walk_key(row: Row) -> str:
+    """Return what tells whether two rows are walked alike: they differ in what is known.
+
+    Parameters
+    ----------
+    row : Row
+        Which row.
+    """
+    return repr((row.preset, row.per_point, sorted(row.stiffness.items()), row.from_priors))
+
+
+def as_known(simulated: Simulated, row: Row) -> Simulated:
+    """Return a walk as the study of another row of the same walks holds it.
+
+    Parameters
+    ----------
+    simulated : Simulated
+        Who walked.
+    row : Row
+        For what is known.
+    """
+    rig, walk = simulated.rig, simulated.walk
+    known = _calibration(rig, row)
+    table = walk.pulses[["onset_s", "duration_s", "amplitude_nm", "timing_point"]]
+    recordings = (
+        RecordingInput(_recording(simulated.level, "unperturbed", rig.person), known),
+        RecordingInput(_recording(walk, "perturbed", rig.person), known, table),
+    )
+    return replace(simulated, recordings=recordings)
+
+
+def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> ParticipantSettings:
+    """Return what an analysis of the row's study would be asked for.
+
+    Parameters
+    ----------
+    row : Row
+        Which row.
+    rig : SimulatedRig
+        Its participant.
+    methods : sequence of str
+        Names of methods.
+    """
+    more: dict[str, Any] = {} if row.prior_scale == 1.0 else {"prior_scale": row.prior_scale}
+    return ParticipantSettings(
+        walking=True,
+        perturbations=PerturbationsSpec(timing_points=dict(TIMING_POINTS), source="table"),
+        group_edges=(),
+        torque_model=exoskeleton(rig.build(worn=True)).torque_model,
+        methods=tuple(methods),
+        n_resamples=RESAMPLES,
+        seed=0,
+        mass_kg=rig.person.mass_kg,
+        **more,
+    )
+
+
+def cell_truth(truth: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Return the truth at every timing point: apparent K (gravity included), B and J.
+
+    Parameters
+    ----------
+    truth : mapping
+        As the simulation writes it.
+
+    Returns
+    -------
+    dict
+        Timing point -> ``stiffness``, ``damping``, ``inertia``, mean over its pulses.
+    """
+    pulses = pd.DataFrame(truth["pulses"])
+    pulses["stiffness"] += pulses["gravity_stiffness"]
+    means = pulses.groupby("timing_point")[list(PARAMETERS)].mean()
+    return {
+        str(point): {name: float(values[name]) for name in PARAMETERS}
+        for point, values in means.iterrows()
+    }
+
+
+def _from_priors(person: Person, priors: Priors) -> Person:
+    rng = person.stream("benchmark: priors")
+
+    def drawn(prior: tuple[float, float], scale: float = 1.0) -> float:
+        return float(scale * prior[0] * np.exp(prior[1] * rng.standard_normal()))
+
+    per_kg = 1.0 / person.mass_kg
+    return replace(
+        person,
+        stiffness_per_mass={p: drawn(priors.stiffness, per_kg) for p in TIMING_POINTS},
+        damping_per_mass={p: drawn(priors.damping, per_kg) for p in TIMING_POINTS},
+        inertia=drawn(priors.inertia),
+    )
+
+
+def _with_stiffness(person: Person, row: Row) -> Person:
+    own = {point: value / person.mass_kg for point, value in row.stiffness.items()}
+    return replace(person, stiffness_per_mass={**person.stiffness_per_mass, **own})
+
+
+def _calibration(rig: SimulatedRig, row: Row) -> CalibrationSpec:
+    """Return what the lab knows: gains and frame as always, the lag as the row says."""
+    if row.lag_sd_s is None:
+        return rig.calibration
+    error = float(rig.person.stream("benchmark: knowledge of the lag").standard_normal())
+    true_s = rig.build(worn=True).instruments.angle_lag_s
+    lag = Calibrated(value=true_s + row.lag_sd_s * error, sd=row.lag_sd_s)
+    return rig.calibration.overridden_by(CalibrationSpec(angle_lag_s=lag))
+
+
+def _recording(walk: Walk, condition: str, person: Person) -> xr.Dataset:
+    return build_recording(
+        walk.time_s,
+        walk.channels,
+        units={"contact": "1"},
+        condition=condition,
+        file=f"{person.id}_{condition}.nc",
+        contact_kind="contact",
+        participant=person.id,
+        joint="knee",
+        positive="flexion",
+    )

@@ -1,0 +1,372 @@
+"""What gravity adds to the stiffness of a joint: mass of limb and device, posture, correction."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import cos, exp, hypot, isfinite, radians, sin, tau
+from statistics import NormalDist
+from types import MappingProxyType
+
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.gait_phases import PHASES
+from jointz.core.study import DeviceSpec, ParticipantSpec
+
+#: Name of the estimate that :func:`corrected_stiffness` returns.
+CORRECTED_STIFFNESS = "stiffness_gravity_corrected"
+POSTURE_SD_RAD = radians(8.0)
+STANCE_NOTE = (
+    "stance: body weight is not in the gravity term; it acts as negative stiffness, and the "
+    "term is that of a limb that hangs free"
+)
+
+_GRAVITY = 9.81  # m/s^2
+_STANCE_END_PCT = PHASES["PSW"][1]
+# Adults of both sexes, where nobody wrote a height down.
+_AVERAGE_HEIGHT_M, _HEIGHT_SD_M = 1.70, 0.10
+# Of mass times distance of the centre: a person against the table; a scale and a tape.
+_TABLE_SD, _MEASURED_SD = 0.10, 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class _Proportions:
+    segment: str
+    mass_share: float  # of body mass
+    centre_share: float  # distance from the joint, of body height
+    relative_sd: float = _TABLE_SD
+
+
+# Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, table 4.1 (mass, centre
+# as a share of the segment) and figure 4.1 (segment as a share of height). The total leg of the
+# table ends at the medial malleolus: hip height .530 less ankle height .039. The ends that the
+# table gives foot and hand (second metatarsal, second knuckle) have no length in the figure:
+# their centres are ours, from .152 and .108 of height, and less certain.
+_PROPORTIONS: Mapping[str, _Proportions] = MappingProxyType(
+    {
+        "knee": _Proportions("shank and foot", 0.061, 0.606 * 0.246),
+        "hip": _Proportions("leg", 0.161, 0.447 * (0.530 - 0.039)),
+        "ankle": _Proportions("foot", 0.0145, 0.038, 0.3),
+        "shoulder": _Proportions("arm", 0.050, 0.530 * (0.186 + 0.146)),
+        "elbow": _Proportions("forearm and hand", 0.022, 0.682 * 0.146),
+        "wrist": _Proportions("hand", 0.006, 0.045, 0.3),
+    }
+)
+
+# Flexion of the thigh from the vertical, deg: mean, then cosine and sine of the first three
+# harmonics of the gait cycle. Winter's hip angle at natural cadence (51 points), trunk upright;
+# the three reproduce it to 0.3 deg RMS.
+_THIGH_MEAN_DEG = 6.99
+_THIGH_HARMONICS_DEG = ((15.37, -4.40), (-2.83, -1.27), (-0.30, 1.54))
+
+
+@dataclass(frozen=True, slots=True)
+class HangingMass:
+    """A mass that turns with the distal segment of a joint.
+
+    Parameters
+    ----------
+    mass_kg, centre_m : float, kg, m
+        The mass, and the distance of its centre from the joint.
+    relative_sd : float
+        Standard deviation of mass times distance, as a share of it.
+    source : str
+        Where the figures come from.
+    """
+
+    mass_kg: float
+    centre_m: float
+    relative_sd: float
+    source: str
+
+    @property
+    def moment_nm(self) -> float:
+        """Weight times distance, N*m: gravity stiffness of the segment when it hangs straight."""
+        return self.mass_kg * _GRAVITY * self.centre_m
+
+    @property
+    def moment_sd_nm(self) -> float:
+        """Standard deviation of :attr:`moment_nm`, N*m."""
+        return self.relative_sd * self.moment_nm
+
+
+@dataclass(frozen=True, slots=True)
+class GravityStiffness:
+    """What gravity adds to the apparent stiffness of a joint in one posture.
+
+    Parameters
+    ----------
+    value, sd : float, N*m/rad
+        Positive where gravity pulls back: corrected = apparent - value.
+    segment_angle_rad : float
+        Of the distal segment from the vertical, forward positive.
+    source : str
+        Of masses and posture.
+    note : str
+        What the value leaves out; empty where nothing.
+    """
+
+    value: float
+    sd: float
+    segment_angle_rad: float
+    source: str
+    note: str = ""
+
+
+def limb_gravity(
+    mass_kg: float, height_m: float | None = None, *, joint: str = "knee"
+) -> HangingMass | None:
+    """Return mass and centre of the limb beyond a joint, by the proportions of an average body.
+
+    Parameters
+    ----------
+    mass_kg : float, kg
+        Body mass.
+    height_m : float, m, optional
+        Body height. Without it 1.70 m is taken, with an sd of 0.10 m.
+    joint : str
+        Name of the joint; ``left knee`` is a knee.
+
+    Returns
+    -------
+    HangingMass or None
+        None for a joint without an entry: known are ankle, knee, hip, wrist, elbow, shoulder.
+
+    Raises
+    ------
+    ValueError
+        When mass or height is not a positive number.
+
+    Notes
+    -----
+    Shares of body mass and height of Winter (2009), table 4.1 and figure 4.1; of a knee .061 of
+    the mass at .606 of .246 of the height. One person differs from the table by about 10 % (1 sd)
+    in mass times distance. It misleads for children, amputees and very heavy people: weigh and
+    measure, and write ``limb_mass_kg`` and ``limb_centre_m``. Foot and hand: 30 %.
+
+    Examples
+    --------
+    >>> limb = limb_gravity(73.0, 1.74)
+    >>> round(limb.mass_kg, 2), round(limb.centre_m, 3), round(limb.moment_nm, 1)
+    (4.45, 0.259, 11.3)
+    """
+    for name, given in (("mass_kg", mass_kg), ("height_m", height_m)):
+        if given is not None and not (isfinite(given) and given > 0.0):
+            raise ValueError(f"limb_gravity: {name}: expected a number above 0, got {given}.")
+    known = _PROPORTIONS.get(_joint(joint))
+    if known is None:
+        return None
+    source = f"{known.segment} by Winter's table 4.1"
+    if height_m is None:
+        spread = _HEIGHT_SD_M / _AVERAGE_HEIGHT_M
+        height, sd = _AVERAGE_HEIGHT_M, hypot(known.relative_sd, spread)
+        source += f", height not given: {height:.2f} m taken"
+    else:
+        height, sd = height_m, known.relative_sd
+    return HangingMass(known.mass_share * mass_kg, known.centre_share * height, sd, source)
+
+
+def hanging_masses(
+    joint: str, person: ParticipantSpec, device: DeviceSpec | None = None
+) -> tuple[HangingMass, ...]:
+    """Return all that hangs beyond a joint: the limb as measured, else by table, and the device.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    person : ParticipantSpec
+        The participant of the study.
+    device : DeviceSpec, optional
+        What is worn.
+
+    Returns
+    -------
+    tuple of HangingMass
+        Empty where the limb is not known: a device alone would be half a correction.
+
+    Notes
+    -----
+    Values of the study carry an sd of 5 %: what a scale and a tape reach on a body.
+    """
+    limb: HangingMass | None = None
+    if person.limb_mass_kg is not None and person.limb_centre_m is not None:
+        limb = HangingMass(person.limb_mass_kg, person.limb_centre_m, _MEASURED_SD, "limb as given")
+    elif person.mass_kg is not None:
+        limb = limb_gravity(person.mass_kg, person.height_m, joint=joint)
+    if limb is None:
+        return ()
+    if device is None:
+        return (limb,)
+    return (limb, HangingMass(device.mass_kg, device.centre_m, _MEASURED_SD, "device as given"))
+
+
+def thigh_angle(gait_pct: float) -> float:
+    """Return the flexion of the thigh from the vertical in normal walking, rad.
+
+    Parameters
+    ----------
+    gait_pct : float
+        % of the gait cycle.
+
+    Notes
+    -----
+    Hip angle of Winter (natural cadence, level ground, young adults) with an upright trunk, as a
+    Fourier series of three harmonics. People, speeds and exoskeletons differ from it:
+    ``POSTURE_SD_RAD``, 8 deg.
+
+    Examples
+    --------
+    >>> round(thigh_angle(0.0), 2)
+    0.34
+    """
+    turn = tau * gait_pct / 100.0
+    return radians(
+        _THIGH_MEAN_DEG
+        + sum(
+            a * cos(n * turn) + b * sin(n * turn)
+            for n, (a, b) in enumerate(_THIGH_HARMONICS_DEG, start=1)
+        )
+    )
+
+
+def gravity_stiffness(
+    masses: Sequence[HangingMass],
+    *,
+    joint: str,
+    angle_rad: float,
+    gait_pct: float,
+    positive: str = "flexion",
+) -> GravityStiffness | None:
+    r"""Return what gravity adds to the stiffness of a joint at a moment of walking.
+
+    Parameters
+    ----------
+    masses : sequence of HangingMass
+        All that hangs beyond the joint, see :func:`hanging_masses`.
+    joint : str
+        ``knee`` or ``hip``, with or without a side.
+    angle_rad : float
+        Joint angle in the study's positive direction, zero with straight leg and trunk. Best in
+        the middle of the motion that the stiffness was estimated from.
+    gait_pct : float
+        % of the gait cycle at that moment.
+    positive : str
+        The study's positive direction.
+
+    Returns
+    -------
+    GravityStiffness or None
+        None where nothing hangs, or the posture is not known: other joints than knee and hip,
+        motion out of the sagittal plane.
+
+    Raises
+    ------
+    ValueError
+        When angle or phase is not finite.
+
+    Notes
+    -----
+    Gravity turns a segment at the angle :math:`\alpha` from the vertical with the torque
+    :math:`-m g l \sin\alpha`; its slope about a posture is :math:`m g l \cos\alpha`, negative
+    when the segment is above the horizontal. For the knee :math:`\alpha` is thigh less knee
+    flexion, for the hip its flexion (trunk upright, straight knee). The thigh is taken as held
+    while the pulse lasts. Errors of masses are independent of each other; that of the posture,
+    8 deg, is common to all of them. It misleads in stance: see the note of the result.
+
+    Examples
+    --------
+    >>> leg = limb_gravity(73.0, 1.74)
+    >>> found = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
+    >>> round(found.value, 1), round(found.sd, 1)
+    (9.5, 1.3)
+    """
+    if not (isfinite(angle_rad) and isfinite(gait_pct)):
+        raise ValueError(
+            f"gravity_stiffness: expected a finite angle and phase, got {angle_rad} and {gait_pct}."
+        )
+    segment = _segment_angle(_joint(joint), angle_rad, gait_pct, positive)
+    if segment is None or not masses:
+        return None
+    moment = sum(mass.moment_nm for mass in masses)
+    in_stance = gait_pct % 100.0 < _STANCE_END_PCT
+    return GravityStiffness(
+        value=moment * cos(segment),
+        sd=_sd(moment, hypot(*(mass.moment_sd_nm for mass in masses)), segment),
+        segment_angle_rad=segment,
+        source="; ".join(mass.source for mass in masses) + "; posture of normal walking",
+        note=STANCE_NOTE if in_stance else "",
+    )
+
+
+def corrected_stiffness(
+    apparent: ParameterEstimate, gravity: GravityStiffness
+) -> ParameterEstimate:
+    """Return the stiffness without what gravity adds, as an estimate of its own.
+
+    Parameters
+    ----------
+    apparent : ParameterEstimate
+        ``stiffness``, N*m/rad.
+    gravity : GravityStiffness
+        What to take off.
+
+    Returns
+    -------
+    ParameterEstimate
+        ``stiffness_gravity_corrected``: value, interval, unbounded value and bound moved by
+        ``-gravity.value``. It may be negative. Without a value where ``apparent`` has none.
+
+    Raises
+    ------
+    ValueError
+        When ``apparent`` is not the stiffness of the joint.
+
+    Notes
+    -----
+    The ends of the interval move out by the quantile of ``ci_level`` times ``gravity.sd``, in
+    quadrature. At a bound the lower end is the bound, which moves and does not widen; the upper
+    end is a one-sided limit.
+    """
+    if apparent.name != "stiffness":
+        raise ValueError(
+            f"corrected_stiffness: expected the estimate 'stiffness', got '{apparent.name}'."
+        )
+    value, low, high = apparent.value, apparent.ci_low, apparent.ci_high
+    free = apparent.unbounded
+    moved = replace(
+        apparent,
+        name=CORRECTED_STIFFNESS,
+        value=None if value is None else value - gravity.value,
+        unbounded=None if free is None else free - gravity.value,
+    )
+    if value is None or low is None or high is None:
+        return moved
+    one_sided = apparent.status == "at_bound"
+    tail = 1.0 - apparent.ci_level if one_sided else 0.5 * (1.0 - apparent.ci_level)
+    own = NormalDist().inv_cdf(1.0 - tail) * gravity.sd
+    below = value - low if one_sided else hypot(value - low, own)
+    above = hypot(high - value, own)
+    centre = value - gravity.value
+    return replace(moved, ci_low=centre - below, ci_high=centre + above)
+
+
+def _joint(name: str) -> str:
+    """Return the joint that a study's free name means, "" where none that is known."""
+    words = name.lower().replace("_", " ").replace("-", " ").split()
+    return next((joint for joint in _PROPORTIONS if joint in words), "")
+
+
+def _segment_angle(joint: str, angle_rad: float, gait_pct: float, positive: str) -> float | None:
+    """Return the angle of the distal segment from the vertical, forward positive."""
+    turned = {"flexion": 1.0, "extension": -1.0}.get(positive)
+    if turned is None:
+        return None
+    if joint == "knee":
+        return thigh_angle(gait_pct) - turned * angle_rad
+    return turned * angle_rad if joint == "hip" else None
+
+
+def _sd(moment: float, moment_sd: float, segment: float) -> float:
+    """Return the sd of moment times cosine, posture normal about ``segment``."""
+    shrunk = exp(-(POSTURE_SD_RAD**2))  # of the squared mean of the cosine
+    square = 0.5 * (1.0 + shrunk**2 * cos(2.0 * segment))
+    spread = square - shrunk * cos(segment) ** 2
+    return float((moment**2 * spread + moment_sd**2 * square) ** 0.5)

@@ -1,0 +1,622 @@
+r"""The responses of all timing points of a participant under one hypothesis: posterior mode.
+
+A joint :math:`J\ddot x + B\dot x + Kx = \tau` at every timing point, K and B free to drift over
+the window, one inertia from which the points may deviate, and one chain of instruments for all:
+friction gain, cross-talk of torque into the angle, delay, first-order lag and, under some
+hypotheses, a resonance of the tissue between joint and sensor. The angle of the average pulse
+is simulated from its measured torque and compared with the measured angle, weighted with the
+covariance of what the prediction of the unperturbed motion misses.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.kernels.joint_response import (
+    DAMPING,
+    DAMPING_SLOPE,
+    INERTIA,
+    MOTION,
+    SHARE,
+    STIFFNESS,
+    STIFFNESS_SLOPE,
+    joint_motion,
+    sensed,
+)
+
+#: Parameters of a timing point: K, change of K over the window over a size of K, B, its change,
+#: deviation of the logarithm of J.
+PER_POINT = 5
+K, K_DRIFT, B, B_DRIFT, J_DEVIATION = range(PER_POINT)
+#: Shared parameters, behind those of the points.
+SHARED = 7
+LOG_J, LAG, DELAY, FRICTION_GAIN, CROSS_TALK, LOG_RESONANCE, RESONANCE_DAMPING = range(SHARED)
+
+_SUBSTEP_S = 1e-3
+_PASSES, _FIRST_PASSES = 40, 30
+_SMALL_CHANGE = 1e-3
+_HOPELESS = 1e8
+#: Derivatives this large are those of a simulation that has left all bounds.
+_BEYOND = 1e9
+#: White noise added to that of the data before it is inverted, share of its mean variance.
+_EVEN_SHARE = 1e-3
+#: Smallest sizes by which drifts of K and B are measured.
+_FLOOR = np.array([8.0, 0.3])
+#: Over which part of the cycle the curve through the timing points is alike, about their distance.
+_CURVE_CYCLES = 0.16
+_ANY_LEVEL, _CURVE_NUGGET = 10.0, 1e-4
+_LAG_STEP_S, _RESONANCE_STEP = 2e-4, 0.01
+#: What the search may reach: parameters of a point, then the shared ones.
+_POINT_RANGE = np.array([[-500.0, 5000.0], [-3, 3], [-5.0, 100.0], [-3, 3], [-1.5, 1.5]])
+_SHARED_RANGE = np.array(
+    [
+        [np.log(1e-3), np.log(20.0)],
+        [0.0, 0.06],
+        [-0.03, 0.03],
+        [0.0, 3.0],
+        [-0.05, 0.05],
+        [np.log(6.0), np.log(150.0)],
+        [0.03, 0.97],
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellResponse:
+    """The average response of a timing point.
+
+    Parameters
+    ----------
+    label : str
+        The timing point.
+    angle : (n,) float, rad
+        From the onset.
+    torque : (2, n) float, N*m
+        Without friction, and friction.
+    noise : (n, n) float, rad^2
+        Covariance of the error of the average angle.
+    period_s : float, s
+        Between samples.
+    phase : float
+        Of the onset, cycles; NaN where unknown.
+    stride_s : float, s
+        Duration of a stride.
+    """
+
+    label: str
+    angle: np.ndarray
+    torque: np.ndarray
+    noise: np.ndarray
+    period_s: float
+    phase: float
+    stride_s: float
+
+    @property
+    def samples_s(self) -> np.ndarray:
+        """Times of the samples, from the onset."""
+        return np.asarray(np.arange(self.angle.size) * self.period_s)
+
+    def weights(self) -> np.ndarray:
+        """Return the inverse of the noise, made safe where few strides tell of it.
+
+        A covariance of n samples from m strides has directions without noise where m is small;
+        those would decide everything.
+        """
+        n = self.angle.size
+        even = _EVEN_SHARE * np.trace(self.noise) / n * np.eye(n)
+        return np.asarray(np.linalg.inv(self.noise + even))
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """What is known before the data, as mean and sd; wide where little is.
+
+    Parameters
+    ----------
+    stiffness, damping, log_inertia : tuple of float
+        N*m/rad, N*m*s/rad, logarithm of kg*m^2. Normal: they cover zero and below.
+    lag_s, delay_s : tuple of float, s
+        Of the angle behind the torque in all; of the pure delay in it.
+    friction_gain, cross_talk : tuple of float
+        True over stated friction; rad/(N*m).
+    log_resonance, resonance_damping : tuple of float
+        Logarithm of Hz; ratio.
+    """
+
+    stiffness: tuple[float, float] = (60.0, 100.0)
+    damping: tuple[float, float] = (2.5, 4.0)
+    log_inertia: tuple[float, float] = (float(np.log(0.08)), 1.0)
+    lag_s: tuple[float, float] = (0.012, 0.010)
+    delay_s: tuple[float, float] = (0.002, 0.00115)
+    friction_gain: tuple[float, float] = (1.0, 0.2)
+    cross_talk: tuple[float, float] = (0.0, 3e-4)
+    log_resonance: tuple[float, float] = (float(np.log(30.0)), 0.4)
+    resonance_damping: tuple[float, float] = (0.3, 0.1)
+
+    def scaled(self, factor: float) -> "Priors":
+        """Return priors whose medians of K, B and J are multiplied.
+
+        Parameters
+        ----------
+        factor : float
+            Of the medians; the sd of K and B with them.
+        """
+        (k, k_sd), (b, b_sd), (j, j_sd) = self.stiffness, self.damping, self.log_inertia
+        return replace(
+            self,
+            stiffness=(factor * k, factor * k_sd),
+            damping=(factor * b, factor * b_sd),
+            log_inertia=(j + float(np.log(factor)), j_sd),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What may be true of the joint and the sensor.
+
+    Parameters
+    ----------
+    inertia_sd : float
+        Relative sd of the points' inertias about the shared one.
+    drift_sd : float
+        Sd of what K and B change over the window, over their size.
+    follows_curve : bool
+        Whether K and B change as the curve through the timing points does, besides.
+    resonance : bool
+        Whether soft tissue resonates between joint and sensor.
+    chance : float
+        Before the data.
+    """
+
+    inertia_sd: float
+    drift_sd: float
+    follows_curve: bool = False
+    resonance: bool = False
+    chance: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """Mode and covariance under one hypothesis.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Which.
+    values : (p,) float
+        Parameters: those of the points one after the other, then the shared ones.
+    covariance : (p, p) float
+        Of their error: sandwich of the covariance of the responses and the priors.
+    bread : (p, p) float
+        Inverse of the curvature.
+    prior_precision : (p, p) float
+        Curvature that the priors add.
+    log_evidence : float
+        Of the responses, by Laplace's approximation, plus that of the hypothesis before the
+        data; up to a constant that all hypotheses share.
+    gains : tuple of (p, n) float
+        Of every point: bread times Jacobian times weights, from angle to parameters.
+    fitted : tuple of (n,) float, rad
+        Simulated angles.
+    middle_s : (n_point, 3) float, s
+        Where in the window K, B and J have the values given.
+    chi_square : float
+        Weighted sum of squares of the responses, without the priors.
+    """
+
+    hypothesis: Hypothesis
+    values: np.ndarray
+    covariance: np.ndarray
+    bread: np.ndarray
+    prior_precision: np.ndarray
+    log_evidence: float
+    gains: tuple[np.ndarray, ...]
+    fitted: tuple[np.ndarray, ...]
+    middle_s: np.ndarray
+    chi_square: float
+
+    def point(self, i: int) -> np.ndarray:
+        """Return the parameters of a timing point, (5,).
+
+        Parameters
+        ----------
+        i : int
+            Which.
+        """
+        return self.values[PER_POINT * i : PER_POINT * (i + 1)]
+
+    @property
+    def shared(self) -> np.ndarray:
+        """The shared parameters, (7,)."""
+        return self.values[-SHARED:]
+
+    @property
+    def late_s(self) -> float:
+        """Lag and delay of the sensor, s; a resonance before it not counted."""
+        return float(self.shared[LAG] + self.shared[DELAY])
+
+    @property
+    def friction_gain(self) -> float:
+        """True over stated friction."""
+        return float(self.shared[FRICTION_GAIN])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """Cost, curvature and gradient at some parameters."""
+
+    cost: float
+    chi_square: float
+    curvature: np.ndarray
+    descent: np.ndarray
+    jacobians: list[np.ndarray]
+    fitted: list[np.ndarray]
+
+
+class ResponseModel:
+    """Finds the posterior mode under one hypothesis.
+
+    Parameters
+    ----------
+    cells : sequence of CellResponse
+        The timing points.
+    priors : Priors
+        What is known before.
+    hypothesis : Hypothesis
+        What is taken to be true.
+    window_s : float, s
+        Of the motion: the angle is looked at so long, and the lag longer.
+    """
+
+    def __init__(
+        self,
+        cells: Sequence[CellResponse],
+        priors: Priors,
+        hypothesis: Hypothesis,
+        *,
+        window_s: float,
+    ) -> None:
+        self._cells = cells
+        self._hypothesis = hypothesis
+        self._priors = priors
+        self._window_s = window_s
+        self._weights = [cell.weights() for cell in cells]
+        self._mean, self._sd = _prior_moments(priors, hypothesis, len(cells))
+        self._slope_map = _slope_map(cells) if hypothesis.follows_curve else None
+        self._size = np.tile(np.array([50.0, 2.5]), (len(cells), 1))
+        self._middle = np.tile(np.array([0.62, 0.5, 0.4]) * window_s, (len(cells), 1))
+        low, high = np.vstack([np.tile(_POINT_RANGE, (len(cells), 1)), _SHARED_RANGE]).T
+        self._low, self._high = low, high
+
+    def fit(self, start: np.ndarray) -> Posterior:
+        """Return the posterior mode, from a start that may be far off.
+
+        Parameters
+        ----------
+        start : (p,) float
+            Where to begin; see :meth:`start`.
+        """
+        values, _ = self._search(start, _FIRST_PASSES)
+        return self.refine(values)
+
+    def refine(self, start: np.ndarray) -> Posterior:
+        """Return the posterior mode, from parameters of another hypothesis or window.
+
+        Parameters
+        ----------
+        start : (p,) float
+            Parameters over the same points.
+        """
+        self._refer(start)
+        values, step = self._search(start, _PASSES)
+        return self._posterior(values, step)
+
+    def start(self, *, inertia: float) -> np.ndarray:
+        """Return parameters to begin a search from.
+
+        Parameters
+        ----------
+        inertia : float, kg*m^2
+            Of all points.
+        """
+        values = self._mean.copy()
+        n = len(self._cells)
+        points = values[:-SHARED].reshape(n, PER_POINT)
+        points[:, K], points[:, B] = 40.0, 2.0
+        lag, delay = self._priors.lag_s[0], self._priors.delay_s[0]
+        values[-SHARED + LOG_J] = np.log(inertia)
+        values[-SHARED + LAG] = max(lag - delay, 1e-3)
+        return values
+
+    def _search(self, values: np.ndarray, passes: int) -> tuple[np.ndarray, _Step]:
+        """Minimise by Levenberg and Marquardt's method, inside the range."""
+        values = np.clip(values, self._low, self._high)
+        here = self._evaluate(values)
+        damping = 1e-3
+        for _ in range(passes):
+            scaled = here.curvature + damping * np.diag(np.diag(here.curvature))
+            new = np.clip(values + np.linalg.solve(scaled, here.descent), self._low, self._high)
+            there = self._evaluate(new)
+            if np.isfinite(there.cost) and there.cost <= here.cost:
+                done = here.cost - there.cost < _SMALL_CHANGE
+                values, here, damping = new, there, max(damping / 6.0, 1e-10)
+                if done:
+                    break
+            else:
+                damping = max(10.0 * damping, 1e-6)
+                if damping > _HOPELESS:
+                    break
+        return values, here
+
+    def _refer(self, values: np.ndarray) -> None:
+        """Measure drifts by the K and B found, and give K, B, J at the middle of their weight."""
+        points = values[:-SHARED].reshape(-1, PER_POINT)
+        self._size = np.maximum(np.abs(points[:, [K, B]]), _FLOOR)
+        for i, cell in enumerate(self._cells):
+            found = self._middle_of(cell, points[i], values[-SHARED:])
+            if found is not None:
+                self._middle[i] = found
+
+    def _middle_of(
+        self, cell: CellResponse, point: np.ndarray, shared: np.ndarray
+    ) -> np.ndarray | None:
+        """Return when the response tells of K, B and J, on average; None where it does not.
+
+        A change at time t moves the angle from then on; least squares on the angle weighs it by
+        what it does to the value for the whole window.
+        """
+        n = int(self._window_s / cell.period_s + 1e-9) + 1
+        torque = cell.torque[:, :n]
+        inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
+        impedance = np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])
+        kick = np.zeros((2, n))
+        kick[0, 0] = 1.0
+        still = np.zeros(3)
+        x = joint_motion(torque, shared[FRICTION_GAIN], impedance, still, cell.period_s, 1)[:, 0]
+        response = joint_motion(kick, 1.0, impedance, still, cell.period_s, 1)[:, 0]
+        v = np.gradient(x, cell.period_s)
+        times = np.arange(n) * cell.period_s
+        middles = []
+        for motion in (x, v, np.gradient(v, cell.period_s)):
+            told = np.convolve(response, motion)[:n]
+            weight = motion * np.convolve(response, told[::-1])[:n][::-1]
+            total = weight.sum()
+            if not total > 0.0:
+                return None
+            middles.append(float(weight @ times / total))
+        return np.array(middles)
+
+    def _slopes(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return slopes of K and B along the curve, (2, n), and their derivatives, (2, n, n)."""
+        n = len(self._cells)
+        if self._slope_map is None:
+            return np.zeros((2, n)), np.zeros((2, n, n))
+        slopes, turns = [], []
+        for column, floor in ((K, _FLOOR[0]), (B, _FLOOR[1])):
+            size = np.maximum(points[:, column], floor)
+            relative = self._slope_map @ np.log(size)
+            slopes.append(size * relative)
+            turn = np.diag(relative) + size[:, None] * self._slope_map / size
+            turns.append(turn * (points[:, column] > floor))
+        return np.array(slopes), np.array(turns)
+
+    def _evaluate(self, values: np.ndarray) -> _Step:
+        off = (values - self._mean) / self._sd
+        curvature, descent = np.diag(1.0 / self._sd**2), -off / self._sd
+        cost = float(off @ off)
+        # The sum of lag and delay is what a calibration tells of.
+        mean, sd = self._priors.lag_s
+        both = np.zeros(values.size)
+        both[-SHARED + LAG] = both[-SHARED + DELAY] = 1.0 / sd
+        late = float(both @ values) - mean / sd
+        cost += late**2
+        curvature += np.outer(both, both)
+        descent -= late * both
+        points, shared = values[:-SHARED].reshape(-1, PER_POINT), values[-SHARED:]
+        slopes, turns = self._slopes(points)
+        chi_square = 0.0
+        jacobians: list[np.ndarray] = []
+        fitted: list[np.ndarray] = []
+        for i, cell in enumerate(self._cells):
+            angle, jacobian = self._simulate(i, points[i], shared, slopes[:, i], turns[:, i])
+            if not np.abs(jacobian).max() < _BEYOND:
+                return _Step(np.inf, np.inf, curvature, descent, jacobians, fitted)
+            residual = cell.angle - angle
+            weighted = self._weights[i] @ residual
+            chi_square += float(residual @ weighted)
+            curvature += jacobian.T @ self._weights[i] @ jacobian
+            descent += jacobian.T @ weighted
+            jacobians.append(jacobian)
+            fitted.append(angle)
+        return _Step(cost + chi_square, chi_square, curvature, descent, jacobians, fitted)
+
+    def _simulate(
+        self,
+        i: int,
+        point: np.ndarray,
+        shared: np.ndarray,
+        slopes: np.ndarray,
+        turns: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the angle of a point and its derivatives with respect to all parameters."""
+        cell = self._cells[i]
+        size = self._size[i] / self._window_s
+        inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
+        drift_K = point[K_DRIFT] * size[0] + slopes[0]
+        drift_B = point[B_DRIFT] * size[1] + slopes[1]
+        impedance = np.array([point[K], drift_K, point[B], drift_B, inertia, 0.0])
+        gain = shared[FRICTION_GAIN]
+        substeps = max(1, int(np.ceil(cell.period_s / _SUBSTEP_S)))
+        motion = joint_motion(
+            cell.torque, gain, impedance, self._middle[i], cell.period_s, substeps
+        )
+        step_s = cell.period_s / substeps
+        shown = self._sensed(motion, shared, step_s, cell)
+        total = cell.torque[0] + gain * cell.torque[1]
+        angle = shown[:, MOTION] + shared[CROSS_TALK] * total
+        n = len(self._cells)
+        jacobian = np.zeros((angle.size, PER_POINT * n + SHARED))
+        own, common = jacobian[:, PER_POINT * i :], jacobian[:, PER_POINT * n :]
+        jacobian[:, K : PER_POINT * n : PER_POINT] = np.outer(shown[:, STIFFNESS_SLOPE], turns[0])
+        jacobian[:, B : PER_POINT * n : PER_POINT] = np.outer(shown[:, DAMPING_SLOPE], turns[1])
+        own[:, K] += shown[:, STIFFNESS]
+        own[:, B] += shown[:, DAMPING]
+        own[:, K_DRIFT] = shown[:, STIFFNESS_SLOPE] * size[0]
+        own[:, B_DRIFT] = shown[:, DAMPING_SLOPE] * size[1]
+        own[:, J_DEVIATION] = common[:, LOG_J] = shown[:, INERTIA] * inertia
+        common[:, FRICTION_GAIN] = shown[:, SHARE] + shared[CROSS_TALK] * cell.torque[1]
+        common[:, CROSS_TALK] = total
+        for place, change in self._sensor_steps():
+            moved = shared.copy()
+            moved[place] += change
+            other = self._sensed(motion[:, :1], moved, step_s, cell)[:, 0]
+            common[:, place] = (other - shown[:, MOTION]) / change
+        return angle, jacobian
+
+    def _sensor_steps(self) -> list[tuple[int, float]]:
+        """Return by how much parameters of the sensor are moved to see what they do."""
+        steps = [(LAG, _LAG_STEP_S), (DELAY, _LAG_STEP_S)]
+        if self._hypothesis.resonance:
+            steps += [(LOG_RESONANCE, _RESONANCE_STEP), (RESONANCE_DAMPING, _RESONANCE_STEP)]
+        return steps
+
+    def _sensed(
+        self, motion: np.ndarray, shared: np.ndarray, step_s: float, cell: CellResponse
+    ) -> np.ndarray:
+        return sensor_reading(
+            motion,
+            shared,
+            step_s=step_s,
+            samples_s=cell.samples_s,
+            resonance=self._hypothesis.resonance,
+        )
+
+    def _posterior(self, values: np.ndarray, step: _Step) -> Posterior:
+        bread = np.linalg.inv(step.curvature)
+        gains = [
+            bread @ jacobian.T @ weight
+            for jacobian, weight in zip(step.jacobians, self._weights, strict=True)
+        ]
+        information = sum(
+            jacobian.T @ weight @ jacobian
+            for jacobian, weight in zip(step.jacobians, self._weights, strict=True)
+        )
+        precision = step.curvature - information
+        covariance = bread @ precision @ bread
+        for gain, cell in zip(gains, self._cells, strict=True):
+            covariance += gain @ cell.noise @ gain.T
+        free = np.log(self._sd).sum() + np.log(self._priors.lag_s[1])
+        evidence = -0.5 * step.cost - 0.5 * np.linalg.slogdet(step.curvature)[1] - free
+        evidence += np.log(self._hypothesis.chance)
+        return Posterior(
+            hypothesis=self._hypothesis,
+            values=values,
+            covariance=covariance,
+            bread=bread,
+            prior_precision=precision,
+            log_evidence=float(evidence),
+            gains=tuple(gains),
+            fitted=tuple(step.fitted),
+            middle_s=self._middle.copy(),
+            chi_square=step.chi_square,
+        )
+
+
+def response_to_kick(posterior: Posterior, i: int, *, period_s: float, n: int) -> np.ndarray:
+    """Return the angle shown after one sample of torque of 1 N*m, (n,) rad/(N*m).
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Of the joint and its sensor.
+    i : int
+        Which timing point.
+    period_s : float, s
+        Between samples.
+    n : int
+        Samples wanted.
+    """
+    point, shared = posterior.point(i), posterior.shared
+    inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
+    impedance = np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])
+    kick = np.zeros((2, n + 1))
+    kick[0, 1] = 1.0
+    substeps = max(1, int(np.ceil(period_s / _SUBSTEP_S)))
+    motion = joint_motion(kick, 1.0, impedance, np.zeros(3), period_s, substeps)[:, :1]
+    shown = sensor_reading(
+        motion,
+        shared,
+        step_s=period_s / substeps,
+        samples_s=np.arange(1, n + 1) * period_s,
+        resonance=posterior.hypothesis.resonance,
+    )
+    return np.asarray(shown[:, 0])
+
+
+def sensor_reading(
+    motion: np.ndarray,
+    shared: np.ndarray,
+    *,
+    step_s: float,
+    samples_s: np.ndarray,
+    resonance: bool,
+) -> np.ndarray:
+    """Return what the sensor with these shared parameters shows of a motion.
+
+    Parameters
+    ----------
+    motion : (m, k) float
+        Signals at even steps.
+    shared : (7,) float
+        Shared parameters.
+    step_s : float, s
+        Between steps.
+    samples_s : (n,) float, s
+        When it is read.
+    resonance : bool
+        Whether tissue resonates before it.
+    """
+    return sensed(
+        motion,
+        step_s=step_s,
+        samples_s=samples_s,
+        delay_s=float(shared[DELAY]),
+        lag_s=float(shared[LAG]),
+        resonance_hz=float(np.exp(shared[LOG_RESONANCE])) if resonance else 0.0,
+        damping_ratio=float(shared[RESONANCE_DAMPING]) if resonance else 0.0,
+    )
+
+
+def _prior_moments(priors: Priors, hypothesis: Hypothesis, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and sd of every parameter."""
+    drift = (0.0, hypothesis.drift_sd)
+    point = [priors.stiffness, drift, priors.damping, drift, (0.0, hypothesis.inertia_sd)]
+    shared = [
+        priors.log_inertia,
+        # A calibration tells of lag and delay together; alone the lag may be anything.
+        (priors.lag_s[0], 0.05),
+        priors.delay_s,
+        priors.friction_gain,
+        priors.cross_talk,
+        priors.log_resonance,
+        priors.resonance_damping,
+    ]
+    mean, sd = np.array(point * n + shared).T
+    return mean, sd
+
+
+def _slope_map(cells: Sequence[CellResponse]) -> np.ndarray:
+    """Return the slope, per s, at each point of a smooth curve through values at all, (n, n).
+
+    The curve is the mean of a periodic Gaussian process of unknown level through the values
+    (MacKay 1998, Introduction to Gaussian processes, equation 47).
+    """
+    phases = np.array([cell.phase for cell in cells])
+    apart = 2.0 * np.pi * (phases[:, None] - phases[None, :])
+    width = 2.0 * np.pi * _CURVE_CYCLES
+    alike = np.exp(-2.0 * (np.sin(apart / 2.0) / width) ** 2)
+    turn = -2.0 * np.pi * np.sin(apart) / width**2 * alike
+    values = alike + _ANY_LEVEL + _CURVE_NUGGET * np.eye(len(cells))
+    strides = np.array([cell.stride_s for cell in cells])
+    return np.asarray(np.linalg.solve(values, turn.T).T / strides[:, None])

@@ -1,0 +1,193 @@
+"""Short segments about one phase of every stride, and what is estimated from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.ensemble_response import (
+    EnsembleResponse,
+    SegmentFit,
+    cross_predicted,
+    ensemble_response,
+    fit_segments,
+    without_mean,
+)
+from jointz.kernels.filtering import lowpass_zero_phase
+
+
+@dataclass(frozen=True, slots=True)
+class CycleSignals:
+    """Low-passed signals of a whole record, all (n,).
+
+    Parameters
+    ----------
+    time : float, s
+        From the middle of the record.
+    angle, velocity, acceleration : float
+        rad, rad/s, rad/s^2.
+    angle_moment : float, rad*s
+        Time times angle, low-passed after multiplying: a stiffness that changes
+        in time acts on the angle before the filter, not after it.
+    torque : float, N*m
+        On the joint.
+    instrument : float or None
+        What moved the joint and is free of what the joint did; None for least
+        squares.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    angle_moment: np.ndarray
+    torque: np.ndarray
+    instrument: np.ndarray | None
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentLayout:
+    """Where the segments lie, in samples.
+
+    Parameters
+    ----------
+    centres : (n_stride, n_phase) int
+        Centre of the segment of every stride at every phase.
+    offsets : (n,) int
+        Samples of a segment, about its centre.
+    response_lags, instrument_lags : (m,) int
+        Lags of the impulse response and of the instrument.
+    """
+
+    centres: np.ndarray
+    offsets: np.ndarray
+    response_lags: np.ndarray
+    instrument_lags: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseEstimate:
+    """What one phase of the cycle gave.
+
+    Parameters
+    ----------
+    response : EnsembleResponse
+        Impulse response.
+    fit : SegmentFit
+        Stiffness, damping, inertia, and the stiffness gained over half a segment.
+    """
+
+    response: EnsembleResponse
+    fit: SegmentFit
+
+
+def filter_signals(
+    channels: dict[str, np.ndarray], *, rate_hz: float, cutoff_hz: float, instrument: str | None
+) -> CycleSignals:
+    """Low-pass and differentiate a whole record, before anything is cut.
+
+    Parameters
+    ----------
+    channels : dict of (n,) float
+        ``angle``, ``torque`` and the instrument.
+    rate_hz, cutoff_hz : float
+        Sampling rate and corner of the zero-phase fourth-order Butterworth
+        filter, the same on all.
+    instrument : str or None
+        Name of the channel that is the instrument.
+
+    Returns
+    -------
+    CycleSignals
+        Filtered signals.
+    """
+    angle = channels["angle"]
+    time = (np.arange(angle.size) - angle.size // 2) / rate_hz
+
+    def filtered(x: np.ndarray) -> np.ndarray:
+        return lowpass_zero_phase(x, cutoff_hz=cutoff_hz, rate_hz=rate_hz)
+
+    smooth = filtered(angle)
+    velocity = derivative(smooth, rate_hz=rate_hz)
+    return CycleSignals(
+        time=time,
+        angle=smooth,
+        velocity=velocity,
+        acceleration=derivative(velocity, rate_hz=rate_hz),
+        angle_moment=filtered(time * angle),
+        torque=filtered(channels["torque"]),
+        instrument=None if instrument is None else filtered(channels[instrument]),
+    )
+
+
+def estimate_phase(
+    signals: CycleSignals,
+    layout: SegmentLayout,
+    phase: int,
+    *,
+    perturbed: str,
+    resampling: np.ndarray,
+) -> PhaseEstimate:
+    """Estimate impulse response and second-order joint at one phase.
+
+    Parameters
+    ----------
+    signals : CycleSignals
+        Signals of the record.
+    layout : SegmentLayout
+        Where the segments lie.
+    phase : int
+        Column of ``layout.centres``.
+    perturbed : str
+        ``torque`` or ``angle``: the input of the impulse response.
+    resampling : (R, n_stride) float
+        Weights of the resampled strides.
+
+    Returns
+    -------
+    PhaseEstimate
+        Response, and coefficients with replicates.
+
+    Raises
+    ------
+    ValueError
+        When the segments hold no variation between strides, or cannot tell the
+        parameters apart.
+
+    Notes
+    -----
+    Over a segment about time c: torque = (K + K'(t - c)) angle + B velocity +
+    J acceleration. Without the slope K' the filter turns it into damping: 1 % in the
+    mean with segments of 0.1 s, 4 % with 0.2 s, where K goes from 30 to 150 N*m/rad
+    and back in a stride.
+    """
+    index = layout.centres[:, phase, np.newaxis] + layout.offsets
+    angle, torque = without_mean(signals.angle[index]), without_mean(signals.torque[index])
+    moved, answered = (signals.torque, angle) if perturbed == "torque" else (signals.angle, torque)
+    response = ensemble_response(_at_lags(moved, index, layout.response_lags), answered)
+    regressors = _regressors(signals, layout, phase, index)
+    instruments = regressors
+    if signals.instrument is not None:
+        source = _at_lags(signals.instrument, index, layout.instrument_lags)
+        predicted = cross_predicted(source, regressors[:, :, :3])
+        share = layout.offsets[:, np.newaxis] / float(layout.offsets[-1])
+        instruments = np.concatenate([predicted, predicted[:, :, :1] * share], axis=2)
+    return PhaseEstimate(
+        response, fit_segments(regressors, torque, instruments, resampling=resampling)
+    )
+
+
+def _regressors(
+    signals: CycleSignals, layout: SegmentLayout, phase: int, index: np.ndarray
+) -> np.ndarray:
+    """Return angle, velocity, acceleration and the angle that a rising stiffness sees."""
+    centre_s = signals.time[layout.centres[:, phase]][:, np.newaxis]
+    half_s = float(signals.time[layout.offsets[-1]] - signals.time[0])
+    rising = (signals.angle_moment[index] - centre_s * signals.angle[index]) / half_s
+    plain = (signals.angle[index], signals.velocity[index], signals.acceleration[index])
+    return without_mean(np.stack([*plain, rising], axis=2))
+
+
+def _at_lags(signal: np.ndarray, index: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    """Return the signal (n_stride, n, m) at the lags before each sample, ensemble mean removed."""
+    return without_mean(signal[index[:, :, np.newaxis] - lags])

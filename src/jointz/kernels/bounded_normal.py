@@ -1,0 +1,90 @@
+"""Interval of a normal mean that cannot be negative, with the coverage it claims everywhere."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+_STEP = 0.01
+#: A measurement further below the bound than this is taken to be here: it says more of the
+#: error's size than of the mean.
+_LOWEST = -2.0
+
+
+def bounded_interval(value: float, sd: float, *, level: float = 0.95) -> tuple[float, float]:
+    """Return the interval of a mean that is not negative.
+
+    Parameters
+    ----------
+    value : float
+        Measured; may be negative.
+    sd : float
+        Of its error, normal and positive.
+    level : float
+        Coverage.
+
+    Returns
+    -------
+    low, high : float
+        ``low`` is 0 where the bound is active: the interval is then one-sided.
+
+    Raises
+    ------
+    ValueError
+        When the sd is not positive or the level not between 0 and 1.
+
+    Notes
+    -----
+    Feldman and Cousins (1998), Physical Review D 57, 3873, section IV.B: the choice between a
+    limit and an interval is part of the construction, so that choosing costs no coverage, and
+    the interval is never empty.
+
+    Examples
+    --------
+    >>> [round(end, 2) for end in bounded_interval(0.0, 1.0)]
+    [0.0, 1.96]
+    >>> [round(end, 2) for end in bounded_interval(5.0, 1.0)]
+    [3.04, 6.96]
+    """
+    if not sd > 0.0 or not 0.0 < level < 1.0:
+        raise ValueError(
+            f"bounded_interval: expected sd > 0 and 0 < level < 1, got {sd} and {level}."
+        )
+    measured = max(value / sd, _LOWEST)
+    reach = float(norm.ppf(0.5 + level / 2.0))
+    if measured >= 2.0 * reach:  # from here on the bound is out of sight of the construction
+        return sd * (measured - reach), sd * (measured + reach)
+    means, lowest, highest = _belts(level)
+    low = float(np.interp(measured, highest, means)) if measured > highest[0] else 0.0
+    high = float(np.interp(measured, lowest, means))
+    return sd * low, sd * high
+
+
+@lru_cache(maxsize=8)
+def _belts(level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return means, and lowest and highest measurement accepted for each.
+
+    They reach as far as the upper end of a measurement of twice the reach does.
+    """
+    reach = float(norm.ppf(0.5 + level / 2.0))
+    means = np.arange(0.0, 3.0 * reach + 2.0 * _STEP, _STEP)
+    ends = np.array([_accepted(mean, level) for mean in means])
+    # Where nothing is ordered any more (mean 0) the lowest is minus infinity.
+    return means, ends[:, 0], ends[:, 1]
+
+
+def _accepted(mean: float, level: float) -> tuple[float, float]:
+    """Return the measurements accepted for a mean: those with the largest likelihood ratio."""
+    if mean == 0.0:
+        return -np.inf, float(norm.ppf(level))
+
+    def below(high: float) -> float:
+        mirrored = 2.0 * mean - high
+        return mirrored if mirrored >= 0.0 else (mean**2 - (high - mean) ** 2) / (2.0 * mean)
+
+    def lacking(high: float) -> float:
+        return float(norm.cdf(high - mean) - norm.cdf(below(high) - mean)) - level
+
+    high = float(brentq(lacking, mean, mean + 10.0, xtol=1e-12))
+    return below(high), high

@@ -1,0 +1,342 @@
+"""A simulated walk without devices and runtime: pulses fired from the true phase.
+
+For studies of accuracy over hundreds of people. The physics is that of :mod:`jointz.sim.plant`;
+what is left out is the real-time loop with its estimate of the gait phase, its compensation of
+the actuator's friction and its safety gate, and the logs.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numba import njit
+
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.protocol import PulseSpec
+from jointz.sim import plant
+from jointz.sim.footswitch import ContactMaker
+from jointz.sim.gait_motion import Stride
+from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
+from jointz.sim.plant_build import Grid, PlantBuild
+from jointz.sim.rig import SimulatedRig
+
+#: 17 N*m held for 250 ms (dissertation 4.2).
+WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
+#: Half the steps of the physics for 0.6 of the time: angles are within 1e-5 rad at all presets.
+QUICK_GRID = Grid(500.0, substeps=5)
+_MEASURED = ("motor_angle", "motor_velocity", "current", "angle")
+_BISECTIONS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class WalkPlan:
+    """How many pulses are fired where, and how many strides are walked.
+
+    Parameters
+    ----------
+    per_point : int or mapping of str to int
+        Pulses at every timing point, or at each; 0 for an unperturbed walk.
+    pulse : PulseSpec
+        Their shape; ``both`` alternates the direction at every timing point.
+    amplitudes_nm : tuple of float, N*m
+        Sizes that take turns at every timing point; the pulse's own without.
+    timing_points : mapping of str to float
+        Timing point -> % of the gait cycle.
+    gap_strides : tuple of int
+        Fewest and most strides from one pulse to the next.
+    warm_up_strides, tail_strides : int
+        Before the first pulse and after the last.
+
+    Raises
+    ------
+    DataError
+        When a count is negative or for no timing point, a timing point lies outside the cycle,
+        an amplitude is not positive, or numbers of strides leave no room for a pulse.
+
+    Examples
+    --------
+    >>> WalkPlan(per_point={"LRE": 3}).counts["LRE"], WalkPlan(per_point=0).counts["MST"]
+    (3, 0)
+    """
+
+    per_point: int | Mapping[str, int] = 50
+    pulse: PulseSpec = WALKING_PULSE
+    amplitudes_nm: tuple[float, ...] = ()
+    timing_points: Mapping[str, float] = field(default_factory=lambda: dict(TIMING_POINTS))
+    gap_strides: tuple[int, int] = (3, 7)
+    warm_up_strides: int = 10
+    tail_strides: int = 5
+
+    def __post_init__(self) -> None:
+        problems = list(self._problems())
+        if problems:
+            raise DataError("WalkPlan: " + "; ".join(problems) + ".")
+
+    def _problems(self) -> Iterator[str]:
+        given = {} if isinstance(self.per_point, int) else dict(self.per_point)
+        if unknown := sorted(set(given) - set(self.timing_points)):
+            yield (
+                f"expected per_point for {', '.join(self.timing_points)}, got {', '.join(unknown)}"
+            )
+        if any(n < 0 for n in self.counts.values()):
+            yield f"expected per_point >= 0, got {self.per_point}"
+        if not all(0.0 <= at < 100.0 for at in self.timing_points.values()):
+            yield f"expected timing_points in 0..100 %, got {dict(self.timing_points)}"
+        if not all(size > 0.0 for size in self.amplitudes_nm):
+            yield f"expected amplitudes_nm > 0 (direction has the sign), got {self.amplitudes_nm}"
+        if not 1 <= self.gap_strides[0] <= self.gap_strides[1]:
+            yield f"expected gap_strides from low to high, 1 or more, got {self.gap_strides}"
+        if self.warm_up_strides < 1 or self.tail_strides < 1:
+            yield (
+                "expected one stride or more of warm_up_strides and tail_strides, got "
+                f"{self.warm_up_strides} and {self.tail_strides}"
+            )
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Pulses at each timing point."""
+        if isinstance(self.per_point, int):
+            return dict.fromkeys(self.timing_points, self.per_point)
+        return {name: self.per_point.get(name, 0) for name in self.timing_points}
+
+    def torque_nm(self, count: int) -> float:
+        """Return the signed size of a pulse.
+
+        Parameters
+        ----------
+        count : int
+            Of pulses before it at its timing point.
+
+        Examples
+        --------
+        >>> both = WALKING_PULSE.model_copy(update={"direction": "both"})
+        >>> plan = WalkPlan(pulse=both, amplitudes_nm=(8.0, 17.0))
+        >>> [plan.torque_nm(count) for count in range(4)]
+        [8.0, -8.0, 17.0, -17.0]
+        """
+        sizes = self.amplitudes_nm or (self.pulse.amplitude_nm,)
+        if self.pulse.direction == "both":
+            return (1.0, -1.0)[count % 2] * sizes[count // 2 % len(sizes)]
+        sign = 1.0 if self.pulse.direction == "positive" else -1.0
+        return sign * sizes[count % len(sizes)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """What was recorded in a walk.
+
+    Parameters
+    ----------
+    time_s : (n,) float, s
+        Time stamps.
+    channels : mapping of str to (n,) float
+        Channel -> samples, SI: ``motor_angle, motor_velocity, current, angle, command, contact``;
+        ``angle`` and ``contact`` where nothing is worn.
+    pulses : pandas.DataFrame
+        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``.
+    """
+
+    time_s: np.ndarray
+    channels: Mapping[str, np.ndarray]
+    pulses: pd.DataFrame
+
+    @property
+    def end_s(self) -> float:
+        """The last time stamp."""
+        return float(self.time_s[-1])
+
+
+def walk_directly(
+    rig: SimulatedRig, condition: str, *, worn: bool = True, plan: WalkPlan | None = None
+) -> Walk:
+    """Walk one uninterrupted stretch of a condition.
+
+    Parameters
+    ----------
+    rig : SimulatedRig
+        Who walks in what. Its grid is used (:data:`QUICK_GRID` saves time); stumbles that are
+        ordered from it are walked.
+    condition : str
+        Name of the condition; it seeds the randomness, as in an experiment.
+    worn : bool
+        Whether the exoskeleton is worn.
+    plan : WalkPlan, optional
+        Pulses and strides; 50 pulses a timing point by default.
+
+    Returns
+    -------
+    Walk
+        Recorded signals and the pulses.
+
+    Raises
+    ------
+    DataError
+        When pulses are asked for but nothing is worn, pulses overlap or outlast the walk, or the
+        rig's devices are ordered to misbehave: there are no devices.
+
+    Notes
+    -----
+    A pulse fires at the first sample at or after its timing point in the true phase of its
+    stride. Sample for sample the signals are those of :class:`jointz.sim.running_plant.
+    RunningPlant` for the same command. Misleads about onsets: in an experiment they scatter with
+    the stride times (docs/run.md), and heel strikes are known from the footswitch only.
+
+    Examples
+    --------
+    >>> from jointz.sim.rig import simulated_rig
+    >>> walk = walk_directly(simulated_rig(0), "perturbed", plan=WalkPlan(per_point=1))
+    >>> sorted(walk.pulses["timing_point"])
+    ['ISW', 'LRE', 'MST', 'MSW', 'PSW', 'TST']
+    """
+    if rig.inject.orders:
+        raise DataError(
+            "walk_directly: expected no orders in rig.inject, there are no devices to misbehave. "
+            "Open the rig for that."
+        )
+    plan = plan or WalkPlan()
+    rng = rig.person.stream(f"direct plan {condition}")
+    planned = _planned(plan, rng)
+    if planned and not worn:
+        raise DataError("walk_directly: no pulse without an exoskeleton. Set worn or no pulses.")
+    build = rig.build(worn=worn)
+    n_strides = (planned[-1][0] if planned else plan.warm_up_strides) + plan.tail_strides
+    motion = rig.motion(condition, 0)
+    strides = [motion.next() for _ in range(n_strides + 1)]
+    period_s = build.grid.period_s
+    n = int(strides[-1].start_s / period_s)
+    pulses = _pulse_table(planned, strides, plan, period_s)
+    _check_room(pulses, n * period_s)
+    command = _command(pulses, plan.pulse, n, period_s)
+    measured = _advance(build, strides, command, rig.person.stream(f"noise {condition}", 0))
+    contacts = ContactMaker(
+        rig.preset.footswitch,
+        contact_share=rig.preset.gait.contact_share,
+        rng=rig.person.stream(f"contact {condition}", 0),
+    )
+    channels = dict(zip(_MEASURED, measured, strict=True)) | {"command": command}
+    if not worn:
+        channels = {"angle": channels["angle"]}
+    channels["contact"] = _contact(contacts, strides, n, build.grid.period_ns)
+    return Walk(np.arange(n) * period_s, channels, pulses)
+
+
+def _planned(plan: WalkPlan, rng: np.random.Generator) -> list[tuple[int, str, float]]:
+    """Return stride, timing point and torque of every pulse, in order of time.
+
+    Every round holds each timing point that still has pulses once.
+    """
+    left = plan.counts
+    fired = dict.fromkeys(left, 0)
+    stride = plan.warm_up_strides
+    planned = []
+    while any(left.values()):
+        round_ = [name for name, n in left.items() if n > 0]
+        for name in rng.permutation(round_).tolist():
+            planned.append((stride, name, plan.torque_nm(fired[name])))
+            left[name] -= 1
+            fired[name] += 1
+            stride += int(rng.integers(plan.gap_strides[0], plan.gap_strides[1] + 1))
+    return planned
+
+
+def _pulse_table(
+    planned: list[tuple[int, str, float]], strides: list[Stride], plan: WalkPlan, period_s: float
+) -> pd.DataFrame:
+    rows = []
+    for number, (k, name, torque_nm) in enumerate(planned, start=1):
+        at_s = _time_of_phase(strides[k], plan.timing_points[name] / 100.0)
+        onset_s = np.ceil(at_s / period_s) * period_s
+        rows.append((number, onset_s, plan.pulse.duration_s, torque_nm, name, True))
+    columns = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point", "completed"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _check_room(pulses: pd.DataFrame, end_s: float) -> None:
+    ends = (pulses["onset_s"] + pulses["duration_s"]).to_numpy()
+    following = np.append(pulses["onset_s"].to_numpy()[1:], end_s)
+    late = np.flatnonzero(ends[: len(pulses)] > following[: len(pulses)])
+    if late.size:
+        first = int(late[0])
+        raise DataError(
+            f"walk_directly: pulse {first + 1} ends at {ends[first]:.3f} s, expected at most "
+            f"{following[first]:.3f} s, where the next one or the end of the walk is. "
+            "Use more gap_strides or tail_strides, or a shorter pulse."
+        )
+
+
+def _time_of_phase(stride: Stride, phase: float) -> float:
+    """Return when a stride reaches a phase, by bisection: phase rises with time."""
+    low, high = stride.start_s, stride.end_s
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if float(stride.cycles(np.array([middle]))[0]) < phase:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _command(pulses: pd.DataFrame, shape: PulseSpec, n: int, period_s: float) -> np.ndarray:
+    """Return the commanded torque at every sample, N*m; zero outside pulses."""
+    command = np.zeros(n)
+    since = np.arange(round(shape.duration_s / period_s)) * period_s
+    up = np.minimum(since / shape.ramp_up_s, 1.0) if shape.ramp_up_s else np.ones(since.size)
+    left = shape.duration_s - since
+    down = np.minimum(left / shape.ramp_down_s, 1.0) if shape.ramp_down_s else 1.0
+    for onset_s, torque_nm in zip(pulses["onset_s"], pulses["amplitude_nm"], strict=True):
+        first = round(onset_s / period_s)
+        command[first : first + since.size] = torque_nm * np.minimum(up, down)
+    return command
+
+
+def _contact(contacts: ContactMaker, strides: list[Stride], n: int, period_ns: int) -> np.ndarray:
+    """Return the footswitch at every sample: the contacts of every stride but the first."""
+    change = np.zeros(n + 1)
+    for stride in strides[1:]:
+        times = contacts.toggles(stride.start_s, stride.duration_s)
+        at = np.array([-(-round(time_s * 1e9) // period_ns) for time_s in times], dtype=int)
+        np.add.at(change, at.clip(0, n), np.where(np.arange(at.size) % 2, -1.0, 1.0))
+    return np.asarray(np.cumsum(change)[:n].clip(0.0, 1.0))
+
+
+def _advance(
+    build: PlantBuild, strides: list[Stride], command: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return what motor and goniometer show at every sample, (4, n)."""
+    gaits = np.array([stride.row for stride in strides])
+    period_ns = build.grid.period_ns
+    # The sample after which a stride holds: physics advances from the sample before.
+    ends = np.array([-(-round(stride.end_s * 1e9) // period_ns) for stride in strides])
+    noise = rng.standard_normal((command.size, len(Noise)))
+    state = np.zeros(STATE_SIZE)
+    history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
+    plant.begin(build.params, state, gaits[0], history)
+    measured = _advance_all(build.params, state, build.curves, history, gaits, ends, noise, command)
+    return np.asarray(measured)
+
+
+@njit(cache=True, nogil=True)
+def _advance_all(
+    p: np.ndarray,
+    state: np.ndarray,
+    curves: np.ndarray,
+    history: np.ndarray,
+    gaits: np.ndarray,
+    ends: np.ndarray,
+    noise: np.ndarray,
+    command: np.ndarray,
+) -> np.ndarray:
+    """Return what is measured, (4, n); ``ends`` are samples from which a stride is over."""
+    out = np.empty((4, command.size))
+    stride = 0
+    for sample in range(command.size):
+        if sample - 1 >= ends[stride]:
+            stride += 1
+            state[State.PATH_KNOWN] = 0.0
+        given = command[sample - 1] if sample > 0 else 0.0
+        motor, angle = plant.advance(p, state, curves, history, gaits[stride], noise, sample, given)
+        out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
+        out[3, sample] = angle
+    return out

@@ -1,0 +1,226 @@
+import numpy as np
+import pytest
+from scipy import linalg, signal
+
+from jointz.kernels.ensemble_response import (
+    cross_predicted,
+    ensemble_response,
+    fit_segments,
+    without_mean,
+)
+from jointz.kernels.resampling import resample_weights
+
+TRUE = np.array([0.0, 1.0, 0.6, 0.2])
+COEFFICIENTS = np.array([80.0, 1.0, 0.05])
+
+
+def make_ensemble(
+    seed: int = 0, *, count: int = 60, n: int = 9, noise: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    x = signal.lfilter([1.0], [1.0, -0.7], rng.standard_normal((count, n + TRUE.size - 1)), axis=1)
+    lagged = np.lib.stride_tricks.sliding_window_view(x, TRUE.size, axis=1)[:, :, ::-1]
+    inputs = without_mean(lagged)
+    own = noise * np.cumsum(rng.standard_normal((count, n)), axis=1)
+    return inputs, without_mean(inputs @ TRUE + own)
+
+
+def make_segments(
+    seed: int = 0, *, count: int = 80, n: int = 9, own: float = 1.0, white: float = 0.05
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return regressors, target and instruments; what the joint did moves regressors too."""
+    rng = np.random.default_rng(seed)
+    scale = np.array([0.03, 0.5, 10.0])
+    instruments = scale * rng.standard_normal((count, n, 3))
+    slow = own * (rng.standard_normal((count, 1)) + white * rng.standard_normal((count, n)))
+    regressors = instruments + 0.3 * slow[:, :, np.newaxis] * scale
+    target = regressors @ COEFFICIENTS - slow
+    return without_mean(regressors), without_mean(target), without_mean(instruments)
+
+
+def slow_fit(
+    regressors: np.ndarray, target: np.ndarray, instruments: np.ndarray, weights: list[np.ndarray]
+) -> np.ndarray:
+    gram, moment = np.zeros((3, 3)), np.zeros(3)
+    for i in range(len(target)):
+        gram += instruments[i].T @ weights[i % 2] @ regressors[i]
+        moment += instruments[i].T @ weights[i % 2] @ target[i]
+    return np.linalg.solve(gram, moment)
+
+
+def outer(left: np.ndarray) -> np.ndarray:
+    return sum(np.outer(row, row) for row in left) / len(left)
+
+
+# --- impulse responses ---------------------------------------------------------------------------
+
+
+def test_a_known_response_comes_back():
+    found = ensemble_response(*make_ensemble())
+
+    assert found.response == pytest.approx(TRUE, abs=1e-9)
+    assert found.vaf_pct == pytest.approx(100.0)
+    assert found.n_kept == TRUE.size
+
+
+def test_it_is_generalised_least_squares_where_every_direction_is_kept():
+    inputs, output = make_ensemble(noise=0.1)
+    flat = inputs.reshape(-1, TRUE.size)
+    plain = linalg.lstsq(flat, output.ravel())[0]
+    left = output - inputs @ plain
+    weight = np.linalg.inv(outer(left) + 0.05 * np.mean(left**2) * np.eye(9))
+    every = linalg.block_diag(*[weight] * len(output))
+
+    found = ensemble_response(inputs, output)
+
+    slow = np.linalg.solve(flat.T @ every @ flat, flat.T @ every @ output.ravel())
+    assert found.n_kept == TRUE.size
+    assert found.response == pytest.approx(slow, abs=1e-9)
+
+
+def test_the_sd_is_the_scatter_also_where_noise_is_correlated_over_the_segment():
+    found = [ensemble_response(*make_ensemble(seed, noise=0.3)) for seed in range(150)]
+
+    scatter = np.std([f.response for f in found], axis=0)
+
+    assert np.mean([f.sd for f in found], axis=0) == pytest.approx(scatter, rel=0.25)
+
+
+def test_directions_without_input_are_left_out():
+    rng = np.random.default_rng(0)
+    low_pass = signal.butter(4, 0.08, output="sos")
+    x = signal.sosfiltfilt(low_pass, rng.standard_normal((100, 60)), axis=1)
+    inputs = without_mean(np.lib.stride_tricks.sliding_window_view(x, 30, axis=1)[:, :, ::-1])
+    true = np.exp(-np.arange(30) / 5.0)
+    output = without_mean(inputs @ true + 0.02 * rng.standard_normal(inputs.shape[:2]))
+
+    found = ensemble_response(inputs, output)
+
+    assert found.n_kept < 20
+    assert np.abs(found.response).max() < 2.0
+    assert found.vaf_pct > 99.0
+
+
+def test_a_prediction_holds_nothing_of_the_realisation_itself():
+    inputs, output = make_ensemble(noise=0.3)
+    moved = output.copy()
+    moved[4] += 100.0
+
+    before = cross_predicted(inputs, output[:, :, np.newaxis])[:, :, 0]
+    after = cross_predicted(inputs, moved[:, :, np.newaxis])[:, :, 0]
+
+    even = slice(0, None, 2)
+    unmoved = (after - before)[even] - (after - before)[even].mean(axis=0)
+    assert np.abs(unmoved).max() < 1e-9
+    assert np.abs(after - before)[1::2].max() > 0.1
+
+
+def test_predictions_are_exact_without_noise():
+    inputs, output = make_ensemble()
+
+    found = cross_predicted(inputs, output[:, :, np.newaxis])
+
+    assert found[:, :, 0] == pytest.approx(output, abs=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(3, 5, 2), (10, 5)])
+def test_ensembles_of_another_shape_are_refused(shape):
+    with pytest.raises(ValueError, match="at least 4 realisations"):
+        ensemble_response(np.ones(shape), np.ones(shape[:2]))
+
+
+def test_an_input_that_is_the_same_in_all_realisations_is_refused():
+    inputs, output = make_ensemble()
+
+    with pytest.raises(ValueError, match="constant"):
+        ensemble_response(np.zeros_like(inputs), output)
+
+
+# --- coefficients --------------------------------------------------------------------------------
+
+
+def test_known_coefficients_come_back_exactly():
+    regressors, _, instruments = make_segments()
+
+    fit = fit_segments(
+        regressors, regressors @ COEFFICIENTS, instruments, resampling=np.full((1, 80), 1 / 80)
+    )
+
+    assert fit.values == pytest.approx(COEFFICIENTS, rel=1e-9)
+    assert fit.replicates[0] == pytest.approx(COEFFICIENTS, rel=1e-9)
+    assert fit.vaf_pct == pytest.approx(100.0)
+
+
+def test_a_replicate_is_the_fit_of_the_strides_drawn():
+    """A slow fit, stride by stride, of the drawn strides with the weights of the whole."""
+    regressors, target, instruments = make_segments()
+    weights = resample_weights(80, 3, np.random.default_rng(1))
+
+    fit = fit_segments(regressors, target, instruments, resampling=weights)
+
+    left = target - regressors @ slow_fit(regressors, target, instruments, [np.eye(9)] * 2)
+    ridge = 0.05 * np.mean(left**2) * np.eye(9)
+    inverse = [np.linalg.inv(outer(left[1 - f :: 2]) + ridge) for f in (0, 1)]
+    assert fit.values == pytest.approx(slow_fit(regressors, target, instruments, inverse))
+    for row, replicate in zip(weights, fit.replicates, strict=True):
+        drawn = np.repeat(np.arange(80), np.rint(row * 80).astype(int))
+        weighed = without_mean(np.stack([inverse[i % 2] @ instruments[i] for i in drawn]))
+        X, y = without_mean(regressors[drawn]), without_mean(target[drawn])
+        gram = sum(w.T @ x for w, x in zip(weighed, X, strict=True))
+        moment = sum(w.T @ one for w, one in zip(weighed, y, strict=True))
+        assert replicate == pytest.approx(np.linalg.solve(gram, moment))
+
+
+def test_instruments_are_right_where_least_squares_is_not():
+    regressors, target, instruments = make_segments(count=2000, own=0.5, white=1.0)
+    once = np.full((1, 2000), 1 / 2000)
+
+    right = fit_segments(regressors, target, instruments, resampling=once)
+    wrong = fit_segments(regressors, target, regressors, resampling=once)
+
+    assert right.values == pytest.approx(COEFFICIENTS, rel=0.02)
+    assert np.abs(wrong.values / COEFFICIENTS - 1.0).max() > 0.02
+
+
+def test_slow_variation_of_the_realisations_hardly_counts():
+    found = [make_segments(seed, own=3.0) for seed in range(40)]
+    once = np.full((1, 80), 1 / 80)
+
+    weighed = np.std([fit_segments(*one, resampling=once).values for one in found], axis=0)
+    alike = np.std([slow_fit(*one, [np.eye(9)] * 2) for one in found], axis=0)
+
+    assert np.all(weighed < 0.5 * alike)
+
+
+def test_the_spread_of_the_replicates_is_that_of_new_ensembles():
+    weights = resample_weights(80, 400, np.random.default_rng(0))
+
+    fits = [fit_segments(*make_segments(seed), resampling=weights) for seed in range(60)]
+
+    scatter = np.std([f.values for f in fits], axis=0)
+    assert np.mean([f.replicates.std(axis=0) for f in fits], axis=0) == pytest.approx(
+        scatter, rel=0.3
+    )
+
+
+def test_regressors_that_are_one_another_are_refused():
+    regressors, target, _ = make_segments()
+    twice = np.concatenate([regressors, 2.0 * regressors[:, :, :1]], axis=2)
+
+    with pytest.raises(ValueError, match="singular"):
+        fit_segments(twice, target, twice, resampling=np.full((1, 80), 1 / 80))
+
+
+def test_a_regressor_that_stands_still_is_refused():
+    regressors, target, instruments = make_segments()
+    regressors[:, :, 1] = 0.0
+
+    with pytest.raises(ValueError, match="does not vary"):
+        fit_segments(regressors, target, instruments, resampling=np.full((1, 80), 1 / 80))
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    regressors, target, instruments = make_segments()
+
+    with pytest.raises(ValueError, match="expected regressors and instruments"):
+        fit_segments(regressors, target[:-1], instruments, resampling=np.full((1, 80), 1 / 80))

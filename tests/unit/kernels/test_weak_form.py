@@ -1,0 +1,119 @@
+"""The integrated equation against derivatives by hand and against noise of known size."""
+
+import numpy as np
+import pytest
+
+from jointz.kernels.weak_form import (
+    TestFunctions,
+    bumps,
+    weak_equations,
+    weak_fit,
+    weak_system,
+    whitening,
+)
+
+STEP_S = 1e-3
+N = 140
+TRUTH = np.array([50.0, 1.5, 0.05])
+T = np.arange(N) * STEP_S
+
+
+def motion() -> np.ndarray:
+    """Return angle, velocity, acceleration of a sum of two Gaussian bumps, (3, N)."""
+    total = np.zeros((3, N))
+    for centre, width, height in ((0.05, 0.015, 0.2), (0.09, 0.025, -0.1)):
+        z = (T - centre) / width
+        g = height * np.exp(-(z**2) / 2)
+        total += [g, -g * z / width, g * (z**2 - 1) / width**2]
+    return total
+
+
+@pytest.fixture(scope="module")
+def functions() -> TestFunctions:
+    return bumps(N, step_s=STEP_S)
+
+
+def test_test_functions_are_orthonormal_and_vanish_with_their_slopes_at_the_ends(functions):
+    value = functions.value / STEP_S
+    np.testing.assert_allclose(value @ value.T, np.eye(len(value)), atol=1e-8)
+    for rows in (functions.value, functions.slope, functions.curvature):
+        assert np.abs(rows[:, [0, -1]]).max() <= 1e-12 * np.abs(rows).max()
+
+
+def test_derivatives_are_those_of_finite_differences():
+    fine = bumps(10 * N, step_s=STEP_S / 10)
+    slope = np.gradient(fine.value, STEP_S / 10, axis=1)
+    curvature = np.gradient(fine.slope, STEP_S / 10, axis=1)
+    for mine, naive in ((fine.slope, slope), (fine.curvature, curvature)):
+        assert np.abs(mine - naive).max() < 5e-3 * np.abs(mine).max()
+
+
+def test_integration_by_parts_replaces_derivatives_of_the_motion(functions):
+    angle, velocity, acceleration = motion()
+    X, _ = weak_system(angle, np.zeros(N), functions)
+    for column, signal in enumerate((angle, velocity, acceleration)):
+        direct = functions.value @ signal
+        np.testing.assert_allclose(X[:, column], direct, atol=2e-4 * np.abs(direct).max())
+
+
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_coarse_samples_leave_out_the_narrow_bumps_and_keep_the_integrals(every):
+    coarse = bumps(T[::every].size, step_s=every * STEP_S)
+    angle, velocity, acceleration = motion()[:, ::every]
+    X, _ = weak_system(angle, np.zeros(angle.size), coarse)
+    for column, signal in enumerate((angle, velocity, acceleration)):
+        direct = coarse.value @ signal
+        np.testing.assert_allclose(X[:, column], direct, atol=2e-3 * np.abs(direct).max())
+
+
+def test_a_joint_comes_back_without_any_derivative(functions):
+    signals = motion()
+    torque = TRUTH @ signals
+    whitener = weak_fit(signals[0], torque, functions, noise_sd=(1e-3, 0.01))
+    gram, moment = weak_equations(signals[:1], torque[None], functions, whitener, angle_sd=0.0)
+    np.testing.assert_allclose(np.linalg.solve(gram[0], moment[0]), TRUTH, rtol=1e-4)
+
+
+def test_whitened_noise_has_unit_covariance(functions):
+    noise_sd = (2e-3, 0.1)
+    rng = np.random.default_rng(0)
+    angle = noise_sd[0] * rng.standard_normal((20_000, N))
+    torque = noise_sd[1] * rng.standard_normal((20_000, N))
+    X, y = weak_system(angle, torque, functions)
+    white = (y - X @ TRUTH) @ whitening(TRUTH, functions, noise_sd=noise_sd).T
+
+    covariance = white.T @ white / len(white)
+    # The sd of an entry is 0.7 % off the diagonal, 1 % on it.
+    np.testing.assert_allclose(covariance, np.eye(len(covariance)), atol=0.05)
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_noise_of_the_angle_pulls_towards_zero_unless_it_is_taken_out(functions, corrected):
+    signals = motion()
+    torque = TRUTH @ signals
+    sd = 4e-3
+    rng = np.random.default_rng(1)
+    angles = signals[0] + sd * rng.standard_normal((4000, N))
+    whitener = weak_fit(signals[0], torque, functions, noise_sd=(sd, 1e-3))
+    gram, moment = weak_equations(
+        angles,
+        np.broadcast_to(torque, angles.shape),
+        functions,
+        whitener,
+        angle_sd=sd if corrected else 0.0,
+    )
+    # Means of the products: what many pulses would give.
+    found = np.linalg.solve(gram.mean(axis=0), moment.mean(axis=0))
+    error = found / TRUTH - 1.0
+    assert (np.abs(error) < 0.002).all() == corrected
+    if not corrected:
+        assert error[2] < -0.005
+
+
+def test_impossible_requests_are_refused(functions):
+    with pytest.raises(ValueError, match="at least 26 samples"):
+        bumps(25, step_s=STEP_S)
+    with pytest.raises(ValueError, match="of 140 samples"):
+        weak_system(np.zeros(100), np.zeros(100), functions)
+    with pytest.raises(ValueError, match="noise >= 0"):
+        whitening(TRUTH, functions, noise_sd=(0.0, 0.0))
