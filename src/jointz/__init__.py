@@ -13,16 +13,20 @@ if TYPE_CHECKING:
     from jointz.identify.dither_stiffness import identify_dither_stiffness
     from jointz.identify.joint import identify_joint
     from jointz.identify.paired_runs import identify_paired_runs
+    from jointz.identify.phase_curve import phase_curve
     from jointz.identify.static_stiffness import identify_static_stiffness
     from jointz.identify.time_varying import identify_time_varying
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
+    from jointz.workflows.certificate import certify
     from jointz.workflows.run import run
+    from jointz.workflows.specification import specification_curve
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "analyze": "jointz.workflows.analysis",
+    "certify": "jointz.workflows.certificate",
     "identify_actuator": "jointz.identify.actuator",
     "identify_bandwidth": "jointz.identify.bandwidth",
     "identify_dither_stiffness": "jointz.identify.dither_stiffness",
@@ -31,12 +35,15 @@ _HOMES = {
     "identify_static_stiffness": "jointz.identify.static_stiffness",
     "identify_time_varying": "jointz.identify.time_varying",
     "open_study": "jointz.io.study",
+    "phase_curve": "jointz.identify.phase_curve",
     "run": "jointz.workflows.run",
+    "specification_curve": "jointz.workflows.specification",
 }
 
 __all__ = [
     "__version__",
     "analyze",
+    "certify",
     "identify_actuator",
     "identify_bandwidth",
     "identify_dither_stiffness",
@@ -45,7 +52,9 @@ __all__ = [
     "identify_static_stiffness",
     "identify_time_varying",
     "open_study",
+    "phase_curve",
     "run",
+    "specification_curve",
 ]
 
 

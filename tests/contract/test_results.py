@@ -24,14 +24,17 @@ import jointz
 import jointz.core
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.bench_fits import FullRecordFit, PulseFit
+from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.paired_runs_fit import PairedRunsFit
+from jointz.core.phase_curve import CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
 from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 from jointz.core.reproduction import Compared, ComparedTable, Reproduction
 from jointz.core.run_report import RunReport
+from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
 
 # --- examples ------------------------------------------------------------------------------------
 
@@ -293,6 +296,39 @@ def reproduction() -> Reproduction:
     return Reproduction(2, "The bench", (ComparedTable("errors", "Errors", "Why.", rows),))
 
 
+def certificate() -> Certificate:
+    estimates = tuple(
+        VirtualEstimate("S01", replicate, "LRE", name, truth, value, low, high, status)
+        for replicate, name, truth, value, low, high, status in (
+            (0, "stiffness", 100.0, 104.0, 95.0, 113.0, "ok"),
+            (1, "stiffness", 90.0, None, None, None, "undecided"),
+            (0, "damping", 3.0, 3.1, 2.8, 3.4, "ok"),
+            (0, "inertia", 0.05, 0.051, 0.047, 0.055, "ok"),
+        )
+    )
+    return Certificate("recommended", expected_errors(estimates), estimates, 1, 2)
+
+
+def specification_curve() -> SpecificationCurve:
+    choices = ("recommended", "predicted", 0.1, None, "pooled")
+    decided = (60.0, 59.0, 61.0, "ok")
+    return SpecificationCurve(
+        "S01",
+        (
+            SpecificationEstimate("LRE", "stiffness", *choices, *decided),
+            SpecificationEstimate("LRE", "stiffness", *choices, None, None, None, "undecided"),
+        ),
+        {"windows_s": [0.1]},
+    )
+
+
+def phase_curve() -> PhaseCurve:
+    point = CurvePoint("LRE", 10.0, 90.0, 80.0, 100.0, True)
+    low, middle, high = (80.0, 20.0, 80.0), (90.0, 40.0, 90.0), (100.0, 60.0, 100.0)
+    band = ParameterBand("S01", "stiffness", middle, low, high, "logarithmic", 15.0, (point,))
+    return PhaseCurve((0.0, 50.0, 100.0), (band,), 0.95, "process", {}, ("note",))
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
     "walking": walking_analysis,
     "bench": bench_analysis,
@@ -316,6 +352,9 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "undecided paired runs": undecided_paired_runs,
     "time-varying": time_varying_fit,
     "chapter": reproduction,
+    "certificate": certificate,
+    "specification curve": specification_curve,
+    "phase curve": phase_curve,
 }
 
 

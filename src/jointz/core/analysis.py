@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from jointz.core.certificate import Certificate
 from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
@@ -82,8 +83,13 @@ class StudyAnalysis:
         Everything found in the recordings, used or not.
     single : tuple of PulseEstimate
         Pulses of a bench, each estimated by itself.
+    pooled : tuple of CellEstimate
+        The chosen method's estimates, each drawn towards those of the others as far as it is
+        uncertain; of walking by the recommended method.
     models : tuple of ParticipantModel
         What the recommended method found about each walker's joint and sensor.
+    certificate : Certificate or None
+        What error to expect in this study; of walking by the recommended method.
     statistics : mapping
         Descriptive statistics: onset accuracy, strides, VAF.
     settings : mapping
@@ -99,7 +105,9 @@ class StudyAnalysis:
     strides: tuple[StrideRecord, ...] = ()
     gaps: tuple[GapRecord, ...] = ()
     single: tuple[PulseEstimate, ...] = ()
+    pooled: tuple[CellEstimate, ...] = ()
     models: tuple[ParticipantModel, ...] = ()
+    certificate: Certificate | None = None
     statistics: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -116,6 +124,10 @@ class StudyAnalysis:
     def comparison_frame(self) -> pd.DataFrame:
         """Return the other methods' estimates in the same columns."""
         return _frame(self.comparison)
+
+    def pooled_frame(self) -> pd.DataFrame:
+        """Return the estimates of people taken together, in the same columns."""
+        return _frame(self.pooled)
 
     def population_frame(self) -> pd.DataFrame:
         """Return the means over people."""
@@ -206,7 +218,9 @@ class StudyAnalysis:
             "strides": [asdict(s) for s in self.strides],
             "gaps": [asdict(g) for g in self.gaps],
             "single": [asdict(p) for p in self.single],
+            "pooled": [c.to_dict() for c in self.pooled],
             "models": [m.to_dict() for m in self.models],
+            "certificate": self.certificate.to_dict() if self.certificate else None,
             "statistics": dict(self.statistics),
             "settings": dict(self.settings),
             "provenance": dict(self.provenance),
@@ -228,6 +242,7 @@ class StudyAnalysis:
         """
         if data.get("schema") != SCHEMA:
             raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
+        certificate = data.get("certificate")
         return cls(
             cells=tuple(CellEstimate.from_dict(c) for c in data["cells"]),
             comparison=tuple(CellEstimate.from_dict(c) for c in data["comparison"]),
@@ -236,7 +251,9 @@ class StudyAnalysis:
             strides=tuple(StrideRecord(**s) for s in data["strides"]),
             gaps=tuple(GapRecord(**g) for g in data["gaps"]),
             single=tuple(PulseEstimate(**p) for p in data.get("single", ())),
+            pooled=tuple(CellEstimate.from_dict(c) for c in data.get("pooled", ())),
             models=tuple(ParticipantModel.from_dict(m) for m in data.get("models", ())),
+            certificate=Certificate.from_dict(certificate) if certificate else None,
             statistics=data["statistics"],
             settings=data["settings"],
             provenance=data["provenance"],

@@ -270,7 +270,7 @@ def _expected(
     undecided = 100.0 * (1.0 - sum(e.decided for e in estimates) / len(estimates))
     if not fine:
         nothing = dict.fromkeys(ExpectedError.__slots__[4:])
-        return ExpectedError(parameter, timing_point, len(estimates), undecided, **nothing)  # type: ignore[arg-type]
+        return ExpectedError(parameter, timing_point, len(estimates), undecided, **nothing)
     truth = _column(e.truth for e in fine)
     value = _column(e.value for e in fine)
     low, high = _column(e.ci_low for e in fine), _column(e.ci_high for e in fine)

@@ -26,6 +26,9 @@ class Exclusion(StrEnum):
     UNUSUAL_RESPONSE = "unusual_response"
     CONSTANT_ANGLE = "constant_angle"
     CONSTANT_TORQUE = "constant_torque"
+    COPIED_PULSE = "copied_pulse"
+    NO_TORQUE = "no_torque"
+    NO_RESPONSE = "no_response"
     USER = "user"
 
     @property
@@ -56,6 +59,13 @@ class Failure(StrEnum):
     ABOVE_BAND = "above_band"
     MASS_MISSING = "mass_missing"
     TOO_FEW_PARTICIPANTS = "too_few_participants"
+    TORQUE_SATURATED = "torque_saturated"
+    OPPOSITE_SIGN = "opposite_sign"
+    ANGLE_OUT_OF_RANGE = "angle_out_of_range"
+    LAG_OUT_OF_RANGE = "lag_out_of_range"
+    OUT_OF_STEP = "out_of_step"
+    OUTSIDE_RANGE = "outside_range"
+    MODEL_MISFIT = "model_misfit"
 
     @property
     def meaning(self) -> str:
@@ -85,6 +95,9 @@ _EXCLUSION_MEANING = {
     Exclusion.UNUSUAL_RESPONSE: "the response is far from that of all other pulses here",
     Exclusion.CONSTANT_ANGLE: "the measured angle stands still in its window: a dead sensor",
     Exclusion.CONSTANT_TORQUE: "the measured torque stands still in its window: a dead sensor",
+    Exclusion.COPIED_PULSE: "its samples are those of an earlier pulse: a copy",
+    Exclusion.NO_TORQUE: "the measured torque does not follow the command: no pulse was given",
+    Exclusion.NO_RESPONSE: "torque never reached the joint: it did not move as in the others",
     Exclusion.USER: "left out by the study's exclusions.csv",
 }
 
@@ -108,4 +121,12 @@ _FAILURE_MEANING = {
     Failure.ABOVE_BAND: "the gain has not fallen where the command still excites",
     Failure.MASS_MISSING: "values per kg need the participant's mass_kg in study.toml",
     Failure.TOO_FEW_PARTICIPANTS: "an interval over people needs at least two of them",
+    Failure.TORQUE_SATURATED: "the torque stands at one largest value below the command: a clipped "
+    "sensor, or a motor at its limit; give the torque reached as amplitude if it is the motor",
+    Failure.OPPOSITE_SIGN: "the joint moves against the torque: a sign is wrong (torque_acts_on)",
+    Failure.ANGLE_OUT_OF_RANGE: "the angle spans more than half a turn: degrees taken for rad?",
+    Failure.LAG_OUT_OF_RANGE: "the angle is later than 30 ms, or not as late as calibrated",
+    Failure.OUT_OF_STEP: "torque out of step: motion comes before it, or it comes without command",
+    Failure.OUTSIDE_RANGE: "stiffness or damping beyond what any joint has: units, or no contact",
+    Failure.MODEL_MISFIT: "no joint behind a late sensor explains the response within its noise",
 }

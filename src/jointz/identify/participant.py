@@ -16,6 +16,7 @@ from jointz.identify.cells import METHODS
 from jointz.identify.sources import ParticipantSettings, RecordingInput, Source, prepare_sources
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.walking_estimator import WalkingEstimator
+from jointz.identify.walking_evidence import Evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,8 @@ class ParticipantResult:
         Every one found.
     model : ParticipantModel or None
         What the recommended method found about joint and sensor.
+    evidence : Evidence or None
+        What it explained, and by what.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -40,6 +43,7 @@ class ParticipantResult:
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
     model: ParticipantModel | None = None
+    evidence: Evidence | None = None
 
 
 def analyze_participant(
@@ -71,6 +75,7 @@ def analyze_participant(
     pulses: dict[str, list[PulseRecord]] = {}
     single: tuple[PulseEstimate, ...] = ()
     model: ParticipantModel | None = None
+    evidence: Evidence | None = None
     for name in settings.methods:
         estimator = _estimator(name, participant, sources, settings)
         candidates = assign_pulses(
@@ -83,7 +88,7 @@ def analyze_participant(
         cells[name], pulses[name] = estimator.run(candidates)
         single = single or estimator.single
         if isinstance(estimator, WalkingEstimator):
-            model = estimator.model
+            model, evidence = estimator.model, estimator.evidence
     return ParticipantResult(
         cells=cells,
         single=single,
@@ -91,6 +96,7 @@ def analyze_participant(
         strides=tuple(_stride_records(participant, sources, settings)),
         gaps=tuple(_gap_records(participant, sources)),
         model=model,
+        evidence=evidence,
     )
 
 

@@ -1,5 +1,7 @@
 """A recording as it was sampled, on an even clock, for estimators that model sensors and noise."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 
@@ -14,17 +16,33 @@ from jointz.kernels.filtering import shortest_record
 RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
 #: Faster recordings are averaged down to about this: a leg has nothing to say above.
 _RATE_HZ = 500.0
+_SAME_RATE = 1e-3
 _MOTOR_MOTION = ("motor_velocity", "motor_angle")
 _INTRINSIC = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
 
 
-def raw_signals(source: Source) -> Conditioned:
+def common_rate_hz(sources: Sequence[Source]) -> float:
+    """Return the rate that all perturbed recordings of a participant can be brought to.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The participant's recordings.
+    """
+    perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
+    rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
+    return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
+
+
+def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditioned:
     """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
 
     Parameters
     ----------
     source : Source
         A recording made ready.
+    target_hz : float, optional
+        Rate that is wanted; by default the recording's own, or 500 Hz where that is more.
 
     Returns
     -------
@@ -38,16 +56,17 @@ def raw_signals(source: Source) -> Conditioned:
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
     rows = _rows(source)
-    every = max(1, round(rate / _RATE_HZ))
+    wanted = target_hz or rate / max(1, round(rate / _RATE_HZ))
+    every = max(1, round(rate / wanted))
     runs = []
     for part in stretches(time, np.isfinite(rows[:COMMAND]).all(axis=0)):
         if part.stop - part.start < max(2 * every, shortest_record()):
             continue
         even, signals = resample_stretch(time[part], rows[:, part], step_s=1.0 / rate)
-        runs.append(_averaged(even, signals, every))
+        runs.append(_at_rate(_averaged(even, signals, every), rate / every, wanted))
     return Conditioned(
         stretches=tuple(runs),
-        rate_hz=rate / every,
+        rate_hz=wanted,
         guard_s=0.0,
         start_s=float(time[0]),
         end_s=float(time[-1]),
@@ -122,6 +141,17 @@ def _averaged(time: np.ndarray, signals: np.ndarray, every: int) -> Stretch:
     n = time.size // every
     blocks = signals[:, : n * every].reshape(len(signals), n, every)
     return Stretch(time[: n * every].reshape(n, every).mean(axis=1), blocks.mean(axis=2))
+
+
+def _at_rate(stretch: Stretch, rate: float, wanted: float) -> Stretch:
+    """Bring signals to another rate, straight between samples, where it differs enough to matter.
+
+    Windows are counted in samples: 1 ms late at the end of a long one is a rate 0.5 % off.
+    """
+    if abs(rate / wanted - 1.0) < _SAME_RATE:
+        return stretch
+    time = np.arange(stretch.time[0], stretch.time[-1], 1.0 / wanted)
+    return Stretch(time, np.stack([np.interp(time, stretch.time, row) for row in stretch.signals]))
 
 
 def _value(entry: Calibrated | None, default: float) -> float:

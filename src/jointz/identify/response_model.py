@@ -13,40 +13,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.kernels.joint_response import (
-    DAMPING,
-    DAMPING_SLOPE,
-    INERTIA,
-    MOTION,
-    SHARE,
-    STIFFNESS,
-    STIFFNESS_SLOPE,
-    joint_motion,
-    sensed,
+from jointz.kernels.joint_response import joint_motion, sensed
+from jointz.kernels.response_search import (
+    B_FLOOR,
+    DELAY,
+    FRICTION_GAIN,
+    J_DEVIATION,
+    K_FLOOR,
+    LAG,
+    LOG_J,
+    LOG_RESONANCE,
+    PER_POINT,
+    RESONANCE_DAMPING,
+    SHARED,
+    B,
+    Frame,
+    K,
+    Responses,
+    point_response,
+    prior_curvature,
+    search,
 )
-
-#: Parameters of a timing point: K, change of K over the window over a size of K, B, its change,
-#: deviation of the logarithm of J.
-PER_POINT = 5
-K, K_DRIFT, B, B_DRIFT, J_DEVIATION = range(PER_POINT)
-#: Shared parameters, behind those of the points.
-SHARED = 7
-LOG_J, LAG, DELAY, FRICTION_GAIN, CROSS_TALK, LOG_RESONANCE, RESONANCE_DAMPING = range(SHARED)
 
 _SUBSTEP_S = 1e-3
 _PASSES, _FIRST_PASSES = 40, 30
-_SMALL_CHANGE = 1e-3
-_HOPELESS = 1e8
-#: Derivatives this large are those of a simulation that has left all bounds.
-_BEYOND = 1e9
 #: White noise added to that of the data before it is inverted, share of its mean variance.
 _EVEN_SHARE = 1e-3
-#: Smallest sizes by which drifts of K and B are measured.
-_FLOOR = np.array([8.0, 0.3])
-#: Over which part of the cycle the curve through the timing points is alike, about their distance.
+#: Over which part of the cycle the curve through the timing points is alike: about their
+#: distance.
 _CURVE_CYCLES = 0.16
 _ANY_LEVEL, _CURVE_NUGGET = 10.0, 1e-4
-_LAG_STEP_S, _RESONANCE_STEP = 2e-4, 0.01
 #: What the search may reach: parameters of a point, then the shared ones.
 _POINT_RANGE = np.array([[-500.0, 5000.0], [-3, 3], [-5.0, 100.0], [-3, 3], [-1.5, 1.5]])
 _SHARED_RANGE = np.array(
@@ -242,18 +238,6 @@ class Posterior:
         return float(self.shared[FRICTION_GAIN])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Step:
-    """Cost, curvature and gradient at some parameters."""
-
-    cost: float
-    chi_square: float
-    curvature: np.ndarray
-    descent: np.ndarray
-    jacobians: list[np.ndarray]
-    fitted: list[np.ndarray]
-
-
 class ResponseModel:
     """Finds the posterior mode under one hypothesis.
 
@@ -277,17 +261,26 @@ class ResponseModel:
         *,
         window_s: float,
     ) -> None:
+        n = len(cells)
         self._cells = cells
         self._hypothesis = hypothesis
-        self._priors = priors
         self._window_s = window_s
-        self._weights = [cell.weights() for cell in cells]
-        self._mean, self._sd = _prior_moments(priors, hypothesis, len(cells))
-        self._slope_map = _slope_map(cells) if hypothesis.follows_curve else None
-        self._size = np.tile(np.array([50.0, 2.5]), (len(cells), 1))
-        self._middle = np.tile(np.array([0.62, 0.5, 0.4]) * window_s, (len(cells), 1))
-        low, high = np.vstack([np.tile(_POINT_RANGE, (len(cells), 1)), _SHARED_RANGE]).T
-        self._low, self._high = low, high
+        self._responses = _padded(cells)
+        mean, sd = _prior_moments(priors, hypothesis, n)
+        low, high = np.vstack([np.tile(_POINT_RANGE, (n, 1)), _SHARED_RANGE]).T
+        curves = hypothesis.follows_curve
+        self._frame = Frame(
+            mean=mean,
+            sd=sd,
+            low=np.ascontiguousarray(low),
+            high=np.ascontiguousarray(high),
+            late_s=np.array(priors.lag_s),
+            middle_s=np.tile(np.array([0.62, 0.5, 0.4]) * window_s, (n, 1)),
+            size_per_s=np.tile(np.array([50.0, 2.5]) / window_s, (n, 1)),
+            slope_map=_slope_map(cells) if curves else np.zeros((n, n)),
+            curves=curves,
+            resonance=hypothesis.resonance,
+        )
 
     def fit(self, start: np.ndarray) -> Posterior:
         """Return the posterior mode, from a start that may be far off.
@@ -297,7 +290,7 @@ class ResponseModel:
         start : (p,) float
             Where to begin; see :meth:`start`.
         """
-        values, _ = self._search(start, _FIRST_PASSES)
+        values, _, _ = search(start, self._responses, self._frame, _FIRST_PASSES)
         return self.refine(values)
 
     def refine(self, start: np.ndarray) -> Posterior:
@@ -309,8 +302,8 @@ class ResponseModel:
             Parameters over the same points.
         """
         self._refer(start)
-        values, step = self._search(start, _PASSES)
-        return self._posterior(values, step)
+        values, cost, curvature = search(start, self._responses, self._frame, _PASSES)
+        return self._posterior(values, cost, curvature)
 
     def start(self, *, inertia: float) -> np.ndarray:
         """Return parameters to begin a search from.
@@ -320,43 +313,23 @@ class ResponseModel:
         inertia : float, kg*m^2
             Of all points.
         """
-        values = self._mean.copy()
-        n = len(self._cells)
-        points = values[:-SHARED].reshape(n, PER_POINT)
+        values = self._frame.mean.copy()
+        points = values[:-SHARED].reshape(-1, PER_POINT)
         points[:, K], points[:, B] = 40.0, 2.0
-        lag, delay = self._priors.lag_s[0], self._priors.delay_s[0]
         values[-SHARED + LOG_J] = np.log(inertia)
-        values[-SHARED + LAG] = max(lag - delay, 1e-3)
+        values[-SHARED + LAG] = max(self._frame.late_s[0] - values[-SHARED + DELAY], 1e-3)
         return values
-
-    def _search(self, values: np.ndarray, passes: int) -> tuple[np.ndarray, _Step]:
-        """Minimise by Levenberg and Marquardt's method, inside the range."""
-        values = np.clip(values, self._low, self._high)
-        here = self._evaluate(values)
-        damping = 1e-3
-        for _ in range(passes):
-            scaled = here.curvature + damping * np.diag(np.diag(here.curvature))
-            new = np.clip(values + np.linalg.solve(scaled, here.descent), self._low, self._high)
-            there = self._evaluate(new)
-            if np.isfinite(there.cost) and there.cost <= here.cost:
-                done = here.cost - there.cost < _SMALL_CHANGE
-                values, here, damping = new, there, max(damping / 6.0, 1e-10)
-                if done:
-                    break
-            else:
-                damping = max(10.0 * damping, 1e-6)
-                if damping > _HOPELESS:
-                    break
-        return values, here
 
     def _refer(self, values: np.ndarray) -> None:
         """Measure drifts by the K and B found, and give K, B, J at the middle of their weight."""
         points = values[:-SHARED].reshape(-1, PER_POINT)
-        self._size = np.maximum(np.abs(points[:, [K, B]]), _FLOOR)
+        sizes = np.maximum(np.abs(points[:, [K, B]]), (K_FLOOR, B_FLOOR))
+        middles = self._frame.middle_s.copy()
         for i, cell in enumerate(self._cells):
             found = self._middle_of(cell, points[i], values[-SHARED:])
             if found is not None:
-                self._middle[i] = found
+                middles[i] = found
+        self._frame = self._frame._replace(size_per_s=sizes / self._window_s, middle_s=middles)
 
     def _middle_of(
         self, cell: CellResponse, point: np.ndarray, shared: np.ndarray
@@ -387,140 +360,58 @@ class ResponseModel:
             middles.append(float(weight @ times / total))
         return np.array(middles)
 
-    def _slopes(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return slopes of K and B along the curve, (2, n), and their derivatives, (2, n, n)."""
-        n = len(self._cells)
-        if self._slope_map is None:
-            return np.zeros((2, n)), np.zeros((2, n, n))
-        slopes, turns = [], []
-        for column, floor in ((K, _FLOOR[0]), (B, _FLOOR[1])):
-            size = np.maximum(points[:, column], floor)
-            relative = self._slope_map @ np.log(size)
-            slopes.append(size * relative)
-            turn = np.diag(relative) + size[:, None] * self._slope_map / size
-            turns.append(turn * (points[:, column] > floor))
-        return np.array(slopes), np.array(turns)
-
-    def _evaluate(self, values: np.ndarray) -> _Step:
-        off = (values - self._mean) / self._sd
-        curvature, descent = np.diag(1.0 / self._sd**2), -off / self._sd
-        cost = float(off @ off)
-        # The sum of lag and delay is what a calibration tells of.
-        mean, sd = self._priors.lag_s
-        both = np.zeros(values.size)
-        both[-SHARED + LAG] = both[-SHARED + DELAY] = 1.0 / sd
-        late = float(both @ values) - mean / sd
-        cost += late**2
-        curvature += np.outer(both, both)
-        descent -= late * both
-        points, shared = values[:-SHARED].reshape(-1, PER_POINT), values[-SHARED:]
-        slopes, turns = self._slopes(points)
-        chi_square = 0.0
-        jacobians: list[np.ndarray] = []
-        fitted: list[np.ndarray] = []
-        for i, cell in enumerate(self._cells):
-            angle, jacobian = self._simulate(i, points[i], shared, slopes[:, i], turns[:, i])
-            if not np.abs(jacobian).max() < _BEYOND:
-                return _Step(np.inf, np.inf, curvature, descent, jacobians, fitted)
-            residual = cell.angle - angle
-            weighted = self._weights[i] @ residual
-            chi_square += float(residual @ weighted)
-            curvature += jacobian.T @ self._weights[i] @ jacobian
-            descent += jacobian.T @ weighted
-            jacobians.append(jacobian)
-            fitted.append(angle)
-        return _Step(cost + chi_square, chi_square, curvature, descent, jacobians, fitted)
-
-    def _simulate(
-        self,
-        i: int,
-        point: np.ndarray,
-        shared: np.ndarray,
-        slopes: np.ndarray,
-        turns: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angle of a point and its derivatives with respect to all parameters."""
-        cell = self._cells[i]
-        size = self._size[i] / self._window_s
-        inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
-        drift_K = point[K_DRIFT] * size[0] + slopes[0]
-        drift_B = point[B_DRIFT] * size[1] + slopes[1]
-        impedance = np.array([point[K], drift_K, point[B], drift_B, inertia, 0.0])
-        gain = shared[FRICTION_GAIN]
-        substeps = max(1, int(np.ceil(cell.period_s / _SUBSTEP_S)))
-        motion = joint_motion(
-            cell.torque, gain, impedance, self._middle[i], cell.period_s, substeps
-        )
-        step_s = cell.period_s / substeps
-        shown = self._sensed(motion, shared, step_s, cell)
-        total = cell.torque[0] + gain * cell.torque[1]
-        angle = shown[:, MOTION] + shared[CROSS_TALK] * total
-        n = len(self._cells)
-        jacobian = np.zeros((angle.size, PER_POINT * n + SHARED))
-        own, common = jacobian[:, PER_POINT * i :], jacobian[:, PER_POINT * n :]
-        jacobian[:, K : PER_POINT * n : PER_POINT] = np.outer(shown[:, STIFFNESS_SLOPE], turns[0])
-        jacobian[:, B : PER_POINT * n : PER_POINT] = np.outer(shown[:, DAMPING_SLOPE], turns[1])
-        own[:, K] += shown[:, STIFFNESS]
-        own[:, B] += shown[:, DAMPING]
-        own[:, K_DRIFT] = shown[:, STIFFNESS_SLOPE] * size[0]
-        own[:, B_DRIFT] = shown[:, DAMPING_SLOPE] * size[1]
-        own[:, J_DEVIATION] = common[:, LOG_J] = shown[:, INERTIA] * inertia
-        common[:, FRICTION_GAIN] = shown[:, SHARE] + shared[CROSS_TALK] * cell.torque[1]
-        common[:, CROSS_TALK] = total
-        for place, change in self._sensor_steps():
-            moved = shared.copy()
-            moved[place] += change
-            other = self._sensed(motion[:, :1], moved, step_s, cell)[:, 0]
-            common[:, place] = (other - shown[:, MOTION]) / change
-        return angle, jacobian
-
-    def _sensor_steps(self) -> list[tuple[int, float]]:
-        """Return by how much parameters of the sensor are moved to see what they do."""
-        steps = [(LAG, _LAG_STEP_S), (DELAY, _LAG_STEP_S)]
-        if self._hypothesis.resonance:
-            steps += [(LOG_RESONANCE, _RESONANCE_STEP), (RESONANCE_DAMPING, _RESONANCE_STEP)]
-        return steps
-
-    def _sensed(
-        self, motion: np.ndarray, shared: np.ndarray, step_s: float, cell: CellResponse
-    ) -> np.ndarray:
-        return sensor_reading(
-            motion,
-            shared,
-            step_s=step_s,
-            samples_s=cell.samples_s,
-            resonance=self._hypothesis.resonance,
-        )
-
-    def _posterior(self, values: np.ndarray, step: _Step) -> Posterior:
-        bread = np.linalg.inv(step.curvature)
-        gains = [
-            bread @ jacobian.T @ weight
-            for jacobian, weight in zip(step.jacobians, self._weights, strict=True)
-        ]
-        information = sum(
-            jacobian.T @ weight @ jacobian
-            for jacobian, weight in zip(step.jacobians, self._weights, strict=True)
-        )
-        precision = step.curvature - information
+    def _posterior(self, values: np.ndarray, cost: float, curvature: np.ndarray) -> Posterior:
+        frame = self._frame
+        bread, precision = np.linalg.inv(curvature), prior_curvature(frame)
         covariance = bread @ precision @ bread
-        for gain, cell in zip(gains, self._cells, strict=True):
+        gains, fitted, chi_square = [], [], 0.0
+        for i, cell in enumerate(self._cells):
+            n = cell.angle.size
+            angle, derivatives, places = point_response(i, values, self._responses, frame)
+            weights = self._responses.weights[i, :n, :n]
+            jacobian = np.zeros((n, values.size))
+            for place, column in zip(places, derivatives.T, strict=True):
+                jacobian[:, place] += column
+            gain = bread @ jacobian.T @ weights
             covariance += gain @ cell.noise @ gain.T
-        free = np.log(self._sd).sum() + np.log(self._priors.lag_s[1])
-        evidence = -0.5 * step.cost - 0.5 * np.linalg.slogdet(step.curvature)[1] - free
-        evidence += np.log(self._hypothesis.chance)
+            residual = cell.angle - angle
+            chi_square += float(residual @ weights @ residual)
+            gains.append(gain)
+            fitted.append(angle)
+        free = np.log(frame.sd).sum() + np.log(frame.late_s[1])
+        evidence = -0.5 * cost - 0.5 * np.linalg.slogdet(curvature)[1] - free
         return Posterior(
             hypothesis=self._hypothesis,
             values=values,
             covariance=covariance,
             bread=bread,
             prior_precision=precision,
-            log_evidence=float(evidence),
+            log_evidence=float(evidence + np.log(self._hypothesis.chance)),
             gains=tuple(gains),
-            fitted=tuple(step.fitted),
-            middle_s=self._middle.copy(),
-            chi_square=step.chi_square,
+            fitted=tuple(fitted),
+            middle_s=frame.middle_s.copy(),
+            chi_square=chi_square,
         )
+
+
+def _padded(cells: Sequence[CellResponse]) -> Responses:
+    """Return responses in arrays of one width."""
+    n, widest = len(cells), max(cell.angle.size for cell in cells)
+    angle, torque = np.zeros((n, widest)), np.zeros((n, 2, widest))
+    weights = np.zeros((n, widest, widest))
+    for i, cell in enumerate(cells):
+        m = cell.angle.size
+        angle[i, :m], torque[i, :, :m] = cell.angle, cell.torque
+        weights[i, :m, :m] = cell.weights()
+    periods = np.array([cell.period_s for cell in cells])
+    return Responses(
+        angle=angle,
+        torque=torque,
+        weights=weights,
+        samples=np.array([cell.angle.size for cell in cells]),
+        period_s=periods,
+        substeps=np.maximum(1, np.ceil(periods / _SUBSTEP_S)).astype(np.int64),
+    )
 
 
 def response_to_kick(posterior: Posterior, i: int, *, period_s: float, n: int) -> np.ndarray:

@@ -6,6 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointz.identify.response_model import (
+    CellResponse,
+    Hypothesis,
+    Posterior,
+    Priors,
+    ResponseModel,
+)
+from jointz.kernels.response_search import (
     B_DRIFT,
     CROSS_TALK,
     DELAY,
@@ -19,12 +26,7 @@ from jointz.identify.response_model import (
     RESONANCE_DAMPING,
     SHARED,
     B,
-    CellResponse,
-    Hypothesis,
     K,
-    Posterior,
-    Priors,
-    ResponseModel,
 )
 
 #: Inertia as good as one for all points, or a value of each.

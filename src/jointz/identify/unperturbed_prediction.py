@@ -7,7 +7,7 @@ noise of an estimate, with all its correlations.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from zlib import crc32
 
@@ -34,6 +34,8 @@ _COPIES = 2
 _LEAST_SPREAD = 0.004
 _WIDENED = 1.2
 _BLOCKS = 10
+#: Columns of the features: time since the strike, expected stride.
+_ELAPSED, _EXPECTED = -3, -2
 #: Fewer unperturbed strides predict nothing that could be checked.
 FEWEST_STRIDES = 12
 #: A regression wants so many strides a feature.
@@ -78,6 +80,28 @@ class Predicted:
         return int(np.unique(self.strides).size)
 
 
+def join_predictions(parts: Sequence[Predicted]) -> Predicted:
+    """Put the pulses of several recordings together; strides of different ones stay apart.
+
+    Parameters
+    ----------
+    parts : sequence of Predicted
+        One a recording; at least one has a response.
+    """
+    codes = tuple(code for part in parts for code in part.codes)
+    parts = [part for part in parts if len(part.responses)]
+    first = np.cumsum([0, *(int(part.strides.max(initial=-1)) + 1 for part in parts)])
+    return Predicted(
+        responses=np.concatenate([part.responses for part in parts]),
+        misses=np.concatenate([part.misses for part in parts]),
+        strides=np.concatenate(
+            [part.strides + start for part, start in zip(parts, first, strict=False)]
+        ),
+        codes=codes,
+        posture_rad=float(np.mean([part.posture_rad for part in parts])),
+    )
+
+
 class UnperturbedPredictor:
     """Predicts the unperturbed windows of one recording.
 
@@ -113,10 +137,12 @@ class UnperturbedPredictor:
         """
         pulses = self._moments(np.array([c.pulse.onset_s for c in candidates]))
         fine = pulses.valid & np.isfinite(pulses.ratio)
+        middle = _middle(pulses.ratio[fine])
+        pulses = pulses.unwrapped(middle)
         codes = np.array(pulses.codes, dtype=object)
         codes[(codes == "") & ~fine] = Exclusion.NO_BASELINE.value
         n = round(self._window_s * self._signals.rate_hz) + 1
-        virtual = self._virtual(pulses.ratio[fine], label=candidates[0].record.timing_point)
+        virtual = self._virtual(pulses.ratio[fine], middle, label=candidates[0].record.timing_point)
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
             none = np.empty((0, 3, n))
@@ -138,12 +164,11 @@ class UnperturbedPredictor:
             posture_rad=float(virtual.windows[:, RAW_ANGLE].mean()),
         )
 
-    def _virtual(self, ratio: np.ndarray, *, label: str) -> "_Moments | None":
+    def _virtual(self, ratio: np.ndarray, middle: float, *, label: str) -> "_Moments | None":
         """Return virtual onsets spread over the cycle as the pulses are; None where too few."""
         strides = self._strides
         if strides is None or ratio.size == 0 or self._learned.size < FEWEST_STRIDES:
             return None
-        middle = float(np.median(ratio))
         spread = _WIDENED * _TO_SD * float(np.median(np.abs(ratio - middle)))
         rng = np.random.default_rng(crc32(label.encode()))
         share = middle + max(spread, _LEAST_SPREAD) * rng.standard_normal(
@@ -151,7 +176,7 @@ class UnperturbedPredictor:
         )
         starts = strides.start_s[self._learned]
         expected = gait_phase(starts, strides).mean_stride_s
-        found = self._moments((starts + share * expected).ravel())
+        found = self._moments((starts + share * expected).ravel()).unwrapped(middle)
         found = found.of_strides(np.tile(self._learned, _COPIES))
         durations = strides.duration_s[self._learned[:, None] - np.arange(3)]
         even = np.abs(durations / np.median(strides.duration_s) - 1.0) < _STRIDE_BAND
@@ -203,6 +228,17 @@ class _Moments:
     def valid(self) -> np.ndarray:
         whole = np.isfinite(self.windows).all(axis=(1, 2))
         return np.asarray(whole & np.isfinite(self.features).all(axis=1))
+
+    def unwrapped(self, middle: float) -> "_Moments":
+        """Return moments whose time since the strike is that nearest to a point of the cycle.
+
+        About a heel strike some pulses come just before it, a whole stride after the last one:
+        their time is counted from the strike that is due.
+        """
+        whole = np.round(middle - self.ratio)
+        features = self.features.copy()
+        features[:, _ELAPSED] += np.nan_to_num(whole) * features[:, _EXPECTED]
+        return replace(self, features=features, ratio=self.ratio + whole)
 
     def of_strides(self, strides: np.ndarray) -> "_Moments":
         return _Moments(self.onsets_s, self.features, self.windows, self.ratio, self.codes, strides)
@@ -269,6 +305,15 @@ def _learned(virtual: _Moments, curve: _Curve, n: int) -> BlockedRidge:
     sets = sets or [_coarse(virtual.features)]
     fits = [fit_blocked_ridge(f, targets, blocks, judged=slice(0, n, 4)) for f in sets]
     return min(fits, key=lambda fit: float(np.median((fit.left_out[:, :n] ** 2).mean(axis=1))))
+
+
+def _middle(ratio: np.ndarray) -> float:
+    """Return the median point of the cycle, whichever side of a heel strike pulses lie on."""
+    if ratio.size == 0:
+        return np.nan
+    centre = float(np.angle(np.exp(2j * np.pi * ratio).mean()) / (2.0 * np.pi)) % 1.0
+    # A strike that is late by a little leaves more than a stride since the last.
+    return float(np.median(ratio + np.round(centre - ratio)))
 
 
 def _binned(past: np.ndarray, rate: float) -> np.ndarray:

@@ -23,7 +23,16 @@ from jointz.identify.cell_data import dead_signals
 from jointz.identify.cell_estimator import mean_phase
 from jointz.identify.cells import failed_parameters
 from jointz.identify.gravity import corrected_stiffness, gravity_stiffness, hanging_masses
-from jointz.identify.raw_signals import raw_signals, takes_out_intrinsic
+from jointz.identify.pulse_checks import copied_pulses, lame_pulses, stray_pulses
+from jointz.identify.raw_signals import common_rate_hz, raw_signals, takes_out_intrinsic
+from jointz.identify.response_checks import (
+    angle_failure,
+    common_failure,
+    fit_failure,
+    instrument_failure,
+    response_failure,
+    torque_failure,
+)
 from jointz.identify.response_decision import (
     Decision,
     NaturalSize,
@@ -31,22 +40,27 @@ from jointz.identify.response_decision import (
     error_budget,
 )
 from jointz.identify.response_model import CellResponse
-from jointz.identify.response_posterior import (
-    CONSTANT_INERTIA_SD,
-    JointPosterior,
-)
+from jointz.identify.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
 from jointz.identify.sources import ParticipantSettings, Source
-from jointz.identify.unperturbed_prediction import Predicted, UnperturbedPredictor
+from jointz.identify.unperturbed_prediction import (
+    Predicted,
+    UnperturbedPredictor,
+    join_predictions,
+)
+from jointz.identify.walking_evidence import Evidence
 from jointz.identify.walking_responses import (
     LONGEST_LAG_S,
     PredictedCell,
     alike,
+    average_responses,
     explain_responses,
     priors_of,
 )
 
 METHOD = "recommended"
 BASELINE = "predicted"
+#: Where more pulses than this share did not reach the joint, the others hardly did in full.
+_MOST_UNFELT = 0.3
 
 
 class WalkingEstimator:
@@ -69,7 +83,14 @@ class WalkingEstimator:
         self._sources = sources
         self._settings = settings
         self._predictors: dict[int, UnperturbedPredictor] = {}
+        self._unfelt: set[str] = set()
         self._model: ParticipantModel | None = None
+        self._evidence: Evidence | None = None
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What the last run explained, and by what; None where nothing could be."""
+        return self._evidence
 
     @property
     def model(self) -> ParticipantModel | None:
@@ -131,21 +152,26 @@ class WalkingEstimator:
         if not any(len(part.responses) for _, part in parts):
             return self._failed(label, codes), codes
         order = [k for mine, _ in parts for k in mine]
-        joined = _joined([part for _, part in parts])
-        kept = alike(joined)
-        fine = [k for k, code in zip(order, joined.codes, strict=True) if not code]
-        for k, keep in zip(fine, kept, strict=True):
-            codes[k] = "" if keep else Exclusion.UNUSUAL_RESPONSE.value
         chosen = [candidates[k] for k in order]
-        source = self._sources[chosen[0].source]
-        strides = source.strides
+        joined = join_predictions([part for _, part in parts])
+        fine = [k for k, code in zip(order, joined.codes, strict=True) if not code]
+        lame = lame_pulses(joined, self._amplitudes_nm([candidates[k] for k in fine]))
+        if lame.count(Exclusion.NO_RESPONSE.value) > _MOST_UNFELT * len(lame):
+            self._unfelt.add(label)
+        kept = alike(joined, whole=np.array([not code for code in lame], dtype=bool))
+        for k, code, keep in zip(fine, lame, kept, strict=True):
+            codes[k] = code or ("" if keep else Exclusion.UNUSUAL_RESPONSE.value)
+        if not kept.any():
+            return self._failed(label, codes), codes
+        strides = self._sources[chosen[0].source].strides
+        phase = mean_phase([c.record.measured_pct for c in chosen])
         cell = PredictedCell(
             label=label,
             candidates=chosen,
             predicted=joined,
             kept=kept,
             period_s=1.0 / self._predictor(chosen[0].source).rate_hz,
-            phase=(mean_phase([c.record.measured_pct for c in chosen]) or np.nan) / 100.0,
+            phase=np.nan if phase is None else phase / 100.0,
             stride_s=float(np.median(strides.duration_s)) if strides is not None else np.nan,
             posture_rad=joined.posture_rad,
         )
@@ -154,40 +180,90 @@ class WalkingEstimator:
     def _alive(
         self, index: int, mine: list[int], candidates: Sequence[Candidate], codes: list[str]
     ) -> list[int]:
-        """Code pulses whose sensors stand still; return the others."""
+        """Code pulses whose sensors stand still, and copies; return the others."""
         if not mine:
             return mine
-        onsets = np.array([candidates[k].pulse.onset_s for k in mine])
-        windows, _ = self._sources[index].signals.cut(
-            onsets, before_s=0.0, after_s=self._settings.perturbations.window_s
+        pulses = [candidates[k].pulse for k in mine]
+        source, window_s = self._sources[index], self._settings.perturbations.window_s
+        windows, _ = source.signals.cut(
+            np.array([p.onset_s for p in pulses]), before_s=0.0, after_s=window_s
         )
-        for k, dead in zip(mine, dead_signals(windows), strict=True):
-            codes[k] = dead
+        copies = copied_pulses(source.given.recording, pulses, window_s=window_s)
+        for k, dead, copy in zip(mine, dead_signals(windows), copies, strict=True):
+            codes[k] = dead or (Exclusion.COPIED_PULSE.value if copy else "")
         return [k for k in mine if not codes[k]]
+
+    def _amplitudes_nm(self, candidates: Sequence[Candidate]) -> np.ndarray:
+        """Return what was commanded, N*m; NaN where pulses are read off a motion."""
+        motion = self._settings.perturbations.source in ("angle", "reference")
+        return np.array([np.nan if motion else abs(c.pulse.amplitude) for c in candidates])
 
     def _predictor(self, index: int) -> UnperturbedPredictor:
         if index not in self._predictors:
             source = self._sources[index]
             window_s = self._settings.perturbations.window_s + LONGEST_LAG_S
             self._predictors[index] = UnperturbedPredictor(
-                source, raw_signals(source), window_s=window_s
+                source,
+                raw_signals(source, target_hz=common_rate_hz(self._sources)),
+                window_s=window_s,
             )
         return self._predictors[index]
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]
     ) -> dict[str, CellEstimate]:
+        """Estimate the cells that can be; a cell that no joint explains spoils no other."""
         window_s = self._settings.perturbations.window_s
-        known = pooled_calibration(
-            [self._sources[c.source].given.calibration for cell in cells for c in cell.used]
-        )
-        priors = priors_of(known).scaled(self._settings.prior_scale)
-        posterior, responses = explain_responses(cells, priors, window_s=window_s)
-        self._model = _model(self._participant, posterior, cells)
-        return {
+        failures = common_failure({cell.label: self._failure_before(cell) for cell in cells})
+        while left := [cell for cell in cells if failures[cell.label] is None]:
+            known = pooled_calibration(
+                [self._sources[c.source].given.calibration for cell in left for c in cell.used]
+            )
+            priors = priors_of(known).scaled(self._settings.prior_scale)
+            posterior, responses = explain_responses(left, priors, window_s=window_s)
+            self._model = _model(self._participant, posterior, left)
+            late = instrument_failure(posterior, priors, longest_s=LONGEST_LAG_S)
+            found = [late or fit_failure(i, posterior, r) for i, r in enumerate(responses)]
+            failures |= {cell.label: failure for cell, failure in zip(left, found, strict=True)}
+            if late or not any(found):
+                break
+        estimates = {
             cell.label: self._estimate(i, cell, responses[i], posterior, known, counts)
-            for i, cell in enumerate(cells)
+            for i, cell in enumerate(left)
+            if failures[cell.label] is None
         }
+        if estimates:
+            self._evidence = Evidence(
+                participant=self._participant,
+                cells=tuple(left),
+                responses=tuple(responses),
+                posterior=posterior,
+                known=known,
+                subtract_intrinsic=tuple(map(self._intrinsic_left_in, left)),
+                window_s=window_s,
+            )
+        for cell in cells:
+            failure = failures[cell.label]
+            if failure is not None:
+                estimates[cell.label] = self._refused(cell, failure, counts[cell.label])
+        return estimates
+
+    def _failure_before(self, cell: PredictedCell) -> Failure | None:
+        """Return why the pulses of a cell are not worth a fit."""
+        if cell.label in self._unfelt:
+            return Failure.CONSTANT_ANGLE
+        for index in dict.fromkeys(c.source for c in cell.used):
+            recording = self._sources[index].given.recording
+            pulses = [c.pulse for c in cell.used if c.source == index]
+            torque = self._settings.perturbations.source not in ("angle", "reference")
+            clipped = torque_failure(recording, pulses) if torque else None
+            if failure := angle_failure(recording) or clipped:
+                return failure
+        size_nm = float(np.median(self._amplitudes_nm(cell.used)))
+        if stray_pulses(cell.predicted, size_nm):
+            return Failure.OUT_OF_STEP
+        window_s = self._settings.perturbations.window_s
+        return response_failure(average_responses(cell, window_s=window_s))
 
     def _estimate(
         self,
@@ -199,10 +275,9 @@ class WalkingEstimator:
         counts: Mapping[str, int],
     ) -> CellEstimate:
         settings, used = self._settings, cell.used
-        subtract = not takes_out_intrinsic(self._sources[used[0].source].given.recording)
         decision = Decision(
             known=known,
-            subtract_intrinsic=subtract,
+            subtract_intrinsic=self._intrinsic_left_in(cell),
             mass_kg=settings.mass_kg,
             natural=NaturalSize.of(response),
         )
@@ -236,6 +311,11 @@ class WalkingEstimator:
             budget=error_budget(i, posterior, decision),
         )
 
+    def _intrinsic_left_in(self, cell: PredictedCell) -> bool:
+        """Tell whether the device's own impedance is still in the torque of a cell."""
+        recording = self._sources[cell.used[0].source].given.recording
+        return not takes_out_intrinsic(recording)
+
     def _gravity_corrected(
         self,
         cell: PredictedCell,
@@ -258,33 +338,30 @@ class WalkingEstimator:
         return None if gravity is None else corrected_stiffness(stiffness, gravity)
 
     def _failed(self, label: str, codes: Sequence[str]) -> CellEstimate:
+        return self._without_value(label, _why(codes), onset=None, counts=(0, len(codes)))
+
+    def _refused(self, cell: PredictedCell, failure: Failure, n_pulses: int) -> CellEstimate:
+        used = cell.used
+        onset = mean_phase([c.record.measured_pct for c in used])
+        counts = (len(used), n_pulses - len(used))
+        return self._without_value(cell.label, failure, onset=onset, counts=counts)
+
+    def _without_value(
+        self, label: str, failure: Failure, *, onset: float | None, counts: tuple[int, int]
+    ) -> CellEstimate:
         return CellEstimate(
             participant=self._participant,
             timing_point=label,
-            onset_gait_pct=None,
+            onset_gait_pct=onset,
             parameters=failed_parameters(
-                _why(codes), mass_kg=self._settings.mass_kg, wants_per_mass=True
+                failure, mass_kg=self._settings.mass_kg, wants_per_mass=True
             ),
             vaf_pct=None,
-            n_used=0,
-            n_excluded=len(codes),
+            n_used=counts[0],
+            n_excluded=counts[1],
             method=METHOD,
             baseline=BASELINE,
         )
-
-
-def _joined(parts: Sequence[Predicted]) -> Predicted:
-    """Put the pulses of several recordings together; strides of different ones stay apart."""
-    first = np.cumsum([0, *(int(part.strides.max(initial=-1)) + 1 for part in parts)])
-    return Predicted(
-        responses=np.concatenate([part.responses for part in parts]),
-        misses=np.concatenate([part.misses for part in parts]),
-        strides=np.concatenate(
-            [part.strides + start for part, start in zip(parts, first, strict=False)]
-        ),
-        codes=tuple(code for part in parts for code in part.codes),
-        posture_rad=float(np.mean([part.posture_rad for part in parts])),
-    )
 
 
 def _centre(onset_pct: float | None, middle_s: float, stride_s: float) -> float | None:
@@ -329,9 +406,14 @@ def _why(codes: Sequence[str]) -> Failure:
     kinds = set(codes)
     if Exclusion.NO_BASELINE.value in kinds:
         return Failure.NO_UNPERTURBED_STRIDES
-    for dead in (Failure.CONSTANT_ANGLE, Failure.CONSTANT_TORQUE):
-        if dead.value in kinds:
-            return dead
+    for code, failure in (
+        (Exclusion.CONSTANT_ANGLE, Failure.CONSTANT_ANGLE),
+        (Exclusion.CONSTANT_TORQUE, Failure.CONSTANT_TORQUE),
+        (Exclusion.NO_TORQUE, Failure.CONSTANT_TORQUE),
+        (Exclusion.NO_RESPONSE, Failure.CONSTANT_ANGLE),
+    ):
+        if code.value in kinds:
+            return failure
     if kinds == {Exclusion.NO_HEEL_STRIKES.value}:
         return Failure.NO_HEEL_STRIKES
     return Failure.ALL_PULSES_EXCLUDED

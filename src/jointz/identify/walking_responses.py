@@ -14,6 +14,7 @@ from jointz.identify.response_posterior import (
     estimate_responses,
 )
 from jointz.identify.unperturbed_prediction import Predicted
+from jointz.kernels.noise_covariance import shrunk_covariance
 
 #: A lag longer than this is not followed: the window would reach into what the joint does later.
 LONGEST_LAG_S = 0.03
@@ -110,13 +111,16 @@ def _response(
         missed = missed - (misses[:, 1] + posterior.friction_gain * misses[:, 2]) @ lower.T
     spread = np.median(np.abs(missed - np.median(missed, axis=0)), axis=0) * 1.4826
     usual = (np.abs(missed) <= _UNLIKE * spread + 1e-9).all(axis=1)
-    share = 1.0 / len(responses) + 1.0 / cell.predicted.n_strides
+    n_strides = cell.predicted.n_strides
+    share = 1.0 / len(responses) + 1.0 / n_strides
+    # The size of the noise is known from so many strides: variance of Student's t.
+    share *= (n_strides - 1) / (n_strides - 3)
     average = responses.mean(axis=0)
     return CellResponse(
         label=cell.label,
         angle=average[0],
         torque=average[1:],
-        noise=np.cov(missed[usual].T) * share,
+        noise=shrunk_covariance(np.cov(missed[usual].T), n_strides) * share,
         period_s=cell.period_s,
         phase=cell.phase,
         stride_s=cell.stride_s,
@@ -164,23 +168,48 @@ def _responses(
     ]
 
 
-def alike(predicted: Predicted) -> np.ndarray:
+def average_responses(cell: PredictedCell, *, window_s: float) -> CellResponse:
+    """Average the responses of a timing point, before anything is known of its joint.
+
+    Parameters
+    ----------
+    cell : PredictedCell
+        Of the timing point.
+    window_s : float, s
+        Of the motion: the average has room for the longest lag.
+    """
+    return _response(cell, window_s=window_s, lag_s=LONGEST_LAG_S, fit=(None, 0))
+
+
+def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
     """Tell which responses are like the others, by what the prediction usually misses.
 
     Parameters
     ----------
     predicted : Predicted
         Pulses of a timing point.
+    whole : (n_response,) bool, optional
+        Responses that may be; all by default.
 
     Returns
     -------
     (n_response,) bool
-        All, where there are too few to compare.
+        All that may be, where there are too few to compare.
+
+    Notes
+    -----
+    The usual response is the median one, per torque: a pulse of twice the torque moves the joint
+    twice as far and is not unlike for that.
     """
     angles = predicted.responses[:, 0]
-    if len(angles) < _FEWEST_TO_COMPARE:
-        return np.ones(len(angles), dtype=bool)
+    fine = np.ones(len(angles), dtype=bool) if whole is None else whole
+    if fine.sum() < _FEWEST_TO_COMPARE:
+        return fine
+    torque = predicted.responses[:, 1:].sum(axis=1)
+    shape = torque[fine].mean(axis=0)
+    size = torque @ shape / (shape @ shape)
+    usual = np.median(angles[fine] / size[fine, None], axis=0)
     misses = predicted.misses[:, 0]
     spread = 1.4826 * np.median(np.abs(misses - np.median(misses, axis=0)), axis=0)
-    off = np.abs(angles - np.median(angles, axis=0))
-    return np.asarray((off <= _UNLIKE * spread + 1e-9).all(axis=1))
+    off = np.abs(angles - size[:, None] * usual)
+    return np.asarray(fine & (off <= _UNLIKE * spread + 1e-9).all(axis=1))

@@ -132,12 +132,7 @@ def sensed(
     (n, k) float
         Signals are straight between steps, which the filters follow exactly.
     """
-    shown = motion
-    if resonance_hz > 0.0:
-        shown = _second_order(shown, step_s, resonance_hz, damping_ratio)
-    if lag_s > _INSTANT * step_s:
-        shown = _first_order(shown, step_s, lag_s)
-    return _read(shown, samples_s / step_s - delay_s / step_s)
+    return np.asarray(sense(motion, step_s, samples_s, delay_s, lag_s, resonance_hz, damping_ratio))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -197,3 +192,28 @@ def _read(signals: np.ndarray, places: np.ndarray) -> np.ndarray:
         for j in range(k):
             out[i, j] = signals[low, j] + u * (signals[low + 1, j] - signals[low, j])
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sense(
+    motion: np.ndarray,
+    step_s: float,
+    samples_s: np.ndarray,
+    delay_s: float,
+    lag_s: float,
+    resonance_hz: float,
+    damping_ratio: float,
+) -> np.ndarray:
+    """Return what :func:`sensed` returns; for compiled callers.
+
+    Parameters
+    ----------
+    motion, step_s, samples_s, delay_s, lag_s, resonance_hz, damping_ratio
+        As :func:`sensed` takes them.
+    """
+    shown = motion
+    if resonance_hz > 0.0:
+        shown = _second_order(shown, step_s, resonance_hz, damping_ratio)
+    if lag_s > _INSTANT * step_s:
+        shown = _first_order(shown, step_s, lag_s)
+    return _read(shown, samples_s / step_s - delay_s / step_s)

@@ -8,13 +8,14 @@ grid.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 _GRID = 200
 #: The grid of tau: from this share of the smallest error to so often what values and errors span.
 _LOWEST, _HIGHEST = 0.02, 1e4
 _HALVINGS = 48
 _FEWEST = 2
+_TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +46,7 @@ class PartialPooling:
     sd: np.ndarray
 
 
-def partial_pooling(
-    values: np.ndarray, sds: np.ndarray, *, level: float = 0.95
-) -> PartialPooling:
+def partial_pooling(values: np.ndarray, sds: np.ndarray, *, level: float = 0.95) -> PartialPooling:
     r"""Estimate mean and spread over people, and every person's own value given the others.
 
     Parameters
@@ -91,51 +90,39 @@ def partial_pooling(
     """
     known = _checked(values, sds, level)
     y, variance = np.where(known, values, 0.0), np.where(known, sds, 1.0) ** 2
-    n = known.sum(axis=1)
-    tau = _tau_grid(np.where(known, values, np.nan), np.where(known, sds, np.nan), n)
-    # Axes from here on: group, tau, person.
-    weight = known[:, None, :] / (variance[:, None, :] + tau[..., None] ** 2)
-    total = np.maximum(weight.sum(axis=2), np.finfo(float).tiny)
-    mu = (weight * y[:, None, :]).sum(axis=2) / total
-    chance = _posterior(y, weight, total, mu, tau)
-    keep = 1.0 - variance[:, None, :] * weight
-    own = mu[..., None] + keep * (y[:, None, :] - mu[..., None])
-    own_var = variance[:, None, :] * keep + (1.0 - keep) ** 2 / total[..., None]
-    means = np.concatenate([mu[..., None], own], axis=2)
-    spreads = np.sqrt(np.concatenate([1.0 / total[..., None], own_var], axis=2))
+    tau = _tau_grid(values, sds, known)
+    chance, means, variances = _given_tau(y, variance, known, tau)
     tails = (0.5 - level / 2.0, 0.5 + level / 2.0)
-    low, high = (_quantile(means, spreads, chance, tail) for tail in tails)
+    low, high = (mixture_quantile(means, np.sqrt(variances), chance, tail) for tail in tails)
     middle = np.einsum("gt,gtk->gk", chance, means)
-    within = np.einsum("gt,gtk->gk", chance, spreads**2 + (means - middle[:, None, :]) ** 2)
-    alone = n == 1
-    reach = _quantile(np.zeros((1, 1, 1)), np.ones((1, 1, 1)), np.ones((1, 1)), tails[1])[0, 0]
-    shown = known & (n >= 1)[:, None]
-    several = n >= _FEWEST
-    taus = [_grid_quantile(tau, chance, p) for p in (0.5, *tails)]
+    within = np.einsum("gt,gtk->gk", chance, variances + (means - middle[:, None, :]) ** 2)
+    spread, spread_low, spread_high = (_grid_quantile(tau, chance, p) for p in (0.5, *tails))
+    several = known.sum(axis=1) >= _FEWEST
+    reach = float(ndtri(tails[1]))
 
     def people(pooled: np.ndarray, lone: np.ndarray) -> np.ndarray:
-        return np.where(shown, np.where(alone[:, None], lone, pooled), np.nan)
+        return np.asarray(np.where(known, np.where(several[:, None], pooled[:, 1:], lone), np.nan))
 
     def groups(found: np.ndarray) -> np.ndarray:
-        return np.where(several, found, np.nan)
+        return np.asarray(np.where(several, found, np.nan))
 
     return PartialPooling(
         mean=groups(middle[:, 0]),
         mean_low=groups(low[:, 0]),
         mean_high=groups(high[:, 0]),
-        spread=groups(taus[0]),
-        spread_low=groups(taus[1]),
-        spread_high=groups(taus[2]),
-        value=people(middle[:, 1:], values),
-        low=people(low[:, 1:], values - reach * sds),
-        high=people(high[:, 1:], values + reach * sds),
-        sd=people(np.sqrt(within[:, 1:]), sds),
+        spread=groups(spread),
+        spread_low=groups(spread_low),
+        spread_high=groups(spread_high),
+        value=people(middle, values),
+        low=people(low, values - reach * sds),
+        high=people(high, values + reach * sds),
+        sd=people(np.sqrt(within), sds),
     )
 
 
 def _checked(values: np.ndarray, sds: np.ndarray, level: float) -> np.ndarray:
     """Return where there are values."""
-    known = np.isfinite(values)
+    known: np.ndarray = np.isfinite(values)
     if values.ndim != 2 or values.shape != sds.shape or not 0.0 < level < 1.0:
         raise ValueError(
             f"partial_pooling: expected values and sds of one shape (group, person) and 0 < level "
@@ -146,34 +133,78 @@ def _checked(values: np.ndarray, sds: np.ndarray, level: float) -> np.ndarray:
     return known
 
 
-def _tau_grid(values: np.ndarray, sds: np.ndarray, n: np.ndarray) -> np.ndarray:
+def _tau_grid(values: np.ndarray, sds: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the grid of every group, (g, t), even in its logarithm."""
-    there = n > 0
-    filled = np.where(there[:, None], values, 0.0)
-    errors = np.where(there[:, None], sds, 1.0)
-    span = np.nanmax(filled, axis=1) - np.nanmin(filled, axis=1) + np.nanmax(errors, axis=1)
-    low, high = _LOWEST * np.nanmin(errors, axis=1), _HIGHEST * span
+    there = known.any(axis=1)
+
+    def ends(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        lowest = np.where(known, numbers, np.inf).min(axis=1, initial=np.inf)
+        highest = np.where(known, numbers, -np.inf).max(axis=1, initial=-np.inf)
+        return np.where(there, lowest, 1.0), np.where(there, highest, 1.0)
+
+    (least, most), (finest, coarsest) = ends(values), ends(sds)
+    low, high = _LOWEST * finest, _HIGHEST * (most - least + coarsest)
     share = np.linspace(0.0, 1.0, _GRID)
     return np.asarray(np.exp(np.log(low)[:, None] + np.log(high / low)[:, None] * share))
 
 
+def _given_tau(
+    y: np.ndarray, variance: np.ndarray, known: np.ndarray, tau: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what holds at every tau: its probability, (g, t), means and variances, (g, t, 1 + n).
+
+    The mean over people comes first, then their own values.
+    """
+    weight = known[:, None, :] / (variance[:, None, :] + tau[..., None] ** 2)
+    total = np.maximum(weight.sum(axis=2), _TINY)[..., None]
+    mu = (weight * y[:, None, :]).sum(axis=2, keepdims=True) / total
+    off = y[:, None, :] - mu
+    chance = _posterior(off, weight, total[..., 0], tau)
+    shrunk = variance[:, None, :] * weight
+    own = mu + (1.0 - shrunk) * off
+    own_variance = variance[:, None, :] * (1.0 - shrunk) + shrunk**2 / total
+    means = np.concatenate([mu, own], axis=2)
+    return chance, means, np.concatenate([1.0 / total, own_variance], axis=2)
+
+
 def _posterior(
-    y: np.ndarray, weight: np.ndarray, total: np.ndarray, mu: np.ndarray, tau: np.ndarray
+    off: np.ndarray, weight: np.ndarray, total: np.ndarray, tau: np.ndarray
 ) -> np.ndarray:
     """Return the probability of every tau of the grid, (g, t)."""
     there = weight > 0.0
     logs = 0.5 * np.log(np.where(there, weight, 1.0)).sum(axis=2) - 0.5 * np.log(total)
-    logs -= 0.5 * (weight * (y[:, None, :] - mu[..., None]) ** 2).sum(axis=2)
-    logs += 0.5 * np.log(np.maximum((weight**2).sum(axis=2), np.finfo(float).tiny))
-    logs += 2.0 * np.log(tau)  # of Jeffreys' prior, and because the grid is one of log tau
+    logs -= 0.5 * (weight * off**2).sum(axis=2)
+    logs += 0.5 * np.log(np.maximum((weight**2).sum(axis=2), _TINY))
+    logs += 2.0 * np.log(tau)  # one of Jeffreys' prior, one because the grid is of log tau
     chance = np.exp(logs - logs.max(axis=1, keepdims=True))
     return np.asarray(chance / chance.sum(axis=1, keepdims=True))
 
 
-def _quantile(
+def mixture_quantile(
     means: np.ndarray, sds: np.ndarray, chance: np.ndarray, tail: float
 ) -> np.ndarray:
-    """Return a quantile of mixtures of normals over the second axis, by bisection."""
+    """Return a quantile of mixtures of normals, by bisection.
+
+    Parameters
+    ----------
+    means, sds : (g, t, k) float
+        Of the normals; the second axis is that of the mixture.
+    chance : (g, t) float
+        Weights of each mixture; they sum to 1.
+    tail : float
+        Probability below the quantile.
+
+    Returns
+    -------
+    (g, k) float
+        The quantiles.
+
+    Examples
+    --------
+    >>> ones = np.ones((1, 2, 1))
+    >>> mixture_quantile(3.0 * ones, ones, np.full((1, 2), 0.5), 0.975).round(2)
+    array([[4.96]])
+    """
     low = (means - 10.0 * sds).min(axis=1)
     high = (means + 10.0 * sds).max(axis=1)
     for _ in range(_HALVINGS):

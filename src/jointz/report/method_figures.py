@@ -34,6 +34,7 @@ from jointz.report.wording import (
     PARAMETERS,
     SHARED,
     format_count,
+    method_name,
     parameter_label,
     parameter_name,
     pretty_unit,
@@ -195,7 +196,7 @@ def _mean(estimates: Sequence[ParameterEstimate]) -> tuple[float, float, float]:
 def _method_legend(looks: Mapping[str, tuple[str, str]], chosen: str) -> "list[Line2D]":
     return [
         legend_line(
-            f"{method} (chosen)" if method == chosen else method,
+            f"{method_name(method)} (chosen)" if method == chosen else method_name(method),
             colour,
             marker=marker,
             markeredgecolor="white",

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,18 +14,22 @@ from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.run_report import RunReport
+from jointz.report.behind_section import behind_section
+from jointz.report.caveats import caveats
+from jointz.report.certificate_section import certificate_section
 from jointz.report.effects_section import effects_section
 from jointz.report.impedance_figures import timing_points
+from jointz.report.method_differences import differences_section
 from jointz.report.prose import (
-    BENCH_CAVEATS,
-    CAVEATS,
     captions,
+    fitted_signals,
     methods_paragraph,
     pulse_counts,
     summary_paragraph,
 )
 from jointz.report.run_section import run_section
 from jointz.report.subjects import subjects
+from jointz.report.truth_section import truth_section
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -36,7 +40,9 @@ from jointz.report.wording import (
     format_interval,
     format_number,
     format_signed,
+    format_vaf,
     parameter_name,
+    point_name,
     pretty_unit,
     status_meaning,
 )
@@ -47,6 +53,7 @@ _HASH_DIGITS: Final = 12
 _FIGURE_NAMES: Final = {
     "impedance_over_gait": "Impedance",
     "methods": "Comparison of methods",
+    "budget": "Where the uncertainty comes from",
     "truth": "Truth against estimate",
     "responses": "Responses to the pulses",
     "onset_accuracy": "Accuracy of the onset",
@@ -127,12 +134,16 @@ def render_report(
         onsets=analysis.statistics.get("onset_accuracy", ()),
         recordings=_recordings(analysis),
         methods=methods_paragraph(analysis),
-        caveats=BENCH_CAVEATS if words.bench else CAVEATS,
+        caveats=caveats(analysis),
         effects=effects_section(analysis.statistics),
         packages=_packages(analysis.provenance),
         inputs=_inputs(analysis.provenance),
         study_hash=str(analysis.provenance.get("study_sha256", ""))[:_HASH_DIGITS],
-        truth=None if truth is None else _truth(truth),
+        truth=None if truth is None else truth_section(truth),
+        differences=differences_section(analysis),
+        behind=behind_section(analysis),
+        certificate=certificate_section(analysis.certificate),
+        fitted=fitted_signals(analysis),
         run=None if run is None else run_section(run),
         dash=DASH,
     )
@@ -189,7 +200,7 @@ def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
     ]
     vaf = analysis.statistics.get("vaf") or {}
     if vaf.get("mean_pct") is not None:
-        facts.append((f"{vaf['mean_pct']:.1f} %", "mean VAF (fit, not accuracy)"))
+        facts.append((f"{format_vaf(vaf['mean_pct'])} %", "mean VAF (fit, not accuracy)"))
     return facts
 
 
@@ -202,7 +213,7 @@ def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list
     for name in names:
         means = [held.get((name, p)) for p in parameters]
         if any(means):
-            rows.append({"name": _point_name(name), "cells": [_mean_cell(m) for m in means]})
+            rows.append({"name": point_name(name), "cells": [_mean_cell(m) for m in means]})
     return rows
 
 
@@ -253,11 +264,11 @@ def _cell_row(cell: CellEstimate, columns: Sequence[tuple[str, ...]]) -> _Row:
     common = statuses.pop() if len(statuses) == 1 else ""
     shift = cell.displacement_rad
     return {
-        "name": _point_name(cell.timing_point),
+        "name": point_name(cell.timing_point),
         "onset": DASH if cell.onset_gait_pct is None else f"{cell.onset_gait_pct:.1f}",
         "cells": [_column_cells(cell, column) for column in columns],
         "failure": _badge(common) if common.startswith("failed") else None,
-        "vaf": DASH if cell.vaf_pct is None else f"{cell.vaf_pct:.1f}",
+        "vaf": format_vaf(cell.vaf_pct),
         "displacement": DASH if shift is None else f"{np.degrees(shift):.1f}",
         "n_used": cell.n_used,
         "n_excluded": cell.n_excluded,
@@ -348,49 +359,3 @@ def _size(size_bytes: float | None) -> str:
         if size_bytes >= factor:
             return f"{size_bytes / factor:.1f} {unit}"
     return f"{size_bytes:.0f} B"
-
-
-def _truth(truth: pd.DataFrame) -> _Row:
-    known = truth.dropna(subset=["truth", "estimate"])
-    summary = []
-    for name in PARAMETERS:
-        rows = known[known["parameter"] == name]
-        errors = rows["error_pct"].to_numpy(float)
-        errors = errors[np.isfinite(errors)]  # a truth of zero has no error in %
-        if errors.size:
-            summary.append(
-                {
-                    "name": parameter_name(name),
-                    "rms_pct": float(np.sqrt(np.mean(errors**2))),
-                    "bias_pct": float(errors.mean()),
-                    "covered": int(rows["covered"].astype(bool).sum()),
-                    "n": len(rows),
-                }
-            )
-    return {"summary": summary, "rows": _truth_rows(truth.to_dict("records"))}
-
-
-def _truth_rows(records: Iterable[Mapping[Any, Any]]) -> list[_Row]:
-    return [
-        {
-            "participant": row["participant"],
-            "name": _point_name(str(row["timing_point"])),
-            "parameter": parameter_name(row["parameter"]),
-            "unit": PARAMETER_UNITS[row["parameter"]],
-            "truth": format_number(row["truth"]),
-            "estimate": format_interval(
-                _number(row["estimate"]), _number(row["ci_low"]), _number(row["ci_high"])
-            ),
-            "error": f"{format_signed(row['error_pct'], decimals=1)} %",
-            "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
-        }
-        for row in records
-    ]
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)
-
-
-def _point_name(timing_point: str) -> str:
-    return "all points" if timing_point == SHARED else timing_point

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.core.pooled_estimates import POOLED_METHOD
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     SHARED,
     format_count,
     format_integer,
     format_number,
+    method_name,
     parameter_name,
     pretty_unit,
 )
@@ -38,6 +40,8 @@ _BASELINES: Final[Mapping[str, str]] = {
 _BOUNDED: Final = ", fitted to the average response by least squares with K, B and J not negative"
 _FITS: Final = dict.fromkeys(("dissertation", "pre_pulse", "matched_strides"), _BOUNDED)
 
+#: Method that explains all timing points of a walker together.
+RECOMMENDED: Final = "recommended"
 #: Method that uses whole trials, and what it does.
 FULL_RECORD: Final = "full_record"
 _WHOLE_TRIALS: Final = (
@@ -50,51 +54,19 @@ _WHOLE_TRIALS: Final = (
     "friction may have held the load were left out."
 )
 
-_VAF_CAVEAT: Final = (
-    "VAF is not accuracy.",
-    "The variance accounted for says how well the model follows the average response, not how "
-    "close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
-    "wrong baseline can spoil all three while VAF stays near 99 %.",
+_PREDICTED: Final = (
+    "Angle and torque were used as sampled, without a filter. What each pulse would have met "
+    "without it was predicted from the half second before its onset and the stride times by ridge "
+    "regression, learned at virtual onsets in the unperturbed strides of the same recording, and "
+    "subtracted. The average angle of each timing point{window} was fitted as that of a joint "
+    "with stiffness, damping and inertia that the measured torque drives, seen through a sensor "
+    "with a delay and a first-order lag or behind tissue that resonates. All timing points of a "
+    "participant were fitted together, weighted with the covariance of what the prediction misses "
+    "at virtual onsets; stiffness and damping may change inside the window and inertia may differ "
+    "between timing points. Models were weighted by their evidence (Laplace's approximation)."
 )
-#: What every reader of such a report should know, in plain words.
-CAVEATS: Final = (
-    _VAF_CAVEAT,
-    (
-        "Inertia is that of joint and device together.",
-        "Everything that moves with the joint is in it: limb, brace and what hangs on them, unless "
-        "a calibrated device inertia was subtracted.",
-    ),
-    (
-        "Intervals from resampled pulses see only what differs from pulse to pulse.",
-        "Errors common to all pulses never show in them: a lag between sensor and joint, a shift "
-        "between the unperturbed and the perturbed condition, the gain of the torque. Give them "
-        "under [calibration] with their standard deviation to have them in the intervals.",
-    ),
-    (
-        "The values belong to the displacement and the window they were measured with.",
-        "Large displacements are no longer a small disturbance, reflexes may act within the "
-        "window, and stiffness that changes inside it is averaged.",
-    ),
-)
-#: The same for loads on a bench.
-BENCH_CAVEATS: Final = (
-    _VAF_CAVEAT,
-    (
-        "Inertia is that of the load and of all that moves with it.",
-        "The bench's own is in it, and so are its stiffness and damping, unless a calibrated "
-        "intrinsic impedance was subtracted.",
-    ),
-    (
-        "Intervals do not know the gain of the torque.",
-        "Stiffness, damping and inertia follow an error of the torque's gain one to one. Give the "
-        "gain under [calibration] with its standard deviation to have it in the intervals.",
-    ),
-    (
-        "A load is taken to be linear.",
-        "Friction other than a constant one against the motion, play and stiffness that changes "
-        "with the deflection are averaged into the three numbers.",
-    ),
-)
+# Said of a torque that was not fitted.
+_DRIVEN: Final = "; the measured torque drives it and has no fit"
 
 
 def summary_paragraph(analysis: StudyAnalysis) -> str:
@@ -153,7 +125,8 @@ def methods_paragraph(analysis: StudyAnalysis) -> str:
     if used_methods != [FULL_RECORD]:
         others = [m for m in used_methods if m != FULL_RECORD]
         if FULL_RECORD in used_methods:
-            sentences.append(f"Other cases were estimated by the method {_quoted(others[0])}.")
+            other = _quoted(method_name(others[0]))
+            sentences.append(f"Other cases were estimated by the method {other}.")
         sentences += _response_sentences(settings, others[0] if others else None)
     if settings.get("positive"):
         sentences.append(f"Angle and torque are positive in {settings['positive']}.")
@@ -173,6 +146,8 @@ def _used_methods(analysis: StudyAnalysis) -> list[str]:
 
 def _response_sentences(settings: Mapping[str, Any], method: str | None) -> list[str]:
     """Say how responses to pulses were cut, filtered and fitted."""
+    if method == RECOMMENDED:
+        return [_PREDICTED.format(window=_window(settings))]
     sentences = [
         "The torque response was modelled as K·angle + B·velocity + J·acceleration"
         f"{_window(settings)}{_FITS.get(str(method), '')}."
@@ -227,6 +202,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     pulses = format_count(used, "pulse")
     made = "; ".join(interval_methods(analysis)) or "as stated by the method"
     walking = any(c.onset_gait_pct is not None for c in analysis.cells)
+    fitted = fitted_signals(analysis)
     axis = (
         "The participants of a timing point are spread sideways, in the order of the table, about "
         f"the mean measured onset. Bands are the phases of the gait cycle: {_PHASE_NAMES}."
@@ -242,16 +218,24 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         ),
         "responses": (
             "Average responses to the pulses, baseline removed: angle (left) and torque (right), "
-            "with the torque of the fitted model dashed. Panels of a row share their axes. Grey "
-            "numbers: pulses averaged (n, left) and variance accounted for (VAF, right); VAF says "
-            f"how well the curve is followed, not how accurate the estimates are. n: {people}, "
-            f"{pulses}; no intervals are drawn."
+            f"with the {fitted} of the fitted model dashed"
+            f"{_DRIVEN if fitted == 'angle' else ''}. Panels of a row share their axes. Grey "
+            "numbers: pulses averaged (n) and variance accounted for (VAF, beside the signal that "
+            "was fitted); VAF says how well the curve is followed, not how accurate the estimates "
+            f"are. n: {people}, {pulses}; no intervals are drawn."
         ),
         "methods": (
             "The chosen method beside the others on the same pulses. Points: means over the "
             f"{words.many} whose estimate stands; bars: Student's interval over {words.many}, or "
             f"the {words.one}'s own interval where there is one only. An estimate at its bound "
             f"counts with the value of the bound. n: {people}."
+        ),
+        "budget": (
+            "Error budget: share of each source in the variance of the estimates, mean over "
+            f"{words.many}, undecided estimates included. Above the bars: standard deviation, % of "
+            "the estimate (median). Strides that differ: what the prediction of the unperturbed "
+            "motion misses, made smaller by more pulses; prior knowledge: what the data leave to "
+            f"assumptions made before. n: {people}."
         ),
         "onset_accuracy": (
             "Measured onset of every pulse relative to its target, in % of the gait cycle: "
@@ -272,10 +256,23 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     }
 
 
+def fitted_signals(analysis: StudyAnalysis) -> str:
+    """Return which signal the chosen method fitted: ``angle``, ``torque`` or both.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    held = [c.response for c in analysis.cells if c.response is not None]
+    names = ("torque" if r.fitted_angle is None else "angle" for r in held)
+    return " or ".join(dict.fromkeys(names)) or "torque"
+
+
 def _other_marks(analysis: StudyAnalysis) -> str:
     text = ""
     if any(m.n_participants > 1 for m in analysis.population):
-        text += " Diamonds: means over participants with Student's interval over participants."
+        text += f" Diamonds: means over participants with {_mean_interval(analysis)}."
     if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
         text += (
             " Open triangles: estimates at their bound, hanging from the upper limit of a "
@@ -334,22 +331,34 @@ def _interval_sentences(analysis: StudyAnalysis) -> list[str]:
     made = interval_methods(analysis)
     one = subjects(analysis).one
     sentences = [f"{level} intervals of each {one}: {'; '.join(made)}."] if made else []
-    if settings.get("resamples") and _used_methods(analysis) != [FULL_RECORD]:
+    if settings.get("resamples") and set(_used_methods(analysis)) - {FULL_RECORD, RECOMMENDED}:
         seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
         sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
     if any(m.value is not None for m in analysis.population):
         sentences.append(
-            f"Means over participants carry Student's {level} interval over participants."
+            f"Means over participants carry {_mean_interval(analysis, level=f'{level} ')}."
         )
     return sentences
 
 
+def _mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
+    """Say what interval the means over participants have."""
+    if any(m.method == POOLED_METHOD for m in analysis.population):
+        return (
+            f"the {level}interval of a normal model of people in which each estimate counts by its "
+            "own uncertainty"
+        )
+    return f"Student's {level}interval over participants"
+
+
 def _method_lead(settings: Mapping[str, Any]) -> str:
-    return f"With the method {_quoted(settings['method'])}, " if settings.get("method") else ""
+    method = settings.get("method")
+    return f"With the method {_quoted(method_name(method))}, " if method else ""
 
 
 def _method_in_brackets(settings: Mapping[str, Any]) -> str:
-    return f" (method {_quoted(settings['method'])})" if settings.get("method") else ""
+    method = settings.get("method")
+    return f" (method {_quoted(method_name(method))})" if method else ""
 
 
 def _quoted(name: Any) -> str:

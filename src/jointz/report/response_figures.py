@@ -160,7 +160,7 @@ def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
         return DASH
     texts = [f"n {cell.n_used}"] if quantity == "angle" else []
     if quantity == _fitted(cell.response):
-        texts.append(format_vaf(cell.vaf_pct))
+        texts.append(DASH if cell.vaf_pct is None else f"{format_vaf(cell.vaf_pct)} %")
     return "\n".join(texts)
 
 

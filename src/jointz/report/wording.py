@@ -115,7 +115,7 @@ def format_estimate(estimate: ParameterEstimate) -> str:
 
 
 def format_vaf(vaf_pct: float | None) -> str:
-    """Write a variance accounted for; never as 100 % what is less.
+    """Write a variance accounted for without its unit; never as 100 what is less.
 
     Parameters
     ----------
@@ -125,11 +125,11 @@ def format_vaf(vaf_pct: float | None) -> str:
     Examples
     --------
     >>> format_vaf(98.123), format_vaf(99.9973), format_vaf(None)
-    ('98.1 %', '> 99.9 %', '\u2013')
+    ('98.1', '> 99.9', '\u2013')
     """
     if vaf_pct is None:
         return DASH
-    return f"> {_ALMOST_ALL_PCT} %" if vaf_pct > _ALMOST_ALL_PCT else f"{vaf_pct:.1f} %"
+    return f"> {_ALMOST_ALL_PCT}" if vaf_pct > _ALMOST_ALL_PCT else f"{vaf_pct:.1f}"
 
 
 def format_count(count: int, singular: str, plural: str | None = None) -> str:
@@ -226,6 +226,22 @@ def parameter_name(parameter: str) -> str:
         Such as ``stiffness_per_mass``.
     """
     return PARAMETERS[parameter][0]
+
+
+def point_name(timing_point: str) -> str:
+    """Return a timing point as tables name it.
+
+    Parameters
+    ----------
+    timing_point : str
+        As in ``estimates.csv``.
+
+    Examples
+    --------
+    >>> point_name("all"), point_name("LRE")
+    ('all points', 'LRE')
+    """
+    return "all points" if timing_point == SHARED else timing_point
 
 
 def parameter_label(parameter: str) -> str:

@@ -72,7 +72,7 @@ class SimulatedRig:
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What a lab knows, with its sd: gains, friction, the frame's inertia; nobody measured a lag."""
+        """What a lab knows, with its sd: gains, friction, frame; nobody measured a lag."""
         gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,

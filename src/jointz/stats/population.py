@@ -9,6 +9,8 @@ from scipy.special import stdtrit
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
 from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
+from jointz.core.pooled_estimates import has_budget
+from jointz.stats.partial_pooling import mean_on_the_circle, pool_people
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
@@ -25,6 +27,7 @@ def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate,
     Returns
     -------
     tuple of PopulationEstimate
+        Of the recommended method: :func:`jointz.stats.partial_pooling.pool_people`. Of others:
         Student's t interval over participants; estimates at a bound count with
         their value, failed and undecided ones do not count.
 
@@ -33,6 +36,8 @@ def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate,
     The unit of analysis is the person: replicates and pulses of one person are
     no people (SCIENCE trap 15).
     """
+    if any(has_budget(cell) for cell in cells):
+        return pool_people(cells).population
     rows = pd.DataFrame(
         [row for cell in cells for row in cell.rows()], columns=list(ESTIMATE_COLUMNS)
     )
@@ -52,7 +57,7 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
         half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
     return PopulationEstimate(
         timing_point=str(first["timing_point"]),
-        onset_gait_pct=_circular_mean(onsets),
+        onset_gait_pct=mean_on_the_circle(onsets),
         parameter=str(first["parameter"]),
         value=mean if half is not None else None,
         unit=str(first["unit"]),
@@ -64,10 +69,3 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
         status="ok" if half is not None else Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
     )
-
-
-def _circular_mean(pct: np.ndarray) -> float | None:
-    if pct.size == 0:
-        return None
-    angle = np.angle(np.exp(2j * np.pi * pct / 100.0).mean())
-    return float(angle * 100.0 / (2 * np.pi) % 100.0)

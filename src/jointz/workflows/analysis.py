@@ -4,7 +4,9 @@ import ctypes
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -13,15 +15,19 @@ import xarray as xr
 
 from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.pooled_estimates import has_budget
 from jointz.core.recording import history_of
 from jointz.core.study import RecordingSpec, Study
 from jointz.identify.assignment import group_names
 from jointz.identify.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
+from jointz.identify.certificate_draws import Injection
+from jointz.identify.certificate_study import assembled, certify_participant
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.pulse_tables import share_table
 from jointz.identify.sources import ParticipantSettings, RecordingInput
@@ -29,11 +35,15 @@ from jointz.identify.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file, open_study
+from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.workflows.analysis_statistics import study_statistics
 from jointz.workflows.likelihood_pulses import likelihood_pulses
 
 DEFAULT_RESAMPLES = 1000
+#: Known responses injected into each participant's strides: enough for a report, not for a study
+#: of the method (:func:`jointz.workflows.certificate.certify`).
+_INJECTIONS = 2
 
 Progress = Callable[[int, int, str], None]
 
@@ -87,29 +97,83 @@ def analyze(
         inputs[exclusions.name] = _hashed(opened, exclusions.name)
     problems: list[str] = []
     people = [person.id for person in opened.spec.participants]
-    for done, person_id in enumerate(people):
-        _give_back_memory()
-        if progress:
-            progress(done, len(people), person_id)
-        try:
-            settings = _settings(opened, person_id, name, resamples=resamples, seed=seed)
-            results[person_id] = _analyzed(opened, person_id, settings, inputs)
-        except StudyError as exc:
-            problems += exc.problems
-        except DataError as exc:
-            problems.append(str(exc))
+    virtual: dict[str, list[VirtualEstimate]] = {}
+    with closing(_read_ahead(opened, people, inputs)) as readings:
+        for done, (person_id, read) in enumerate(readings):
+            _give_back_memory()
+            if progress:
+                progress(done, len(people), person_id)
+            try:
+                settings = participant_settings(
+                    opened, person_id, name, resamples=resamples, seed=seed
+                )
+                found = _analyzed(person_id, read(), settings)
+                virtual[person_id] = certify_participant(
+                    found.evidence, Injection(), replicates=_INJECTIONS, seed=seed
+                )
+                results[person_id] = replace(found, evidence=None)  # it is large
+            except StudyError as exc:
+                problems += exc.problems
+            except DataError as exc:
+                problems.append(str(exc))
+            del read  # its recordings would stay in memory
     if problems:
         raise StudyError(str(opened.root), problems)
     if progress:
         progress(len(people), len(people), "done")
-    return _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+    analysis = _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+    return _with_people_together(opened, analysis, virtual, seed=seed)
+
+
+def _with_people_together(
+    study: Study,
+    analysis: StudyAnalysis,
+    virtual: Mapping[str, Sequence[VirtualEstimate]],
+    *,
+    seed: int,
+) -> StudyAnalysis:
+    """Add what the people of a walking study tell of each other, and its certificate."""
+    if analysis.settings["method"] != RECOMMENDED:
+        return analysis
+    certificate = assembled(
+        virtual,
+        Injection(),
+        replicates=_INJECTIONS,
+        seed=seed,
+        window_s=study.spec.perturbations.window_s,
+    )
+    analysis = replace(analysis, certificate=certificate)
+    if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
+        return analysis
+    together = pool_people(analysis.cells)
+    return replace(analysis, population=together.population, pooled=together.cells)
+
+
+def _read_ahead(
+    study: Study, people: Sequence[str], inputs: dict[str, dict[str, Any]]
+) -> Generator[tuple[str, Callable[[], list[RecordingInput]]]]:
+    """Yield each participant with a call for the recordings, the next ones read meanwhile.
+
+    No more than two participants are in memory.
+    """
+    with ThreadPoolExecutor(max_workers=1) as reader:
+
+        def start(person_id: str) -> Future[list[RecordingInput]]:
+            return reader.submit(read_participant, study, person_id, inputs)
+
+        coming = start(people[0])
+        for person_id, following in zip(people, [*people[1:], None], strict=True):
+            current = coming
+            wait([current])
+            if following is not None:
+                coming = start(following)
+            yield person_id, current.result
 
 
 def _analyzed(
-    study: Study, person_id: str, settings: ParticipantSettings, inputs: dict[str, dict[str, Any]]
+    person_id: str, recordings: list[RecordingInput], settings: ParticipantSettings
 ) -> ParticipantResult:
-    """Analyse one participant; its recordings are gone before the next ones are read."""
-    recordings = _read(study, person_id, inputs)
+    """Analyse one participant; its recordings are gone before the next but one are read."""
     result = analyze_participant(person_id, recordings, settings)
     method = settings.methods[0]
     if method != FULL_RECORD:
@@ -175,14 +239,27 @@ def _chosen(study: Study, method: str) -> str:
     return method
 
 
-def _settings(
+def participant_settings(
     study: Study, person_id: str, method: str, *, resamples: int, seed: int
 ) -> ParticipantSettings:
+    """Return what the study asks for about one participant.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    method : str
+        By its own name.
+    resamples, seed : int
+        Of the bootstrap.
+    """
     spec = study.spec
     walking = spec.kind == "walking"
-    # The level before a pulse is no baseline for a joint that moves: never beside the others.
-    beside = ("dissertation", "matched_strides") if walking else ("dissertation",)
-    others = [m for m in beside if m != method and (walking or method == FULL_RECORD)]
+    # Beside the dissertation's method, the one that differs in nothing but the baseline.
+    compared = method != "dissertation" and (walking or method == FULL_RECORD)
+    others = ["dissertation"] if compared else ["matched_strides"] if walking else []
     own = spec.perturbations.baseline is None
     return ParticipantSettings(
         walking=walking,
@@ -201,8 +278,25 @@ def _settings(
     )
 
 
-def _read(study: Study, person_id: str, inputs: dict[str, dict[str, Any]]) -> list[RecordingInput]:
-    """Read all recordings of one participant; all unreadable ones in one error."""
+def read_participant(
+    study: Study, person_id: str, inputs: dict[str, dict[str, Any]]
+) -> list[RecordingInput]:
+    """Read all recordings of one participant; all unreadable ones in one error.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    inputs : dict
+        Every file read is entered, with its hash.
+
+    Raises
+    ------
+    StudyError
+        When recordings cannot be read.
+    """
     found: list[RecordingInput] = []
     problems: list[str] = []
     for entry in study.spec.recordings:

@@ -1,23 +1,29 @@
 """What an analysis says beside its estimates: description, effects of pulses, and notes."""
 
 from collections.abc import Collection, Sequence
+from statistics import median
 from typing import Any
 
 import pandas as pd
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH
+from jointz.core.codes import Failure
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.participant_model import ParticipantModel
 from jointz.core.study import Study
 from jointz.identify.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.sources import SAME_TIME_S
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
+from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
 from jointz.workflows.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
 
 #: So many names are told; the tables hold the others.
 _TOLD = 3
+#: A model this probable is called likely, its contrary unlikely.
+_LIKELY = 0.9
 
 
 def study_statistics(
@@ -53,6 +59,8 @@ def study_statistics(
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
             *_method_notes(method, cells),
+            *_model_notes([r.model for r in results if r.model is not None]),
+            *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
             *_pulse_notes(study, pulses),
@@ -119,20 +127,25 @@ def _exclusion_notes(
 
 
 def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
-    """Say where a turned sign is the likely reason for nothing but zeros."""
-    turned = [
+    """Say where a turned sign is the likely reason for a refusal, or for nothing but zeros."""
+    refused = [c for c in cells if Failure.OPPOSITE_SIGN.status in {p.status for p in c.parameters}]
+    zero = [
         cell
         for cell in cells
         if cell.vaf_pct is not None
         and cell.vaf_pct <= 0.0
         and {p.status for p in cell.parameters} == {"at_bound"}
     ]
-    if not turned:
-        return []
-    return [
-        f"stiffness, damping and inertia are all at 0 in {_names(turned)}: torque seems to oppose "
-        "the motion it causes. Check the signs, and torque_acts_on."
-    ]
+    check = "Check the signs, and torque_acts_on."
+    notes = []
+    if refused:
+        notes.append(f"the joint moves against the torque in {_names(refused)}. {check}")
+    if zero:
+        notes.append(
+            f"stiffness, damping and inertia are all at 0 in {_names(zero)}: torque seems to "
+            f"oppose the motion it causes. {check}"
+        )
+    return notes
 
 
 def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
@@ -143,6 +156,51 @@ def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
         f"{method}: the recording holds several cases, or one linear load does not explain its "
         "torque."
         for used in dict.fromkeys(c.method for c in others)
+    ]
+
+
+def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
+    """Say what the recommended method found about joints and sensors."""
+    if not models:
+        return []
+    n = len(models)
+    lags = [1e3 * m.lag_s for m in models]
+    strides = [m.n_strides for m in models]
+    return [
+        f"lag: the angle was found to be {_spanned(lags, '.1f')} ms behind the torque (sd "
+        f"{1e3 * median(m.lag_sd_s for m in models):.1f} ms); models.csv has each.",
+        "resonance of soft tissue between joint and sensor: "
+        f"{_told_likely([m.resonance_probability for m in models])} of {n}.",
+        "one inertia for all timing points: "
+        f"{_told_likely([m.constant_inertia_probability for m in models])} of {n}.",
+        "stiffness and damping that change inside the window along the curve through the timing "
+        f"points: {_told_likely([m.curve_probability for m in models])} of {n}.",
+        f"unperturbed motion was learned from {_spanned(strides, 'd')} strides a participant.",
+    ]
+
+
+def _spanned(values: Sequence[float], form: str) -> str:
+    low, high = format(min(values), form), format(max(values), form)
+    return low if low == high else f"{low} to {high}"
+
+
+def _told_likely(probabilities: Sequence[float]) -> str:
+    """Count what is likely, open and unlikely."""
+    likely = sum(p >= _LIKELY for p in probabilities)
+    unlikely = sum(p <= 1.0 - _LIKELY for p in probabilities)
+    open_ = len(probabilities) - likely - unlikely
+    counts = {"likely": likely, "open": open_, "unlikely": unlikely}
+    return ", ".join(f"{word} in {count}" for word, count in counts.items() if count)
+
+
+def _inertia_notes(study: Study, cells: Sequence[CellEstimate]) -> list[str]:
+    """Say whose inertia is out of line with that of the others."""
+    if study.spec.kind == "bench":
+        return []
+    return [
+        f"{person}: inertia is {ratio:.2g} times the median of all participants, out of line with "
+        "theirs. Check units, gains and the strap before using this participant's estimates."
+        for person, ratio in inertias_out_of_line(cells).items()
     ]
 
 

@@ -238,6 +238,10 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         tables["single_pulses"] = analysis.single_frame()
     if analysis.models:
         tables["models"] = models_frame(analysis)
+    if analysis.pooled:
+        tables["pooled"] = analysis.pooled_frame()
+    if (certificate := analysis.certificate) is not None:
+        tables["certificate"] = certificate.to_frame()
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
 

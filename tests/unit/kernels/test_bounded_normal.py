@@ -6,31 +6,55 @@ from scipy.stats import binom, norm
 
 from jointz.kernels.bounded_normal import bounded_interval
 
-#: Table X of the paper, 95 %: measured -> interval of the mean, with unit sd.
-TABLE_95 = {
-    -2.0: (0.00, 0.65),
-    -1.0: (0.00, 1.14),
-    0.0: (0.00, 1.96),
-    0.5: (0.00, 2.46),
-    1.0: (0.00, 2.96),
-    1.5: (0.00, 3.46),
-    1.8: (0.11, 3.76),
-    2.0: (0.35, 3.96),
-    2.5: (0.78, 4.46),
-    3.0: (1.15, 4.96),
-}
-#: The same, 90 %.
-TABLE_90 = {0.0: (0.00, 1.64), 1.0: (0.00, 2.64), 2.0: (0.58, 3.64), 3.0: (1.37, 4.64)}
+LEVELS = (0.68, 0.90, 0.95, 0.99)
+
+
+def slow_acceptance(mean: float, level: float) -> tuple[float, float]:
+    """Return the measurements accepted: cells of a grid in order of the ratio, until the level."""
+    grid = np.arange(-8.0, mean + 8.0, 0.002)
+    ratio = norm.logpdf(grid - mean) - norm.logpdf(grid - np.maximum(grid, 0.0))
+    order = np.argsort(-ratio, kind="stable")
+    content = np.cumsum(norm.pdf(grid[order] - mean) * 0.002)
+    kept = grid[order[: np.searchsorted(content, level) + 1]]
+    return float(kept.min()), float(kept.max())
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("measured", [-1.5, -0.4, 0.0, 0.9, 1.7, 2.2, 3.1, 5.0])
+def test_ends_are_the_means_that_a_slow_construction_accepts_last(level, measured):
+    low, high = bounded_interval(measured, 1.0, level=level)
+    margin = 0.02
+    assert slow_acceptance(high - margin, level)[0] < measured
+    assert slow_acceptance(high + margin, level)[0] > measured
+    if low > margin:
+        assert slow_acceptance(low + margin, level)[1] > measured
+        assert slow_acceptance(low - margin, level)[1] < measured
+    else:
+        assert slow_acceptance(2 * margin, level)[1] > measured
 
 
 @pytest.mark.parametrize(
     ("level", "measured", "printed"),
-    [(0.95, x, ends) for x, ends in TABLE_95.items()]
-    + [(0.90, x, ends) for x, ends in TABLE_90.items()],
+    [
+        # Feldman and Cousins 1998, table X.
+        (0.95, 0.0, (0.00, 1.96)),
+        (0.95, 1.0, (0.00, 2.96)),
+        (0.95, 3.0, (1.15, 4.96)),
+        (0.90, 0.0, (0.00, 1.64)),
+        (0.90, 2.0, (0.58, 3.64)),
+        (0.90, 3.0, (1.37, 4.64)),
+        (0.99, 0.0, (0.00, 2.58)),
+    ],
 )
 def test_intervals_are_those_of_the_papers_table(level, measured, printed):
-    # The paper's own steps are 0.01 in both.
     assert bounded_interval(measured, 1.0, level=level) == pytest.approx(printed, abs=0.011)
+
+
+@pytest.mark.parametrize("measured", [7.9, 9.0, 10.3, 11.0, 12.5, 12.9, 13.1, 40.0])
+def test_far_from_the_bound_the_interval_is_the_plain_one(measured):
+    assert bounded_interval(measured, 1.0) == pytest.approx(
+        (measured - 1.96, measured + 1.96), abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("mean", [0.0, 0.05, 0.3, 1.0, 1.64, 1.97, 2.5, 4.0, 9.0, 11.5, 14.0])
@@ -65,7 +89,9 @@ def test_ends_rise_with_the_measurement_and_join_the_plain_interval_far_from_the
     measured = np.linspace(-3.0, 16.0, 400)
     ends = np.array([bounded_interval(x, 1.0) for x in measured])
     assert np.all(np.diff(ends, axis=0) >= 0.0)
-    assert np.abs(np.diff(ends, axis=0)).max() < 0.15  # no jump where the tables end
+    # No jump where the tables end. The lower end leaves the bound steeply: 0.3 within 0.2.
+    assert np.abs(np.diff(ends[:, 1])).max() < 0.06
+    assert np.abs(np.diff(ends[measured > 3.0], axis=0)).max() < 0.06
     assert ends[-1] == pytest.approx(measured[-1] + np.array([-1.96, 1.96]), abs=1e-3)
 
 

@@ -1,5 +1,7 @@
 """Synthetic analyses: nobody's data, but of the shape and size of a real study."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,8 @@ from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.participant_model import ParticipantModel
+from jointz.report.details import SOURCES
 
 # Per kg, as in the dissertation's table 4.1: stiff in early stance, compliant in swing.
 STIFFNESS_PER_KG = dict(zip(TIMING_POINTS, (3.0, 2.1, 1.5, 0.9, 0.40, 0.35), strict=True))
@@ -185,6 +189,65 @@ def bench_analysis(groups=("k1 I1", "k2 I1", "k1 I2", "k2 I2")):
     return StudyAnalysis(cells, settings={"method": "least_squares", "kind": "bench"})
 
 
+def recommended_cell(rng, cell, *, undecided=()):
+    """Return a cell as the recommended method makes it: angle fitted, budget, gravity."""
+    joint = {"stiffness": cell.parameter("stiffness").value, "inertia": 0.05}
+    joint["damping"] = cell.parameter("damping").value
+    rows, budget = [], {}
+    for name, value in joint.items():
+        parts = rng.uniform(0.5, 1.0, len(SOURCES))
+        parts *= (0.4 if name in undecided else 0.05) * value / np.linalg.norm(parts)
+        budget[name] = dict(zip(SOURCES, map(float, parts), strict=True))
+        half = 0.098 * value
+        rows.append(
+            ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
+            if name in undecided
+            else ParameterEstimate(name, value, value - half, value + half, "ok", unbounded=value)
+        )
+    value = joint["stiffness"]
+    shown = response(rng, value, joint["damping"], 0.05)
+    return replace(
+        cell,
+        parameters=tuple(rows),
+        budget=budget,
+        displacement_rad=float(np.abs(shown.angle).max()),
+        centre_gait_pct=cell.onset_gait_pct + 5.0,
+        gravity_corrected=ParameterEstimate(
+            "stiffness_gravity_corrected",
+            value - 10.0,
+            0.9 * value - 10.0,
+            1.1 * value - 10.0,
+            "ok",
+        ),
+        response=replace(shown, fitted_torque=shown.torque, fitted_angle=1.01 * shown.angle),
+    )
+
+
+def recommended_analysis(people=3, *, seed=5, undecided=((0, "ISW", "stiffness"),)):
+    """Return an analysis by the recommended method beside the dissertation's."""
+    rng = np.random.default_rng(seed)
+    cells, comparison, models = [], [], []
+    for i in range(people):
+        person, mass = f"S{i + 1:02d}", rng.uniform(55, 90)
+        for point in TIMING_POINTS:
+            plain = walking_cell(rng, person, mass, point)
+            left_open = [n for who, at, n in undecided if (who, at) == (i, point)]
+            cell = recommended_cell(rng, plain, undecided=left_open)
+            cells.append(cell)
+            other = walking_cell(rng, person, mass, point, method="dissertation", bias=0.7)
+            off = replace(cell.response, angle=cell.response.angle + 0.02, fitted_angle=None)
+            comparison.append(replace(other, response=off))
+        models.append(
+            ParticipantModel(person, 0.004 + 0.003 * i, 0.001, 1.1, 0.1, 0.02, 0.5, 0.97, 900 + i)
+        )
+    settings = {"method": "recommended", "baseline": "predicted", "window_s": 0.1,
+                "cutoff_hz": 20.0, "resamples": 1000, "seed": 1, "kind": "walking",
+                "joint": "knee", "calibration": {}}  # fmt: skip
+    return StudyAnalysis(
+        tuple(cells), tuple(comparison), population(cells), models=tuple(models), settings=settings
+    )
+
+
 def failed_analysis(code="no_pulses"):
     parameters = tuple(
         ParameterEstimate(name, None, None, None, f"failed:{code}")
@@ -213,6 +276,11 @@ def truth_of(analysis, seed=3):
 @pytest.fixture(scope="session")
 def walking():
     return walking_analysis()
+
+
+@pytest.fixture(scope="session")
+def recommended():
+    return recommended_analysis()
 
 
 @pytest.fixture(scope="session")

@@ -10,10 +10,11 @@ import pytest
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.events import PulseRecord
+from jointz.report.budget_figure import draw_budget, mean_shares
 from jointz.report.event_figures import draw_onset_accuracy
 from jointz.report.figures import draw_figures
 from jointz.report.impedance_figures import draw_impedance_over_gait, timing_points
-from jointz.report.method_figures import draw_truth
+from jointz.report.method_figures import draw_methods, draw_truth
 from jointz.report.response_figures import draw_responses
 from jointz.report.style import figure_style, to_svg
 
@@ -152,6 +153,66 @@ def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
     )
     assert "n 48" in [t.get_text() for t in angle.texts]
     assert f"{one.cells[0].vaf_pct:.1f} %" in [t.get_text() for t in torque.texts]
+
+
+def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(recommended):
+    one = only_group(recommended, "S01", "LRE")
+    with figure_style():
+        figure = draw_responses(one)
+    angle, torque = figure.axes
+    cell = one.cells[0]
+    measured, fitted, _zero = angle.lines
+    np.testing.assert_allclose(measured.get_ydata()[:-1], np.degrees(cell.response.angle))
+    np.testing.assert_allclose(fitted.get_ydata()[:-1], np.degrees(cell.response.fitted_angle))
+    assert len(torque.lines) == 2  # the measured one, and the level of zero
+    assert f"n 48\n{cell.vaf_pct:.1f} %" in [t.get_text() for t in angle.texts]
+    assert "angle of the fitted model (VAF)" in [t.get_text() for t in figure.legends[0].texts]
+
+
+def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
+    with figure_style():
+        figure = draw_budget(recommended)
+    assert [a.texts[-1].get_text() for a in figure.axes] == ["Stiffness", "Damping", "Inertia"]
+    for axes, parameter in zip(figure.axes, ("stiffness", "damping", "inertia"), strict=True):
+        tops = {}
+        for bar in axes.patches:
+            at = round(bar.get_x(), 6)
+            tops[at] = max(tops.get(at, 0.0), bar.get_y() + bar.get_height())
+        np.testing.assert_allclose(list(tops.values()), 100.0)
+        lowest = [bar for bar in axes.patches if bar.get_y() == 0.0]
+        first = mean_shares([c for c in recommended.cells if c.timing_point == "LRE"], parameter)
+        assert lowest[0].get_height() == pytest.approx(100.0 * first["noise"])
+
+
+def test_the_budget_says_how_large_the_whole_is(recommended):
+    with figure_style():
+        figure = draw_budget(recommended)
+    sizes = [t.get_text() for t in figure.axes[1].texts if t.get_text().endswith(" %")]
+    assert sizes == ["5 %"] * 6  # as the fixture has them
+
+
+def test_sources_that_matter_nowhere_are_drawn_together(recommended):
+    quiet = {"noise": 1.0, "lag": 0.1, "gain": 0.0}
+    cells = tuple(
+        replace(c, budget=dict.fromkeys(("stiffness", "damping", "inertia"), quiet))
+        for c in recommended.cells
+    )
+    with figure_style():
+        figure = draw_budget(replace(recommended, cells=cells))
+    assert [t.get_text() for t in figure.legends[0].texts] == ["strides that differ", "all others"]
+
+
+def test_a_method_without_a_budget_has_no_figure_of_it(walking):
+    assert draw_budget(walking) is None
+    assert "budget" not in draw_figures(walking)
+
+
+def test_methods_are_named_as_people_say_them(recommended):
+    other = tuple(replace(c, method="matched_strides") for c in recommended.comparison)
+    with figure_style():
+        figure = draw_methods(replace(recommended, comparison=other))
+    names = [t.get_text() for t in figure.legends[0].texts]
+    assert names == ["recommended (chosen)", "matched strides"]
 
 
 def test_many_groups_are_wrapped_into_rows(bench):

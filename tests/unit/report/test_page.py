@@ -111,8 +111,9 @@ def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
     assert "The first 12 of" in words(page)
 
 
-def test_the_methods_come_from_the_settings(page):
-    text = words(page)
+def test_the_methods_come_from_the_settings(walking):
+    cells = tuple(replace(c, method="matched_strides") for c in walking.cells)
+    text = methods_paragraph(replace(walking, cells=cells))
     assert "over 100 ms from the commanded onset" in text
     assert "same low-pass filter (20 Hz)" in text
     assert "95 % intervals of each participant: percentile bootstrap" in text
@@ -124,6 +125,18 @@ def test_the_caveats_are_said(page):
     assert "VAF is not accuracy." in text
     assert "Inertia is that of joint and device together." in text
     assert "Errors common to all pulses never show in them" in text
+
+
+def test_the_recommended_method_has_its_own_caveats_and_methods(recommended):
+    text = words(Page(render_report(recommended, {}, title="t")))
+    assert "The fit is that of the angle." in text
+    assert "Undecided is an answer." in text
+    assert "Errors common to all pulses never show in them" not in text
+    paragraph = methods_paragraph(recommended)
+    assert "was predicted from the half second before its onset" in paragraph
+    assert "over 100 ms from the commanded onset" in paragraph
+    assert "low-pass filter" not in paragraph
+    assert "resamples" not in paragraph
 
 
 def test_hashes_are_shortened_and_the_date_is_that_of_the_analysis(html):

@@ -1,0 +1,172 @@
+"""Does a certificate tell the truth? Simulated studies: RMSE it expects beside the true one.
+
+Run as ``python -m benchmarks.certificate --studies 5 --participants 4 --seed 9000``. Each study
+is a row of the accuracy benchmark, in turn, with people of its own seed. Printed are, for K, B
+and J, the RMSE in % of truth of what the recommended method estimates, the RMSE the certificate
+expects from the same recordings, and their ratio - for each row over all its studies, and over
+all of them. The issue asks for a ratio between 0.75 and 1.25 over 100 studies of ten people.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.accuracy.people import cell_truth, settings_of, simulate
+from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
+
+from jointz.core.certificate import VirtualEstimate
+from jointz.identify.certificate import own_estimates, virtual_estimates
+from jointz.identify.certificate_draws import Injection
+from jointz.identify.certificate_evidence import evidence_of
+from jointz.identify.sources import prepare_sources
+
+ROWS = ("nominal-lag-unknown", "nominal-lag-0.5ms", "hard-lag-0.5ms", "hard-lag-unknown")
+
+
+def study(
+    row: Row, *, participants: int, replicates: int, seed: int, planted_lag_s: float = 0.0
+) -> dict[str, list[VirtualEstimate]]:
+    """Simulate a study; return its estimates beside the truth, and its certificate's.
+
+    Parameters
+    ----------
+    row : Row
+        Rig, and what is known of it.
+    participants, replicates : int
+        People, and injections into each.
+    seed : int
+        Of people and injections.
+    planted_lag_s : float, s
+        Lag injected beyond the calibrated one, where that is not 0.
+    """
+    real: list[VirtualEstimate] = []
+    virtual: list[VirtualEstimate] = []
+    for number in range(participants):
+        simulated = simulate(row, number, seed)
+        person = simulated.rig.person.id
+        settings = settings_of(row, simulated.rig, ["recommended"])
+        evidence = evidence_of(person, prepare_sources(simulated.recordings, settings), settings)
+        if evidence is None:
+            continue
+        truth = cell_truth(simulated.truth)
+        real += [
+            VirtualEstimate(
+                participant=f"{seed} {person}",
+                replicate=0,
+                timing_point=label,
+                parameter=p.name,
+                truth=truth[label][p.name],
+                value=p.value,
+                ci_low=p.ci_low,
+                ci_high=p.ci_high,
+                status=p.status,
+            )
+            for label, rows in own_estimates(evidence).items()
+            for p in rows
+        ]
+        known = evidence.known.angle_lag_s
+        lag_s = known.value + planted_lag_s if known and planted_lag_s else None
+        rng = np.random.default_rng([seed, number])
+        for found in virtual_estimates(
+            evidence, Injection(lag_s=lag_s), replicates=replicates, rng=rng
+        ):
+            virtual += found
+    return {"real": real, "virtual": virtual}
+
+
+def scored(estimates: Sequence[VirtualEstimate]) -> dict[str, dict[str, float]]:
+    """Return RMSE and bias in %, share decided and coverage of K, B and J.
+
+    Parameters
+    ----------
+    estimates : sequence of VirtualEstimate
+        Estimates beside their truth.
+    """
+    scores = {}
+    for name in PARAMETERS:
+        mine = [e for e in estimates if e.parameter == name]
+        fine = [e for e in mine if e.value is not None and e.truth > 0.0]
+        errors = np.array([e.value / e.truth - 1.0 for e in fine if e.value is not None])
+        inside = [(e.ci_low or 0.0) <= e.truth <= (e.ci_high or np.inf) for e in fine]
+        scores[name] = {
+            "rmse": 100.0 * float(np.sqrt((errors**2).mean())),
+            "bias": 100.0 * float(errors.mean()),
+            "decided": len(fine) / max(len(mine), 1),
+            "coverage": float(np.mean(inside)),
+        }
+    return scores
+
+
+def report(results: Sequence[tuple[str, dict[str, list[VirtualEstimate]]]]) -> dict[str, Any]:
+    """Print and return scores of each row and of all, and the ratio of the RMSEs.
+
+    Parameters
+    ----------
+    results : sequence of (str, dict)
+        Name of the row, and what :func:`study` returned.
+    """
+    out: dict[str, Any] = {}
+    for name in [*dict.fromkeys(row for row, _ in results), "all"]:
+        both = {
+            kind: scored([e for row, r in results if name in (row, "all") for e in r[kind]])
+            for kind in ("real", "virtual")
+        }
+        print(name)
+        for p in PARAMETERS:
+            true, expected = both["real"][p], both["virtual"][p]
+            print(
+                f"  {p:<10} true {true['rmse']:5.1f} % expected {expected['rmse']:5.1f} % ratio "
+                f"{expected['rmse'] / true['rmse']:.2f} bias {true['bias']:+.1f} / "
+                f"{expected['bias']:+.1f} % coverage {true['coverage']:.2f} / "
+                f"{expected['coverage']:.2f} decided {true['decided']:.2f} / "
+                f"{expected['decided']:.2f}"
+            )
+        out[name] = both
+    return out
+
+
+def _one(job: tuple[str, dict[str, Any]]) -> tuple[str, dict[str, list[VirtualEstimate]]]:
+    name, options = job
+    return name, study(all_rows()[name], **options)
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run the benchmark.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line.
+    """
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--studies", type=int, default=100)
+    parser.add_argument("--participants", type=int, default=10)
+    parser.add_argument("--replicates", type=int, default=5)
+    parser.add_argument("--seed", type=int, default=9000)
+    parser.add_argument("--rows", nargs="+", default=list(ROWS))
+    parser.add_argument("--planted-lag-s", type=float, default=0.0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args(arguments)
+    options = {
+        "participants": given.participants,
+        "replicates": given.replicates,
+        "planted_lag_s": given.planted_lag_s,
+    }
+    jobs = [
+        (given.rows[k % len(given.rows)], options | {"seed": given.seed + k})
+        for k in range(given.studies)
+    ]
+    with ProcessPoolExecutor(given.workers) as pool:
+        scores = report(list(pool.map(_one, jobs)))
+    if given.out:
+        given.out.write_text(json.dumps(scores, indent=1))
+    return scores
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,236 @@
+"""Truths for a certificate: joints and instruments drawn around what the study itself found."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from jointz.core.study import Calibrated
+from jointz.identify.certificate_joint import InjectedJoint
+from jointz.identify.response_model import Posterior
+from jointz.identify.walking_evidence import Evidence
+from jointz.kernels.response_search import (
+    B_DRIFT,
+    CROSS_TALK,
+    DELAY,
+    FRICTION_GAIN,
+    J_DEVIATION,
+    K_DRIFT,
+    LAG,
+    LOG_J,
+    LOG_RESONANCE,
+    PER_POINT,
+    RESONANCE_DAMPING,
+    SHARED,
+    B,
+    K,
+)
+
+#: K, B and J are drawn from within such a share of the study's estimate: an interval that
+#: reaches further decides nothing, and relative errors of a truth near zero mean nothing.
+_REACH = 0.5
+_LEAST_DAMPING = 1e-3
+#: Sizes that a drift is measured by where K and B are small, N*m/rad and N*m*s/rad.
+_DRIFT_FLOOR = (8.0, 0.3)
+_FEWEST_FOR_CURVE = 4
+
+#: One value for all timing points, one for each of some, or drawn.
+Chosen = float | Mapping[str, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """What is injected; drawn around the study's own estimates where nothing is given.
+
+    Parameters
+    ----------
+    stiffness, damping, inertia : float, mapping of str to float, or None
+        For all timing points, or for some by name.
+    lag_s : float or None, s
+        Of the sensor in all.
+    """
+
+    stiffness: Chosen = None
+    damping: Chosen = None
+    inertia: Chosen = None
+    lag_s: float | None = None
+
+    def described(self) -> dict[str, str]:
+        """Return, for each, the values or "drawn"."""
+        return {name: _described(getattr(self, name)) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A virtual participant.
+
+    Parameters
+    ----------
+    joints : tuple of InjectedJoint
+        At every timing point.
+    friction_gain : float
+        True over stated friction.
+    torque_gain : float
+        True over measured torque.
+    intrinsic : mapping of str to tuple of float
+        What of K, B and J is the device's, timing point by timing point; the sd of its
+        calibration is in it.
+    """
+
+    joints: tuple[InjectedJoint, ...]
+    friction_gain: float
+    torque_gain: float
+    intrinsic: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generator) -> Truth:
+    """Draw a joint at every timing point and one chain of instruments.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the study found of a participant.
+    injection : Injection
+        What is given instead of drawn.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Notes
+    -----
+    One hypothesis is drawn by its probability, then K, B, J, lag and friction by their common
+    covariance, so that they belong together. Drifts of K and B in the window, cross-talk and
+    tissue are what the study found, no more: a posterior that cannot rule them out would make
+    a study in which they do not happen look worse than it is. Gains are drawn from the
+    calibration.
+    """
+    joint = evidence.posterior
+    posterior = joint.posteriors[int(rng.choice(len(joint.posteriors), p=joint.weights))]
+    values = _around(posterior, rng)
+    points, shared = values[:-SHARED].reshape(-1, PER_POINT), values[-SHARED:]
+    means = posterior.values[:-SHARED].reshape(-1, PER_POINT)
+    points[:, K] = _within_reach(points[:, K], means[:, K])
+    points[:, B] = _within_reach(points[:, B], means[:, B]).clip(_LEAST_DAMPING)
+    inertias = _within_reach(
+        np.exp(shared[LOG_J] + points[:, J_DEVIATION]),
+        np.exp(posterior.shared[LOG_J] + means[:, J_DEVIATION]),
+    )
+    instruments = _instruments(evidence, posterior, shared, injection.lag_s, rng)
+    slopes = _slopes(evidence, posterior, points)
+    joints = []
+    for i, cell in enumerate(evidence.cells):
+        stiffness, damping, inertia = (
+            _given(chosen, cell.label)
+            for chosen in (injection.stiffness, injection.damping, injection.inertia)
+        )
+        at = posterior.middle_s[i]
+        joints.append(
+            replace(
+                instruments,
+                stiffness=float(points[i, K]) if stiffness is None else stiffness,
+                damping=float(points[i, B]) if damping is None else damping,
+                inertia=float(inertias[i]) if inertia is None else inertia,
+                stiffness_slope=float(slopes[0, i]) if stiffness is None else 0.0,
+                damping_slope=float(slopes[1, i]) if damping is None else 0.0,
+                stiffness_at_s=float(at[0]),
+                damping_at_s=float(at[1]),
+            )
+        )
+    return Truth(
+        joints=tuple(joints),
+        friction_gain=max(float(shared[FRICTION_GAIN]), 0.0),
+        torque_gain=1.0 + _relative(evidence.known.torque_gain) * rng.standard_normal(),
+        intrinsic=_intrinsic(evidence, rng),
+    )
+
+
+def _instruments(
+    evidence: Evidence,
+    posterior: Posterior,
+    shared: np.ndarray,
+    lag_s: float | None,
+    rng: np.random.Generator,
+) -> InjectedJoint:
+    """Return the sensor that all timing points share, before a joint of no stiffness."""
+    total_s = max(float(shared[LAG] + shared[DELAY]) if lag_s is None else lag_s, 0.0)
+    delay_s = float(np.clip(shared[DELAY], 0.0, total_s))
+    resonates = posterior.hypothesis.resonance
+    return InjectedJoint(
+        stiffness=0.0,
+        damping=0.0,
+        inertia=1.0,
+        lag_s=total_s - delay_s,
+        delay_s=delay_s,
+        resonance_hz=float(np.exp(shared[LOG_RESONANCE])) if resonates else 0.0,
+        resonance_damping=float(np.clip(shared[RESONANCE_DAMPING], 0.03, 0.97)),
+        cross_talk=float(shared[CROSS_TALK]),
+        angle_gain=1.0 + _relative(evidence.known.angle_gain) * float(rng.standard_normal()),
+    )
+
+
+def _around(posterior: Posterior, rng: np.random.Generator) -> np.ndarray:
+    """Draw K, B, J, lag and friction by their covariance, which may be singular."""
+    size, directions = np.linalg.eigh(posterior.covariance)
+    spread = np.sqrt(size.clip(0.0)) * rng.standard_normal(size.size)
+    off = directions @ spread
+    off[:-SHARED].reshape(-1, PER_POINT)[:, [K_DRIFT, B_DRIFT]] = 0.0
+    off[[place - SHARED for place in (CROSS_TALK, LOG_RESONANCE, RESONANCE_DAMPING)]] = 0.0
+    return np.asarray(posterior.values + off)
+
+
+def _within_reach(drawn: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Return draws no further from what was found than an estimate that decides."""
+    found = found.clip(0.0)
+    return np.asarray(np.clip(drawn, (1.0 - _REACH) * found, (1.0 + _REACH) * found))
+
+
+def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.ndarray:
+    """Return what K and B change by at every timing point, (2, n) per s."""
+    drifts = points[:, [K_DRIFT, B_DRIFT]].T
+    values = points[:, [K, B]].T
+    sizes = np.maximum(values, np.array(_DRIFT_FLOOR)[:, None])
+    slopes = drifts * sizes / evidence.window_s
+    phases = np.array([cell.phase for cell in evidence.cells])
+    curved = posterior.hypothesis.follows_curve and np.isfinite(phases).all()
+    if not curved or np.unique(phases).size < max(_FEWEST_FOR_CURVE, phases.size):
+        return np.asarray(slopes)
+    order = np.argsort(phases)
+    around = np.append(phases[order], phases[order[0]] + 1.0)
+    strides = np.array([cell.stride_s for cell in evidence.cells])
+    for row, size in enumerate(sizes):
+        logs = np.log(np.append(size[order], size[order[0]]))
+        curve = CubicSpline(around, logs, bc_type="periodic")
+        slopes[row] += size * curve(phases, 1) / strides
+    return np.asarray(slopes)
+
+
+def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[float, ...]]:
+    """Return what the injected impedance holds beside the joint's own, timing point by point."""
+    parts = {}
+    for name in ("stiffness", "damping", "inertia"):
+        entry: Calibrated | None = getattr(evidence.known, f"intrinsic_{name}")
+        if entry is None:
+            entry = Calibrated(value=0.0, sd=0.0)
+        error = entry.sd * float(rng.standard_normal())
+        parts[name] = tuple(
+            error + (entry.value if subtract else 0.0) for subtract in evidence.subtract_intrinsic
+        )
+    return parts
+
+
+def _given(chosen: Chosen, label: str) -> float | None:
+    if chosen is None or isinstance(chosen, Mapping):
+        return None if chosen is None else chosen.get(label)
+    return float(chosen)
+
+
+def _described(chosen: Chosen) -> str:
+    if chosen is None:
+        return "drawn"
+    if isinstance(chosen, Mapping):
+        return ", ".join(f"{name} {value:g}" for name, value in chosen.items())
+    return f"{chosen:g}"
+
+
+def _relative(gain: Calibrated | None) -> float:
+    return 0.0 if gain is None else gain.sd / gain.value

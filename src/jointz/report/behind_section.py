@@ -1,0 +1,174 @@
+"""What stands behind the recommended estimates: undecided ones, models of people, details."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.participant_model import ParticipantModel
+from jointz.report.budget_figure import source_name
+from jointz.report.details import variance_shares
+from jointz.report.wording import (
+    DASH,
+    format_estimate,
+    format_number,
+    parameter_name,
+    pretty_unit,
+)
+
+#: Source of uncertainty -> what would make it smaller.
+_REMEDIES: Final[Mapping[str, str]] = {
+    "noise": "more or larger pulses here, and more unperturbed strides between pulses",
+    "lag": "a measured lag between angle and torque, given as angle_lag_s under [calibration]",
+    "friction": "a measured torque, or a friction model measured on the bench",
+    "cross_talk": "a test of what torque does to the angle sensor while the joint is held",
+    "inertia_model": "pulses at more timing points, or an inertia measured by other means",
+    "drift": "pulses shortly before and after this point, which show how K and B change",
+    "prior": "larger or more pulses: these say little beyond what was assumed before",
+    "model": "whatever tells the models apart, most often a measured lag",
+    "gain": "better calibrated gains of angle and torque",
+    "intrinsic": "a better measured impedance of the device",
+}
+_PARAMETERS: Final = ("stiffness", "damping", "inertia")
+#: A second reason is named where it makes up so much of the variance.
+_WORTH_NAMING: Final = 0.2
+_LIKELY, _UNLIKELY = 0.9, 0.1
+
+_Row = dict[str, Any]
+
+
+def behind_section(analysis: StudyAnalysis) -> _Row | None:
+    """Return what the page shows behind the estimates, None where no budget was made.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    dict or None
+        ``undecided`` (rows), ``models`` (rows), ``details`` (rows) and ``gravity`` (whether any
+        stiffness was corrected).
+    """
+    cells = [c for c in analysis.cells if c.budget]
+    if not cells:
+        return None
+    firsts: set[str] = set()
+    rows = []
+    for cell in cells:
+        rows.append(_details_row(cell) | {"first": cell.participant not in firsts})
+        firsts.add(cell.participant)
+    lags = {model.participant: model.lag_sd_s for model in analysis.models}
+    undecided = [
+        row for cell in cells for row in _undecided_rows(cell, lags.get(cell.participant, 0.0))
+    ]
+    return {
+        "undecided": undecided,
+        "models": [_model_row(model) for model in analysis.models],
+        "details": rows,
+        "gravity": any(c.gravity_corrected is not None for c in cells),
+    }
+
+
+def _undecided_rows(cell: CellEstimate, lag_sd_s: float) -> list[_Row]:
+    estimates = (cell.parameter(name) for name in _PARAMETERS)
+    return [_undecided_row(cell, p, lag_sd_s) for p in estimates if p and p.status == "undecided"]
+
+
+def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate, lag_sd_s: float) -> _Row:
+    shares = variance_shares(cell, estimate.name)
+    ordered = sorted(shares, key=lambda name: -shares[name])
+    named = [n for k, n in enumerate(ordered) if k == 0 or shares[n] >= _WORTH_NAMING][:2]
+    sd = float(np.linalg.norm(list(cell.budget.get(estimate.name, {}).values())))
+    like = max(abs(estimate.unbounded or 0.0), sd)
+    remedies = [_REMEDIES[n] for n in named if n in _REMEDIES]
+    if "lag" not in named and _lag_leaves_open(cell, estimate, lag_sd_s) ** 2 >= (
+        _WORTH_NAMING * sd**2
+    ):
+        remedies.append(f"{_REMEDIES['lag']} (found to ± {1e3 * lag_sd_s:.1f} ms only)")
+    return {
+        "participant": cell.participant,
+        "name": cell.timing_point,
+        "parameter": parameter_name(estimate.name),
+        "found": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
+        "unit": pretty_unit(estimate.unit),
+        "why": "; ".join(f"{source_name(n)} ({100 * shares[n]:.0f} %)" for n in named),
+        "remedy": "; ".join(remedies),
+    }
+
+
+def _lag_leaves_open(cell: CellEstimate, estimate: ParameterEstimate, lag_sd_s: float) -> float:
+    """Return what the lag, as far as it was found, leaves open of an inertia, kg*m^2.
+
+    A lag T reads as J + B T to first order. Noise is what leaves the lag open, so its share in
+    the budget does not say that a measured lag would help more than pulses.
+    """
+    damping = cell.parameter("damping")
+    if estimate.name != "inertia" or damping is None:
+        return 0.0
+    return abs(damping.unbounded or 0.0) * lag_sd_s
+
+
+def _model_row(model: ParticipantModel) -> _Row:
+    lag = f"{1e3 * model.lag_s:.1f} ± {1e3 * model.lag_sd_s:.1f}"
+    return {
+        "participant": model.participant,
+        "lag": lag,
+        "resonance": likely(model.resonance_probability),
+        "inertia": likely(model.constant_inertia_probability),
+        "curve": likely(model.curve_probability),
+        "friction": f"{model.friction_gain:.2f} ± {model.friction_gain_sd:.2f}",
+        "strides": model.n_strides,
+    }
+
+
+def likely(probability: float) -> str:
+    """Write a probability in a word and in %.
+
+    Parameters
+    ----------
+    probability : float
+        0 to 1.
+
+    Examples
+    --------
+    >>> likely(0.98), likely(0.47), likely(0.004)
+    ('likely (98 %)', 'open (47 %)', 'unlikely (< 1 %)')
+    """
+    word = (
+        "likely" if probability >= _LIKELY else "unlikely" if probability <= _UNLIKELY else "open"
+    )
+    pct = 100.0 * probability
+    number = "< 1" if pct < 1.0 else "> 99" if pct > 99.0 else f"{pct:.0f}"
+    return f"{word} ({number} %)"
+
+
+def _details_row(cell: CellEstimate) -> _Row:
+    stiffness, corrected = cell.parameter("stiffness"), cell.gravity_corrected
+    shift = cell.displacement_rad
+    return {
+        "participant": cell.participant,
+        "name": cell.timing_point,
+        "onset": _one_decimal(cell.onset_gait_pct),
+        "centre": _one_decimal(cell.centre_gait_pct),
+        "motion": DASH if shift is None else f"{np.degrees(shift):.1f}",
+        "apparent": DASH if stiffness is None else _shown(stiffness),
+        "corrected": DASH if corrected is None else format_estimate(corrected),
+        "unbounded": [_unbounded(cell, name) for name in _PARAMETERS],
+    }
+
+
+def _shown(estimate: ParameterEstimate) -> str:
+    return "undecided" if estimate.status == "undecided" else format_estimate(estimate)
+
+
+def _unbounded(cell: CellEstimate, name: str) -> str:
+    estimate = cell.parameter(name)
+    return DASH if estimate is None else format_number(estimate.unbounded)
+
+
+def _one_decimal(value: float | None) -> str:
+    return DASH if value is None else f"{value:.1f}"

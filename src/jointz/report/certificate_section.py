@@ -1,0 +1,86 @@
+"""The part of the report that says what error to expect in this study."""
+
+from typing import Any
+
+from jointz.core.certificate import ALL_POINTS, PARAMETERS, Certificate, ExpectedError
+from jointz.report.wording import DASH, format_count, format_signed, parameter_name
+
+_GIVEN_NAMES = {"lag_s": "lag in s"}
+_SYMBOLS = dict(zip(PARAMETERS, "KBJ", strict=True))
+
+
+def certificate_section(certificate: Certificate | None) -> dict[str, Any] | None:
+    """Return the sentence and the table of a certificate, None where there is none.
+
+    Parameters
+    ----------
+    certificate : Certificate or None
+        What came of known responses injected into the study's own strides.
+
+    Returns
+    -------
+    dict or None
+        ``sentence``, ``note`` and ``rows``, one a timing point, ``all`` first.
+    """
+    if certificate is None or not certificate.errors:
+        return None
+    points = list(dict.fromkeys(row.timing_point for row in certificate.errors))
+    points.sort(key=lambda name: name != ALL_POINTS)
+    held = {(row.timing_point, row.parameter): row for row in certificate.errors}
+    return {
+        "sentence": _sentence(certificate),
+        "note": _note(certificate),
+        "symbols": [f"{_SYMBOLS[name]}: {parameter_name(name).lower()}" for name in PARAMETERS],
+        "rows": [
+            {
+                "name": "all points" if point == ALL_POINTS else point,
+                "cells": [_cell(held.get((point, name))) for name in PARAMETERS],
+            }
+            for point in points
+        ],
+    }
+
+
+def _sentence(certificate: Certificate) -> str:
+    rows = [row for row in certificate.errors if row.timing_point == ALL_POINTS]
+    known = [row for row in rows if row.rmse_pct is not None]
+    if not known:
+        return "In this study no injected response could be decided: expect no usable estimate."
+    sizes = ", ".join(f"{row.rmse_pct:.0f} % in {_SYMBOLS[row.parameter]}" for row in known)
+    held = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in known)
+    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse_pct is None]
+    told = (
+        f"In this study expect errors of {sizes} (root mean square), and intervals that hold the "
+        f"truth in {held} of cases."
+    )
+    return f"{told} {' and '.join(never)} cannot be decided here." if never else told
+
+
+def _note(certificate: Certificate) -> str:
+    people = format_count(certificate.n_participants, "participant")
+    given = [
+        f"{_GIVEN_NAMES.get(name, name)} {how}"
+        for name, how in certificate.injected.items()
+        if how != "drawn"
+    ]
+    drawn = f"; given: {', '.join(given)}" if given else ""
+    left_out = "".join(f" {who} was left out: {why}." for who, why in certificate.left_out.items())
+    return (
+        f"Joints of known impedance were put into the unperturbed strides of {people} "
+        f"({format_count(certificate.replicates, 'time')} each), as if the device had pushed "
+        f"there, and estimated by the same method{drawn}. Truths are drawn about the study's own "
+        "estimates where not given. What the simulated joint does not have, such as a reflex, is "
+        f"not in these errors.{left_out}"
+    )
+
+
+def _cell(row: ExpectedError | None) -> dict[str, str]:
+    if row is None:
+        return {"rmse": DASH, "more": ""}
+    undecided = f"undecided {row.undecided_pct:.0f} %"
+    if row.rmse_pct is None or row.bias_pct is None or row.coverage is None:
+        return {"rmse": DASH, "more": undecided}
+    about = "" if row.rmse_sd_pct is None else f" ± {row.rmse_sd_pct:.1f}"
+    bias = format_signed(row.bias_pct, decimals=1)
+    held = f"held {100 * row.coverage:.0f} %"
+    return {"rmse": f"{row.rmse_pct:.1f}{about}", "more": f"mean {bias}, {held}, {undecided}"}

@@ -1,0 +1,197 @@
+"""Participants together: means over people, and everyone's estimate given the others."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.core.analysis import PopulationEstimate
+from jointz.core.codes import Failure
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.pooled_estimates import POOLED_METHOD, unbounded_estimate
+from jointz.kernels.bounded_normal import bounded_interval
+from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
+
+_LEVEL = 0.95
+_FEWEST_PEOPLE = 2
+#: As in the estimates of one person: a wider interval than this share of the value decides
+#: nothing.
+_WIDEST = 0.5
+_MADE = "normal model of people over the estimates of all participants, Jeffreys' prior"
+
+
+@dataclass(frozen=True, slots=True)
+class PooledPeople:
+    """A study's people estimated together.
+
+    Parameters
+    ----------
+    population : tuple of PopulationEstimate
+        Mean and spread over people, of every timing point and parameter.
+    cells : tuple of CellEstimate
+        Every participant's estimates given the others', in the order they came in.
+    """
+
+    population: tuple[PopulationEstimate, ...]
+    cells: tuple[CellEstimate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """One parameter at one timing point, in the scale it is pooled in."""
+
+    timing_point: str
+    name: str
+    places: tuple[int, ...]
+    values: np.ndarray
+    sds: np.ndarray
+    logarithmic: bool
+
+    def back(self, value: float) -> float:
+        """Return a value in SI."""
+        return float(np.exp(value)) if self.logarithmic else float(value)
+
+    def sd_back(self, value: float, sd: float) -> float:
+        """Return a standard deviation in SI."""
+        return float(sd) * (float(np.exp(value)) if self.logarithmic else 1.0)
+
+
+def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
+    """Estimate mean and spread over people, and every person's values given the others.
+
+    Parameters
+    ----------
+    cells : sequence of CellEstimate
+        Of the recommended method, one a participant and timing point.
+
+    Returns
+    -------
+    PooledPeople
+        Rows of method ``recommended_pooled``. A failed cell stays failed and counts nowhere.
+
+    Notes
+    -----
+    Every timing point by itself: an estimate y with standard error s of a person whose true
+    value comes from a normal population (:mod:`jointz.kernels.partial_pooling`). J is pooled in
+    its logarithm (its mean is the geometric one), K, B and values per kg as they are. Undecided
+    cells count by their unbounded estimate and its standard error. Errors that a person's
+    timing points share (gain, lag, friction) are in s whole: nothing is averaged over the
+    timing points of a person. The unit of analysis is the person (SCIENCE trap 15).
+
+    Misleads where all people share an error, such as that of one calibration for the whole
+    study: it belongs to the mean in full, and is treated here as if it averaged out over people.
+    Also where one person is unlike the rest: who is far out is drawn towards the others by as
+    much as the errors say, and widens their spread.
+    """
+    groups = list(_groups(cells))
+    if not groups:
+        return PooledPeople((), tuple(cells))
+    n = max(len(group.places) for group in groups)
+    values, sds = np.full((2, len(groups), n), np.nan)
+    for g, group in enumerate(groups):
+        values[g, : len(group.places)], sds[g, : len(group.places)] = group.values, group.sds
+    pooled = partial_pooling(values, sds, level=_LEVEL)
+    found: dict[tuple[int, str], ParameterEstimate] = {}
+    for g, group in enumerate(groups):
+        for k, place in enumerate(group.places):
+            before = cells[place].parameter(group.name)
+            if before is not None and np.isfinite(pooled.value[g, k]):
+                found[place, group.name] = _own(group, pooled, (g, k), before)
+    return PooledPeople(
+        population=tuple(_mean(group, pooled, g, cells) for g, group in enumerate(groups)),
+        cells=tuple(
+            replace(
+                cell,
+                method=POOLED_METHOD,
+                parameters=tuple(found.get((i, p.name), p) for p in cell.parameters),
+                response=None,
+                nuisance=(),
+                gravity_corrected=None,
+                budget={},
+            )
+            for i, cell in enumerate(cells)
+        ),
+    )
+
+
+def _groups(cells: Sequence[CellEstimate]) -> Iterator[_Group]:
+    """Yield every timing point's parameters, in the order they come; NaN for who has none."""
+    keys = dict.fromkeys((c.timing_point, p.name) for c in cells for p in c.parameters)
+    for point, name in keys:
+        places = tuple(i for i, c in enumerate(cells) if c.timing_point == point)
+        found = [unbounded_estimate(cells[i], name) for i in places]
+        values = np.array([np.nan if e is None else e.value for e in found])
+        sds = np.array([np.nan if e is None else e.sd for e in found])
+        logarithmic = name == "inertia" and bool((values[np.isfinite(values)] > 0.0).all())
+        if logarithmic:
+            values, sds = np.log(values), sds / values
+        yield _Group(point, name, places, values, sds, logarithmic)
+
+
+def _mean(
+    group: _Group, pooled: PartialPooling, g: int, cells: Sequence[CellEstimate]
+) -> PopulationEstimate:
+    known = np.isfinite(group.values)
+    n = int(known.sum())
+    enough = n >= _FEWEST_PEOPLE
+    mean = float(pooled.mean[g])
+    parameter = next(p for i in group.places for p in cells[i].parameters if p.name == group.name)
+    onsets = [cells[i].onset_gait_pct for i in group.places]
+    return PopulationEstimate(
+        timing_point=group.timing_point,
+        onset_gait_pct=mean_on_the_circle(np.array([o for o in onsets if o is not None])),
+        parameter=group.name,
+        value=group.back(mean) if enough else None,
+        unit=parameter.unit,
+        sd=group.sd_back(mean, float(pooled.spread[g])) if enough else None,
+        ci_low=group.back(float(pooled.mean_low[g])) if enough else None,
+        ci_high=group.back(float(pooled.mean_high[g])) if enough else None,
+        n_participants=n,
+        method=POOLED_METHOD,
+        status="ok" if enough else Failure.TOO_FEW_PARTICIPANTS.status,
+        ci_level=_LEVEL,
+    )
+
+
+def _own(
+    group: _Group, pooled: PartialPooling, at: tuple[int, int], before: ParameterEstimate
+) -> ParameterEstimate:
+    """Return a participant's estimate given the others; refused as it would be alone."""
+    value, sd = group.back(pooled.value[at]), group.sd_back(pooled.value[at], pooled.sd[at])
+    low, high = group.back(pooled.low[at]), group.back(pooled.high[at])
+    if not group.logarithmic and low <= 0.0:
+        low, high = bounded_interval(value, sd, level=_LEVEL)
+    at_bound = low == 0.0
+    # Whether a limit at the bound is a small one was judged where the response was seen.
+    undecided = before.status != "at_bound" if at_bound else high - low > 2.0 * _WIDEST * value
+    if undecided:
+        return ParameterEstimate(group.name, None, None, None, "undecided", unbounded=value)
+    return ParameterEstimate(
+        name=group.name,
+        value=max(value, 0.0),
+        ci_low=low,
+        ci_high=high,
+        status="at_bound" if at_bound else "ok",
+        ci_level=_LEVEL,
+        ci_method=_MADE,
+        unbounded=value,
+    )
+
+
+def mean_on_the_circle(pct: np.ndarray) -> float | None:
+    """Return the mean of phases, % of the cycle; None of none.
+
+    Parameters
+    ----------
+    pct : (n,) float
+        Phases, %.
+
+    Examples
+    --------
+    >>> round(mean_on_the_circle(np.array([98.0, 4.0])), 6)
+    1.0
+    """
+    if pct.size == 0:
+        return None
+    angle = np.angle(np.exp(2j * np.pi * pct / 100.0).mean())
+    return float(angle * 100.0 / (2 * np.pi) % 100.0)

@@ -1,0 +1,91 @@
+"""Covariance of noise from few realisations."""
+
+import numpy as np
+import pytest
+
+from jointz.kernels.noise_covariance import shrunk_covariance, steady_covariance
+
+N = 54
+T = np.arange(N)
+APART = np.abs(T[:, None] - T)
+
+
+def swelling() -> np.ndarray:
+    """Noise of a prediction that gets worse, of a sensor, and of its slow part."""
+    size = 0.2 + T / N
+    slow = np.outer(size, size) * np.exp(-0.5 * (APART / 15.0) ** 2)
+    return np.asarray(0.09 * np.eye(N) + slow + 0.02 * 0.9**APART)
+
+
+def realised(covariance: np.ndarray, count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((count, N)) @ np.linalg.cholesky(covariance).T
+    return np.asarray(np.cov(rows.T))
+
+
+def errors(covariance: np.ndarray, used: np.ndarray, shape: np.ndarray) -> tuple[float, float]:
+    """Return claimed and true variance of the size of a shape, weighted with ``used``."""
+    weight = np.linalg.solve(used, shape)
+    weight /= weight @ shape
+    return float(weight @ used @ weight), float(weight @ covariance @ weight)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.95])
+def test_an_autoregressive_process_is_its_own_steady_covariance(rho):
+    true = 3.0 * rho**APART
+    assert steady_covariance(true) == pytest.approx(true, abs=1e-5)
+
+
+def test_a_steady_covariance_follows_a_slow_change_of_size():
+    size = 1.0 + T / N
+    true = np.outer(size, size) * 0.8**APART
+    found = steady_covariance(true)
+    assert np.sqrt(np.diag(found)) == pytest.approx(size, rel=0.1)
+    assert found == pytest.approx(true, abs=0.1 * true.max())
+
+
+@pytest.mark.parametrize("count", [3, 12, 30, 900])
+def test_a_shrunk_covariance_can_be_inverted_whatever_the_count(count):
+    found = shrunk_covariance(realised(swelling(), count, 1), count)
+    assert np.allclose(found, found.T)
+    # The sensor's white noise has a variance of 0.09; three realisations see little of it.
+    assert np.linalg.eigvalsh(found).min() > (0.02 if count > 3 else 1e-4)
+
+
+def test_with_many_realisations_it_is_that_of_the_sample():
+    sample = realised(swelling(), 200_000, 2)
+    assert shrunk_covariance(sample, 200_000) == pytest.approx(sample, abs=0.01)
+
+
+@pytest.mark.parametrize("count", [15, 30, 60, 240])
+@pytest.mark.parametrize("beat", [4.0, 10.0, 25.0])
+def test_the_error_it_claims_is_about_the_error_it_makes(count, beat):
+    true, shape = swelling(), np.exp(-T / 20.0) * np.sin(T / beat)
+    pairs = [
+        errors(true, shrunk_covariance(realised(true, count, seed), count), shape)
+        for seed in range(20)
+    ]
+    claimed, made = np.sqrt(np.mean(pairs, axis=0))
+    best = np.sqrt(1.0 / (shape @ np.linalg.solve(true, shape)))
+    assert made < 1.2 * best
+    assert 0.8 < claimed / made < 1.25
+
+
+def test_the_sample_covariance_alone_would_claim_too_little():
+    # Why it is shrunk: from 30 realisations, with a little white noise added, 54 samples.
+    true, shape = swelling(), np.exp(-T / 20.0) * np.sin(T / 10.0)
+    sample = realised(true, 30, 0)
+    claimed, made = errors(true, sample + 1e-3 * np.trace(sample) / N * np.eye(N), shape)
+    assert claimed < 0.05 * made
+
+
+def test_it_scales_with_the_unit():
+    sample = realised(swelling(), 25, 3)
+    assert shrunk_covariance(1e-6 * sample, 25) == pytest.approx(
+        1e-6 * shrunk_covariance(sample, 25), rel=1e-6
+    )
+
+
+def test_one_realisation_is_refused():
+    with pytest.raises(ValueError, match="two realisations or more, got 1"):
+        shrunk_covariance(np.eye(3), 1)

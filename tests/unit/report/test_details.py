@@ -1,0 +1,63 @@
+"""The tables of what stands behind the estimates hold what the cells hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.report.details import (
+    DETAIL_COLUMNS,
+    SOURCES,
+    details_frame,
+    models_frame,
+    variance_shares,
+)
+
+
+def test_there_is_one_row_a_participant_timing_point_and_parameter(recommended):
+    table = details_frame(recommended)
+    assert len(table) == 3 * 6 * 3
+    assert not table.duplicated(["participant", "timing_point", "parameter"]).any()
+    assert tuple(table.columns) == DETAIL_COLUMNS
+
+
+def test_the_whole_sd_is_that_of_its_independent_sources(recommended):
+    table = details_frame(recommended)
+    parts = table[[f"sd_{source}" for source in SOURCES]].to_numpy()
+    np.testing.assert_allclose(table["sd"], np.sqrt((parts**2).sum(axis=1)))
+
+
+def test_an_undecided_estimate_keeps_its_unbounded_value_and_its_budget(recommended):
+    (row,) = details_frame(recommended).query("status == 'undecided'").to_dict("records")
+    assert np.isnan(row["value"])
+    assert row["unbounded"] > 0.0
+    assert row["sd"] == pytest.approx(0.4 * row["unbounded"])
+
+
+def test_gravity_belongs_to_the_stiffness(recommended):
+    table = details_frame(recommended)
+    corrected = table["stiffness_gravity_corrected"]
+    assert corrected.notna().eq(table["parameter"] == "stiffness").all()
+    off = table["unbounded"] - corrected
+    np.testing.assert_allclose(off[table["parameter"] == "stiffness"], 10.0)
+
+
+def test_a_method_without_a_budget_has_empty_columns(bench):
+    table = details_frame(bench)
+    assert table["sd"].isna().all()
+    assert set(table["status"]) == {"ok", "at_bound"}
+    assert set(table["parameter"]) == {"stiffness", "damping", "inertia"}
+
+
+def test_the_shares_of_the_variance_make_one(recommended):
+    shares = variance_shares(recommended.cells[0], "damping")
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert variance_shares(replace(recommended.cells[0], budget={}), "damping") == {}
+
+
+def test_models_are_one_row_a_person(recommended):
+    table = models_frame(recommended)
+    assert list(table["participant"]) == ["S01", "S02", "S03"]
+    assert list(table["lag_s"]) == pytest.approx([0.004, 0.007, 0.010])
+    assert models_frame(StudyAnalysis(cells=())).empty

@@ -1,0 +1,205 @@
+"""What the page says of methods, of what stands behind the estimates, and of expected errors."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
+from jointz.report.behind_section import behind_section, likely
+from jointz.report.certificate_section import certificate_section
+from jointz.report.figures import draw_figures
+from jointz.report.method_differences import differences_section
+from jointz.report.page import render_report
+
+from .test_page import Page, words
+
+
+def reasons(analysis):
+    return dict(differences_section(analysis)["reasons"])
+
+
+def test_the_lead_holds_the_root_mean_square_difference(recommended):
+    lead = differences_section(recommended)["lead"]
+    off = []
+    others = {(c.participant, c.timing_point): c for c in recommended.comparison}
+    for cell in recommended.cells:
+        mine = cell.parameter("stiffness").value
+        other = others[cell.participant, cell.timing_point].parameter("stiffness").value
+        off += [(other / mine - 1.0) ** 2] if mine else []
+    rms = 100.0 * (sum(off) / len(off)) ** 0.5
+    assert re.search(rf"by {rms:.0f}\s%\sin K", lead)
+
+
+def test_every_timing_point_has_its_difference_and_what_the_lag_alone_would_do(recommended):
+    rows = differences_section(recommended)["rows"]
+    assert [r["name"] for r in rows] == ["LRE", "MST", "TST", "PSW", "ISW", "MSW"]
+    for row in rows:
+        assert [set(c) for c in row["cells"]] == [{"whole", "lag"}] * 3
+        assert row["cells"][2]["lag"].startswith("+")  # a late angle reads as inertia
+    assert rows[0]["apart"] == "1.1"  # 0.02 rad, as the fixture has it
+
+
+def test_a_lag_that_is_calibrated_away_sets_nothing_apart(recommended):
+    people = [{"id": m.participant, "calibration": {"angle_lag_s": {"value": m.lag_s, "sd": 1e-4}}}
+              for m in recommended.models]  # fmt: skip
+    known = replace(recommended, provenance={"study": {"participants": people}})
+    assert "does not set them apart here" in reasons(known)["Lag."]
+    assert "takes them for simultaneous" in reasons(recommended)["Lag."]
+    for row in differences_section(known)["rows"]:
+        assert row["cells"][0]["lag"] == "0 %"
+
+
+def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study(recommended):
+    def recording(condition, model):
+        lag = {"angle_lag_s": {"value": model.lag_s, "sd": 1e-4}}
+        return {"participant": model.participant, "condition": condition, "calibration": lag}
+
+    for condition, apart in (("perturbed", False), ("unperturbed", True)):
+        held = [recording(condition, m) for m in recommended.models]
+        known = replace(recommended, provenance={"study": {"recordings": held}})
+        assert ("does not set them apart here" in reasons(known)["Lag."]) is not apart
+
+
+def test_a_study_calibration_that_is_not_the_lag_found_leaves_the_rest(recommended):
+    half = {**recommended.settings, "calibration": {"angle_lag_s": {"value": 0.002, "sd": 1e-4}}}
+    text = reasons(replace(recommended, settings=half))["Lag."]
+    assert "leaves the rest" in text
+    assert "4.0 to 10.0 ms behind the torque" in text
+
+
+def test_estimates_at_the_bound_are_counted(recommended):
+    assert "(none stands there)" in reasons(recommended)["Bounds."]
+    first = recommended.comparison[0]
+    bound = replace(first.parameters[0], value=0.0, status="at_bound")
+    cells = (replace(first, parameters=(bound, *first.parameters[1:])), *recommended.comparison[1:])
+    one = replace(recommended, comparison=cells)
+    assert "1 estimate stands there" in reasons(one)["Bounds."]
+    assert differences_section(one)["rows"][0]["bound"] == "1 K"
+
+
+def test_without_both_methods_there_is_no_comparison(recommended, walking, bench):
+    assert differences_section(replace(recommended, comparison=())) is None
+    assert differences_section(walking) is None  # no models: stored by an earlier version
+    assert differences_section(bench) is None
+
+
+def test_what_is_undecided_names_its_largest_source_and_what_would_decide_it(recommended):
+    cells = list(recommended.cells)
+    k = next(i for i, c in enumerate(cells) if c.parameter("stiffness").status == "undecided")
+    value = cells[k].parameter("stiffness").unbounded
+    budget = {**cells[k].budget, "stiffness": {"lag": 0.4 * value, "noise": 0.1 * value}}
+    cells[k] = replace(cells[k], budget=budget)
+    (row,) = behind_section(replace(recommended, cells=tuple(cells)))["undecided"]
+    assert (row["participant"], row["name"], row["parameter"]) == ("S01", "ISW", "Stiffness")
+    assert row["why"] == "lag and resonance of the sensor (94 %)"
+    assert "angle_lag_s" in row["remedy"]
+    assert "±" in row["found"]
+
+
+@pytest.mark.parametrize(("lag_sd_s", "told"), [(0.006, True), (0.0005, False)])
+def test_an_inertia_that_a_measured_lag_would_decide_says_so(recommended, lag_sd_s, told):
+    cell = recommended.cells[0]
+    damping = cell.parameter("damping").unbounded
+    sd = 0.006 * damping  # as much as 6 ms of lag
+    open_ = replace(
+        cell.parameter("inertia"), value=None, ci_low=None, ci_high=None, status="undecided"
+    )
+    changed = replace(
+        cell,
+        parameters=tuple(open_ if p.name == "inertia" else p for p in cell.parameters),
+        budget={**cell.budget, "inertia": {"noise": sd, "lag": 0.1 * sd}},
+    )
+    model = replace(recommended.models[0], lag_sd_s=lag_sd_s)
+    (row,) = behind_section(replace(recommended, cells=(changed,), models=(model,)))["undecided"]
+    assert row["why"].startswith("strides that differ")
+    assert ("(found to ± 6.0 ms only)" in row["remedy"]) is told
+
+
+def test_details_hold_window_motion_gravity_and_unbounded_values(recommended):
+    section = behind_section(recommended)
+    first = section["details"][0]
+    cell = recommended.cells[0]
+    assert first["centre"] == f"{cell.centre_gait_pct:.1f}"
+    assert first["corrected"].startswith(f"{cell.gravity_corrected.value:.3g}"[:3])
+    assert len(first["unbounded"]) == 3
+    assert section["gravity"]
+    assert [r["first"] for r in section["details"]].count(True) == 3
+
+
+def test_probabilities_are_said_in_words():
+    assert [likely(p).split()[0] for p in (0.0, 0.1, 0.5, 0.9, 1.0)] == [
+        "unlikely", "unlikely", "open", "likely", "likely",
+    ]  # fmt: skip
+    assert likely(0.9999) == "likely (> 99 %)"
+
+
+def test_the_page_shows_both_sections_and_is_well_formed(recommended):
+    page = Page(render_report(recommended, draw_figures(recommended), title="Knee"))
+    text = words(page)
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links} <= set(page.ids)
+    for told in ("Why they differ", "VAF is not accuracy.", "What would decide it",
+                 "Error budget", "What was found about joint and sensor"):  # fmt: skip
+        assert told in text
+    assert "Window, motion, gravity and unbounded values of all 18 timing points" in text
+
+
+def test_where_all_is_decided_the_page_says_so(recommended):
+    cells = tuple(c for c in recommended.cells if c.parameter("stiffness").status != "undecided")
+    text = words(Page(render_report(replace(recommended, cells=cells), {}, title="Knee")))
+    assert "Every stiffness, damping and inertia is decided." in text
+
+
+@pytest.fixture
+def certificate():
+    rows = [
+        VirtualEstimate(who, r, point, name, 1.0, 1.0 + off, 1.0 + off - 0.2, 1.0 + off + 0.2, "ok")
+        for who in ("S01", "S02")
+        for r, off in enumerate((-0.1, 0.1))
+        for point in ("LRE", "MSW")
+        for name in ("stiffness", "damping", "inertia")
+    ]
+    return Certificate("recommended", expected_errors(rows), tuple(rows), 2, 2)
+
+
+def test_the_certificate_says_what_error_to_expect(certificate):
+    section = certificate_section(certificate)
+    assert section["sentence"] == (
+        "In this study expect errors of 10 % in K, 10 % in B, 10 % in J (root mean square), and "
+        "intervals that hold the truth in 100 %, 100 %, 100 % of cases."
+    )
+    assert [row["name"] for row in section["rows"]] == ["all points", "LRE", "MSW"]
+    assert section["rows"][1]["cells"][0]["more"] == "mean +0.0, held 100 %, undecided 0 %"
+    assert "the unperturbed strides of 2 participants (2 times each)" in section["note"]
+
+
+def test_what_was_given_and_who_was_left_out_of_the_certificate_is_told(certificate):
+    told = replace(
+        certificate,
+        injected={"stiffness": "drawn", "lag_s": "0.011"},
+        left_out={"S03": "no unperturbed strides"},
+    )
+    note = certificate_section(told)["note"]
+    assert "given: lag in s 0.011." in note
+    assert note.endswith("S03 was left out: no unperturbed strides.")
+
+
+def test_a_certificate_that_decides_nothing_says_so(certificate):
+    rows = [replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
+            for e in certificate.estimates]  # fmt: skip
+    empty = replace(certificate, errors=expected_errors(rows))
+    assert "expect no usable estimate" in certificate_section(empty)["sentence"]
+    assert certificate_section(None) is None
+
+
+def test_a_parameter_that_is_never_decided_is_named(certificate):
+    rows = [
+        replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
+        if e.parameter == "inertia"
+        else e
+        for e in certificate.estimates
+    ]
+    sentence = certificate_section(replace(certificate, errors=expected_errors(rows)))["sentence"]
+    assert sentence.endswith("J cannot be decided here.")

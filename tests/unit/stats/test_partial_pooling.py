@@ -1,0 +1,143 @@
+"""Participants together, from cells with budgets."""
+
+import numpy as np
+import pytest
+
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.kernels.partial_pooling import partial_pooling
+from jointz.stats.partial_pooling import pool_people
+from jointz.stats.population import population_means
+
+POINTS = ("LRE", "MST")
+
+
+def cell(person, value, sd, *, point="LRE", name="stiffness", status="ok", gain=0.0, mass=None):
+    stands = status in ("ok", "at_bound")
+    own = ParameterEstimate(
+        name,
+        max(value, 0.0) if stands else None,
+        value - 2 * sd if stands else None,
+        value + 2 * sd if stands else None,
+        status,
+        unbounded=value,
+    )
+    parameters = [own]
+    if mass is not None:
+        per = ParameterEstimate(
+            f"{name}_per_mass", value / mass, None, None, status, unbounded=value / mass
+        )
+        parameters.append(per)
+    budget = {name: {"noise": sd, "gain": gain * value}}
+    return CellEstimate(
+        person, point, 7.0, tuple(parameters), 99.0, 5, 0, "recommended", budget=budget
+    )
+
+
+def failed(person):
+    parameter = ParameterEstimate("stiffness", None, None, None, "failed:no_pulses")
+    return CellEstimate(person, "LRE", None, (parameter,), None, 0, 3, "recommended")
+
+
+def test_mean_and_people_are_those_of_the_kernel():
+    values, sds = np.array([50.0, 60.0, 90.0]), np.array([3.0, 8.0, 5.0])
+    pooled = pool_people(
+        [cell(f"S{i}", v, s) for i, (v, s) in enumerate(zip(values, sds, strict=True))]
+    )
+    kernel = partial_pooling(values[None], sds[None])
+    (mean,) = pooled.population
+
+    assert (mean.value, mean.ci_low, mean.ci_high, mean.sd) == pytest.approx(
+        (kernel.mean[0], kernel.mean_low[0], kernel.mean_high[0], kernel.spread[0])
+    )
+    assert (mean.method, mean.n_participants, mean.status) == ("recommended_pooled", 3, "ok")
+    for i, own in enumerate(pooled.cells):
+        assert own.method == "recommended_pooled"
+        assert own.parameters[0].value == pytest.approx(kernel.value[0, i])
+        assert own.parameters[0].ci_low == pytest.approx(kernel.low[0, i])
+
+
+def test_the_unsure_are_drawn_further_towards_the_others():
+    people = [cell(f"S{i}", v, 2.0) for i, v in enumerate([48.0, 50.0, 52.0, 49.0])]
+    sure, unsure = cell("S8", 80.0, 2.0), cell("S8", 80.0, 25.0)
+    near = pool_people([*people, unsure]).cells[-1].parameters[0]
+    far = pool_people([*people, sure]).cells[-1].parameters[0]
+    assert near.unbounded < 65.0 < 70.0 < far.unbounded
+
+
+def test_undecided_cells_count_with_what_they_say():
+    decided = [cell(f"S{i}", 60.0 + i, 2.0) for i in range(3)]
+    undecided = cell("S9", 20.0, 25.0, status="undecided")
+    (without,) = pool_people(decided).population
+    both = pool_people([*decided, undecided])
+    assert both.population[0].n_participants == 4
+    assert both.population[0].value != pytest.approx(without.value, abs=1e-6)
+    # What the others say decides what its own data did not.
+    own = both.cells[-1].parameters[0]
+    assert own.status == "ok"
+    assert 20.0 < own.value < 63.0
+
+
+def test_a_failed_cell_stays_failed_and_counts_nowhere():
+    pooled = pool_people([cell("S1", 50.0, 2.0), cell("S2", 60.0, 2.0), failed("S3")])
+    assert pooled.population[0].n_participants == 2
+    assert pooled.cells[2].parameters[0].status == "failed:no_pulses"
+
+
+def test_inertia_is_pooled_in_its_logarithm():
+    values = np.array([0.03, 0.05, 0.08])
+    cells = [cell(f"S{i}", v, 0.002, name="inertia") for i, v in enumerate(values)]
+    (mean,) = pool_people(cells).population
+    assert mean.value == pytest.approx(np.exp(np.log(values).mean()), rel=0.01)
+    assert mean.ci_low > 0.0
+    # An inertia below zero, as after a device's is taken out, has no logarithm.
+    (linear,) = pool_people([*cells, cell("S9", -0.01, 0.02, name="inertia")]).population
+    assert linear.value is not None
+
+
+def test_a_value_at_the_bound_stays_a_limit_and_a_vague_one_is_refused():
+    people = [cell(f"S{i}", v, 4.0) for i, v in enumerate([1.0, 30.0, 60.0])]
+    limit = cell("S8", -3.0, 4.0, status="at_bound")
+    own = pool_people([*people, limit]).cells[-1].parameters[0]
+    assert (own.status, own.ci_low) == ("at_bound", 0.0)
+    assert own.ci_high > 0.0
+    refused = pool_people([*people, cell("S8", -3.0, 4.0, status="undecided")]).cells[-1]
+    assert refused.parameters[0].value is None
+    assert refused.parameters[0].unbounded is not None
+
+
+def test_values_per_kg_have_errors_per_kg():
+    masses = (60.0, 70.0, 80.0)
+    cells = [cell(f"S{i}", 60.0 + i, 6.0, mass=m, gain=0.02) for i, m in enumerate(masses)]
+    per = np.array([c.parameters[1].unbounded for c in cells])
+    sds = np.array([np.hypot(6.0, 0.02 * (60.0 + i)) / m for i, m in enumerate(masses)])
+    kernel = partial_pooling(per[None], sds[None])
+    mean = next(m for m in pool_people(cells).population if m.parameter == "stiffness_per_mass")
+    assert (mean.value, mean.ci_high) == pytest.approx((kernel.mean[0], kernel.mean_high[0]))
+    assert mean.unit == "N*m/rad/kg"
+
+
+def test_timing_points_are_pooled_each_by_itself():
+    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([50.0, 60.0, 90.0])]
+    other = [cell(f"S{i}", v, 3.0, point="MST") for i, v in enumerate([5.0, 6.0, 9.0])]
+    alone = pool_people(cells).population[0]
+    both = pool_people([*cells, *other]).population
+    assert [m.timing_point for m in both] == list(POINTS)
+    assert both[0].value == pytest.approx(alone.value)
+
+
+def test_one_person_is_no_population():
+    pooled = pool_people([cell("S1", 50.0, 2.0)])
+    (mean,) = pooled.population
+    assert mean.status == "failed:too_few_participants"
+    assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
+    assert pooled.cells[0].parameters[0].value == 50.0
+
+
+def test_the_means_of_a_study_are_pooled_where_errors_are_told():
+    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([50.0, 60.0, 90.0])]
+    assert population_means(cells) == pool_people(cells).population
+
+
+def test_no_cells_are_no_people():
+    assert pool_people([]).population == ()
+    assert pool_people([]).cells == ()

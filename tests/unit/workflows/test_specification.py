@@ -1,0 +1,86 @@
+"""The specification curve of a study's participant."""
+
+import pytest
+
+from jointz.workflows.analysis import analyze
+from jointz.workflows.specification import specification_curve
+
+
+@pytest.fixture(scope="module")
+def curve(small_study_source):
+    return specification_curve(
+        small_study_source,
+        participant="S02",
+        windows_s=(0.08, 0.1),
+        cutoffs_hz=(20.0,),
+        resamples=20,
+    )
+
+
+def test_every_set_of_choices_is_there(curve):
+    table = curve.to_frame()
+    sets = table.drop_duplicates(["method", "baseline", "window_s", "cutoff_hz", "inertia_model"])[
+        "method"
+    ].value_counts()
+
+    assert sets["recommended"] == 3 * 2 * 3  # baselines, windows, models of the inertia
+    assert sets["dissertation"] == 2 * 2  # baselines, windows
+    assert curve.timing_points == ("LRE", "MST", "TST", "PSW", "ISW", "MSW")
+
+
+def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
+    """Window 0.1 s, predicted baseline, pooled inertia: as analyze has it."""
+    own = {
+        (c.timing_point, p.name): (p.status, p.value)
+        for c in analyze(small_study_source, resamples=20).cells
+        for p in c.parameters
+        if c.participant == "S02"
+    }
+    rows = [
+        e
+        for e in curve.estimates
+        if (e.method, e.baseline, e.window_s, e.inertia_model)
+        == ("recommended", "predicted", 0.1, "pooled")
+    ]
+
+    assert len(rows) == 18
+    for row in rows:
+        status, value = own[row.timing_point, row.parameter]
+        assert row.status == status
+        assert row.value == (None if value is None else pytest.approx(value, rel=1e-6))
+
+
+def test_the_dissertations_own_choice_is_one_of_them(curve, small_study_source):
+    own = analyze(small_study_source, method="dissertation", resamples=20)
+    wanted = {
+        c.timing_point: c.parameter("stiffness").value for c in own.cells if c.participant == "S02"
+    }
+    rows = {
+        e.timing_point: e.value
+        for e in curve.estimates
+        if (e.method, e.baseline, e.window_s, e.parameter)
+        == ("dissertation", "unperturbed_mean", 0.1, "stiffness")
+    }
+
+    assert rows == wanted
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"participant": "S99"}, "participant: expected one of S01, S02; got 'S99'"),
+        ({"windows_s": ()}, "windows_s: expected one or more positive numbers"),
+        ({"cutoffs_hz": (-1.0,)}, "cutoffs_hz: expected one or more positive numbers"),
+        ({"baselines": ("pre_pulse",)}, "baselines: expected one or more names among predicted"),
+    ],
+)
+def test_choices_that_make_no_sense_are_refused(small_study_source, asked, message):
+    with pytest.raises(ValueError, match=message):
+        specification_curve(small_study_source, **asked)
+
+
+def test_a_bench_study_is_refused(small_study):
+    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
+
+    with pytest.raises(ValueError, match="expected a walking study"):
+        specification_curve(small_study.root)
