@@ -35,8 +35,10 @@ def test_a_study_in_order_is_analysed(small_study, analyze, tmp_path):
     table = estimates(tmp_path)
     assert list(table["timing_point"].unique()) == ["LRE", "MST", "TST", "PSW", "ISW", "MSW"]
     assert (table["n_used"] + table["n_excluded"] == 4).all()
-    assert set(table["status"]) <= {"ok", "at_bound"}
-    assert outcome.json["n_standing"] == len(table) == 2 * 6 * 5
+    # Four pulses a point decide most, not all.
+    assert set(table["status"]) <= {"ok", "at_bound", "undecided"}
+    assert len(table) == 2 * 6 * 5
+    assert outcome.json["n_standing"] == table["value"].notna().sum() > 30
 
 
 def test_a_missing_file_stops_the_job(small_study, analyze, tmp_path):
@@ -219,7 +221,7 @@ def test_one_pulse_at_a_timing_point_is_left_out_with_a_code(small_study, analyz
         return table.assign(command=command)
 
     small_study.edit_table(PERTURBED, quiet)
-    outcome = analyze(small_study, "--overwrite")
+    outcome = analyze(small_study, "--overwrite", "--method", "dissertation")
 
     assert outcome.code == 0
     cell = estimates(tmp_path).query("participant == 'S01' and timing_point == 'MST'")
@@ -265,7 +267,7 @@ def test_a_missing_mass_fails_only_the_values_per_kg(small_study, analyze, tmp_p
     assert outcome.code == 0
     mine = estimates(tmp_path).query("participant == 'S01'").set_index("parameter")["status"]
     assert set(mine["stiffness_per_mass"]) == {"failed:mass_missing"}
-    assert set(mine["stiffness"]) <= {"ok", "at_bound"}
+    assert set(mine["stiffness"]) <= {"ok", "at_bound", "undecided"}
 
 
 def test_two_recordings_for_one_cell_stop_the_job(small_study, analyze, tmp_path):

@@ -266,23 +266,21 @@ def _weights(posteriors: Sequence[Posterior]) -> np.ndarray:
 
 
 def _budget(posterior: Posterior, picks: np.ndarray) -> dict[str, float]:
-    """Split the variance of a sum of parameters by where it comes from."""
-    n = posterior.values.size
-    shared = n - SHARED
+    """Split the variance of a sum of parameters by where it comes from.
+
+    The priors of two sources have nothing in common, so that each has its own share.
+    """
     reach = picks @ posterior.bread
+    shares = reach * (posterior.prior_precision @ reach)
+    points, shared = shares[:-SHARED].reshape(-1, PER_POINT).sum(axis=0), shares[-SHARED:]
+    lag = shared[[LAG, DELAY, LOG_RESONANCE, RESONANCE_DAMPING]].sum()
     variance = float(picks @ posterior.covariance @ picks)
-    weights = posterior.prior_precision
-    groups = {
-        "friction": [shared + FRICTION_GAIN],
-        "cross_talk": [shared + CROSS_TALK],
-        "inertia_model": list(range(J_DEVIATION, shared, PER_POINT)),
-        "drift": [i for i in range(shared) if i % PER_POINT in (K_DRIFT, B_DRIFT)],
-        "lag": [shared + place for place in (LAG, DELAY, LOG_RESONANCE, RESONANCE_DAMPING)],
-        "prior": [shared + LOG_J] + [i for i in range(shared) if i % PER_POINT in (K, B)],
+    return {
+        "friction": float(shared[FRICTION_GAIN]),
+        "cross_talk": float(shared[CROSS_TALK]),
+        "inertia_model": float(points[J_DEVIATION]),
+        "drift": float(points[K_DRIFT] + points[B_DRIFT]),
+        "lag": float(lag),
+        "prior": float(points[K] + points[B] + shared[LOG_J]),
+        "noise": variance - float(shares.sum()),
     }
-    parts = {}
-    for name, places in groups.items():
-        block = weights[np.ix_(places, places)]
-        parts[name] = float(reach[places] @ block @ reach[places])
-    parts["noise"] = variance - sum(parts.values())
-    return parts

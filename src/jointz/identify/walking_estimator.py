@@ -119,7 +119,7 @@ class WalkingEstimator:
         """
         records = [c.record for c in candidates]
         found: dict[str, PredictedCell | CellEstimate] = {}
-        for label in dict.fromkeys(r.timing_point for r in records if r.timing_point):
+        for label in self._labels(records):
             chosen = [k for k, r in enumerate(records) if r.timing_point == label]
             cell, codes = self._prepared(label, [candidates[k] for k in chosen])
             found[label] = cell
@@ -133,6 +133,12 @@ class WalkingEstimator:
             for label, cell in found.items()
         ]
         return tuple(cells), records
+
+    def _labels(self, records: Sequence[PulseRecord]) -> list[str]:
+        """Return the timing points in the order of the cycle, then groups by name."""
+        points = self._settings.timing_points
+        found = {r.timing_point for r in records if r.timing_point}
+        return sorted(found, key=lambda label: (points.get(label, 100.0), label))
 
     def _prepared(
         self, label: str, candidates: Sequence[Candidate]

@@ -823,8 +823,8 @@ def test_all_problems_stand_in_one_message(study):
         "exclusions.csv: missing column(s) recording, onset_s, action.",
     )
 
-    assert len(error.problems) == 10
-    assert str(error).splitlines()[0] == f"{study.root / 'study.toml'}: 10 problems"
+    assert len(error.problems) == 9
+    assert str(error).splitlines()[0] == f"{study.root / 'study.toml'}: 9 problems"
 
 
 # --- the user's own exclusions -------------------------------------------------------------------
