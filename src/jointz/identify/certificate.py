@@ -17,7 +17,7 @@ from jointz.identify.certificate_joint import InjectedResponse, injected_respons
 from jointz.identify.response_decision import Decision, NaturalSize, decided_parameters
 from jointz.identify.response_model import CellResponse
 from jointz.identify.response_posterior import JointPosterior
-from jointz.identify.unperturbed_prediction import Predicted
+from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.walking_evidence import Evidence
 from jointz.identify.walking_responses import PredictedCell, explain_responses, priors_of
 
@@ -121,7 +121,10 @@ def _injected(evidence: Evidence, truth: Truth, i: int) -> InjectedResponse:
     average = cell.predicted.responses[cell.kept].mean(axis=0)
     torque = truth.torque_gain * (average[1] + truth.friction_gain * average[2])
     return injected_response(
-        torque, truth.joints[i], period_s=cell.period_s, window_s=evidence.window_s
+        torque,
+        truth.joints[i],
+        period_s=cell.period_s,
+        window_s=evidence.window_s + LEAD_SAMPLES * cell.period_s,
     )
 
 

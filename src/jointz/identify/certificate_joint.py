@@ -83,13 +83,13 @@ def injected_response(
     Parameters
     ----------
     torque : (n,) float, N*m
-        At the samples, from the onset.
+        At the samples; the joint is at rest at the first.
     joint : InjectedJoint
         The joint and its sensor.
     period_s : float, s
         Between samples.
     window_s : float, s
-        Of the motion, that means are taken over.
+        From the first sample, that means are taken over.
 
     Notes
     -----

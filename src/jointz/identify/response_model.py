@@ -67,7 +67,7 @@ class CellResponse:
     label : str
         The timing point.
     angle : (n,) float, rad
-        From the onset.
+        From the first sample on.
     torque : (2, n) float, N*m
         Without friction, and friction.
     noise : (n, n) float, rad^2
@@ -78,6 +78,8 @@ class CellResponse:
         Of the onset, cycles; NaN where unknown.
     stride_s : float, s
         Duration of a stride.
+    lead_s : float, s
+        The first sample is so much before the onset; the joint is at rest there.
     """
 
     label: str
@@ -87,10 +89,11 @@ class CellResponse:
     period_s: float
     phase: float
     stride_s: float
+    lead_s: float = 0.0
 
     @property
     def samples_s(self) -> np.ndarray:
-        """Times of the samples, from the onset."""
+        """Times of the samples, from the first."""
         return np.asarray(np.arange(self.angle.size) * self.period_s)
 
     def weights(self) -> np.ndarray:
@@ -196,7 +199,7 @@ class Posterior:
     fitted : tuple of (n,) float, rad
         Simulated angles.
     middle_s : (n_point, 3) float, s
-        Where in the window K, B and J have the values given.
+        When, from the first sample, K, B and J have the values given.
     chi_square : float
         Weighted sum of squares of the responses, without the priors.
     """
@@ -339,7 +342,7 @@ class ResponseModel:
         A change at time t moves the angle from then on; least squares on the angle weighs it by
         what it does to the value for the whole window.
         """
-        n = int(self._window_s / cell.period_s + 1e-9) + 1
+        n = int((cell.lead_s + self._window_s) / cell.period_s + 1e-9) + 1
         torque = cell.torque[:, :n]
         inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
         impedance = np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])

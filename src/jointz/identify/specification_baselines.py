@@ -10,7 +10,7 @@ from jointz.identify.baselines import N_MATCHES
 from jointz.identify.cell_windows import WindowCutter
 from jointz.identify.raw_signals import COMMAND, raw_signals
 from jointz.identify.sources import ParticipantSettings, Source
-from jointz.identify.unperturbed_prediction import PREDICTED, Predicted
+from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, PREDICTED, Predicted
 from jointz.identify.walking_responses import PredictedCell, alike
 
 #: So many unperturbed strides tell what a baseline misses.
@@ -50,7 +50,7 @@ def with_baseline(
     window_s = cell.predicted.responses.shape[2] * cell.period_s
     cutter = WindowCutter(raw, settings, baseline=baseline, window_s=window_s)
     used = cell.used
-    windows, unperturbed = cutter.cut(used)
+    windows, unperturbed = cutter.cut([_led(c, LEAD_SAMPLES * cell.period_s) for c in used])
     fine = unperturbed.valid.any(axis=1) & np.isfinite(windows).all(axis=(1, 2))
     if not fine.any():
         return None
@@ -59,7 +59,8 @@ def with_baseline(
         middle = unperturbed.windows[fine].mean(axis=0)[valid]
         misses, strides = middle - middle.mean(axis=0), np.flatnonzero(valid)
     else:
-        misses, strides = _matched_misses(cutter, used, sources)
+        early = [_led(c, LEAD_SAMPLES * cell.period_s) for c in used]
+        misses, strides = _matched_misses(cutter, early, sources)
     if strides.size < _FEWEST_STRIDES:
         return None
     used = [c for c, keep in zip(used, fine, strict=True) if keep]
@@ -73,6 +74,12 @@ def with_baseline(
         posture_rad=cell.posture_rad,
     )
     return replace(cell, candidates=used, predicted=predicted, kept=alike(predicted))
+
+
+def _led(candidate: Candidate, lead_s: float) -> Candidate:
+    """Return a pulse whose window begins so much before its onset."""
+    pulse = replace(candidate.pulse, onset_s=candidate.pulse.onset_s - lead_s)
+    return replace(candidate, pulse=pulse, elapsed_s=candidate.elapsed_s - lead_s)
 
 
 def _matched_misses(

@@ -40,6 +40,9 @@ _ELAPSED, _EXPECTED = -3, -2
 FEWEST_STRIDES = 12
 #: A regression wants so many strides a feature.
 _STRIDES_PER_FEATURE = 5
+#: Windows begin so many samples before the onset: a torque that is there at once has begun to
+#: rise between two samples, and the joint must be at rest before.
+LEAD_SAMPLES = 2
 #: Robust sd from the median beyond which a stride is not like the others.
 _UNLIKE_LEARNED, _UNLIKE_PULSE = 6.0, 8.0
 _STRIDE_BAND = 0.15
@@ -55,8 +58,8 @@ class Predicted:
     Parameters
     ----------
     responses : (n_pulse, 3, n) float
-        Measured minus predicted, turned by the sign of the pulse: angle (rad), torque without
-        friction and friction (N*m).
+        Measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES`
+        before the onset: angle (rad), torque without friction and friction (N*m).
     misses : (n_virtual, 3, n) float
         The same at virtual onsets left out of the learning.
     strides : (n_virtual,) int
@@ -112,15 +115,26 @@ class UnperturbedPredictor:
     signals : Conditioned
         Its raw signals.
     window_s : float, s
-        Longest window that will be asked for.
+        Longest window that will be asked for, from the onset.
+    others : sequence of tuple of Source and Conditioned
+        Unperturbed recordings of the same walker and donning, to be learned from too where the
+        recording itself has too few quiet strides. Posture differs between conditions: angles
+        then count from the level before the onset.
     """
 
-    def __init__(self, source: Source, signals: Conditioned, *, window_s: float) -> None:
+    def __init__(
+        self,
+        source: Source,
+        signals: Conditioned,
+        *,
+        window_s: float,
+        others: Sequence[tuple[Source, Conditioned]] = (),
+    ) -> None:
         self._signals = signals
-        self._strides = source.strides
-        self._onsets = np.array([p.onset_s for p in source.pulses])
         self._window_s = window_s
-        self._learned = _quiet_strides(source)
+        self._own = _Lesson(source, signals, window_s)
+        self._relative = bool(others)
+        self._lessons = [self._own, *(_Lesson(*other, window_s) for other in others)]
 
     @property
     def rate_hz(self) -> float:
@@ -135,13 +149,15 @@ class UnperturbedPredictor:
         candidates : sequence of Candidate
             Pulses of this recording, at one point of the cycle.
         """
-        pulses = self._moments(np.array([c.pulse.onset_s for c in candidates]))
+        lead_s = LEAD_SAMPLES / self._signals.rate_hz
+        pulses = self._own.moments(np.array([c.pulse.onset_s - lead_s for c in candidates]))
         fine = pulses.valid & np.isfinite(pulses.ratio)
         middle = _middle(pulses.ratio[fine])
         pulses = pulses.unwrapped(middle)
         codes = np.array(pulses.codes, dtype=object)
         codes[(codes == "") & ~fine] = Exclusion.NO_BASELINE.value
-        n = round(self._window_s * self._signals.rate_hz) + 1
+        pulses = pulses.relative() if self._relative else pulses
+        n = round(self._window_s * self._signals.rate_hz) + 1 + LEAD_SAMPLES
         virtual = self._virtual(pulses.ratio[fine], middle, label=candidates[0].record.timing_point)
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
@@ -166,37 +182,60 @@ class UnperturbedPredictor:
 
     def _virtual(self, ratio: np.ndarray, middle: float, *, label: str) -> "_Moments | None":
         """Return virtual onsets spread over the cycle as the pulses are; None where too few."""
-        strides = self._strides
-        if strides is None or ratio.size == 0 or self._learned.size < FEWEST_STRIDES:
+        if ratio.size == 0:
             return None
         spread = _WIDENED * _TO_SD * float(np.median(np.abs(ratio - middle)))
         rng = np.random.default_rng(crc32(label.encode()))
-        share = middle + max(spread, _LEAST_SPREAD) * rng.standard_normal(
-            (_COPIES, self._learned.size)
-        )
-        starts = strides.start_s[self._learned]
-        expected = gait_phase(starts, strides).mean_stride_s
-        found = self._moments((starts + share * expected).ravel()).unwrapped(middle)
-        found = found.of_strides(np.tile(self._learned, _COPIES))
-        durations = strides.duration_s[self._learned[:, None] - np.arange(3)]
-        even = np.abs(durations / np.median(strides.duration_s) - 1.0) < _STRIDE_BAND
-        clear = ~self._holds_pulse(found.onsets_s)
-        fine = found.valid & clear & np.tile(even.all(axis=1), _COPIES)
-        found = found.take(fine)
+        parts = [
+            lesson.virtual(middle, max(spread, _LEAST_SPREAD), rng)
+            for lesson in self._lessons
+            if lesson.quiet.size
+        ]
+        if not parts:
+            return None
+        found = _together(parts)
+        found = found.relative() if self._relative else found
         if found.strides.size == 0:
             return None
         found = found.take(_distance(found.features, found.features) < _UNLIKE_LEARNED)
         return found if np.unique(found.strides).size >= FEWEST_STRIDES else None
 
+
+class _Lesson:
+    """A recording to learn unperturbed walking from."""
+
+    def __init__(self, source: Source, signals: Conditioned, window_s: float) -> None:
+        self._signals = signals
+        self._strides = source.strides
+        self._onsets = np.array([p.onset_s for p in source.pulses])
+        self._window_s = window_s
+        self.quiet = quiet_strides(source)
+
+    def virtual(self, middle: float, spread: float, rng: np.random.Generator) -> "_Moments":
+        """Return virtual onsets about a point of the cycle, in quiet strides of even length."""
+        strides, quiet = self._strides, self.quiet
+        if strides is None:
+            raise ValueError("_Lesson: a recording without strides teaches nothing; see quiet.")
+        share = middle + spread * rng.standard_normal((_COPIES, quiet.size))
+        starts = strides.start_s[quiet]
+        expected = gait_phase(starts, strides).mean_stride_s
+        found = self.moments((starts + share * expected).ravel()).unwrapped(middle)
+        found = found.of_strides(np.tile(quiet, _COPIES))
+        durations = strides.duration_s[quiet[:, None] - np.arange(3)]
+        even = np.abs(durations / np.median(strides.duration_s) - 1.0) < _STRIDE_BAND
+        clear = ~self._holds_pulse(found.onsets_s)
+        return found.take(found.valid & clear & np.tile(even.all(axis=1), _COPIES))
+
     def _holds_pulse(self, onsets_s: np.ndarray) -> np.ndarray:
         """Tell which virtual windows a pulse reaches into."""
+        reach_s = self._window_s + LEAD_SAMPLES / self._signals.rate_hz
         first = np.searchsorted(self._onsets, onsets_s - _PAST_S)
-        return np.asarray(first != np.searchsorted(self._onsets, onsets_s + self._window_s))
+        return np.asarray(first != np.searchsorted(self._onsets, onsets_s + reach_s))
 
-    def _moments(self, onsets_s: np.ndarray) -> "_Moments":
+    def moments(self, onsets_s: np.ndarray) -> "_Moments":
         """Cut past and window at onsets, and say where in their strides these lie."""
         signals, strides = self._signals, self._strides
-        n = round(self._window_s * signals.rate_hz) + 1
+        n = round(self._window_s * signals.rate_hz) + 1 + LEAD_SAMPLES
         after_s = n / signals.rate_hz
         past, _ = signals.cut(
             onsets_s, before_s=_PAST_S, after_s=0.0, rows=slice(RAW_ANGLE, RAW_ANGLE + 1)
@@ -240,6 +279,14 @@ class _Moments:
         features[:, _ELAPSED] += np.nan_to_num(whole) * features[:, _EXPECTED]
         return replace(self, features=features, ratio=self.ratio + whole)
 
+    def relative(self) -> "_Moments":
+        """Return moments whose angles count from the level just before the onset."""
+        level = self.features[:, :1]
+        features, windows = self.features.copy(), self.windows.copy()
+        features[:, : _BINS + _COARSE] -= level
+        windows[:, RAW_ANGLE] -= level
+        return replace(self, features=features, windows=windows)
+
     def of_strides(self, strides: np.ndarray) -> "_Moments":
         return _Moments(self.onsets_s, self.features, self.windows, self.ratio, self.codes, strides)
 
@@ -252,6 +299,19 @@ class _Moments:
             tuple(np.array(self.codes)[chosen]),
             self.strides[chosen],
         )
+
+
+def _together(parts: Sequence[_Moments]) -> _Moments:
+    """Put moments of several recordings together; their strides stay apart."""
+    first = np.cumsum([0, *(int(part.strides.max(initial=-1)) + 1 for part in parts)])
+    return _Moments(
+        np.concatenate([part.onsets_s for part in parts]),
+        np.concatenate([part.features for part in parts]),
+        np.concatenate([part.windows for part in parts]),
+        np.concatenate([part.ratio for part in parts]),
+        tuple(code for part in parts for code in part.codes),
+        np.concatenate([part.strides + at for part, at in zip(parts, first, strict=False)]),
+    )
 
 
 class _Curve:
@@ -327,8 +387,19 @@ def _binned(past: np.ndarray, rate: float) -> np.ndarray:
     return np.column_stack(bins)
 
 
-def _quiet_strides(source: Source) -> np.ndarray:
-    """Return the strides that hold no pulse, follow none, and have three believed ones before."""
+def quiet_strides(source: Source) -> np.ndarray:
+    """Return the strides that hold no pulse, follow none, and have three believed ones before.
+
+    Parameters
+    ----------
+    source : Source
+        A recording, made ready.
+
+    Returns
+    -------
+    (k,) int
+        Which strides.
+    """
     strides = source.strides
     if strides is None:
         return np.empty(0, int)

@@ -41,11 +41,13 @@ from jointz.identify.response_decision import (
 )
 from jointz.identify.response_model import CellResponse
 from jointz.identify.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
-from jointz.identify.sources import ParticipantSettings, Source
+from jointz.identify.sources import ParticipantSettings, Source, most_alike
 from jointz.identify.unperturbed_prediction import (
+    FEWEST_STRIDES,
     Predicted,
     UnperturbedPredictor,
     join_predictions,
+    quiet_strides,
 )
 from jointz.identify.walking_evidence import Evidence
 from jointz.identify.walking_responses import (
@@ -208,12 +210,22 @@ class WalkingEstimator:
         if index not in self._predictors:
             source = self._sources[index]
             window_s = self._settings.perturbations.window_s + LONGEST_LAG_S
+            rate = common_rate_hz(self._sources)
             self._predictors[index] = UnperturbedPredictor(
                 source,
-                raw_signals(source, target_hz=common_rate_hz(self._sources)),
+                raw_signals(source, target_hz=rate),
                 window_s=window_s,
+                others=[(s, raw_signals(s, target_hz=rate)) for s in self._teachers(source)],
             )
         return self._predictors[index]
+
+    def _teachers(self, source: Source) -> list[Source]:
+        """Return what else to learn from where a recording has too few quiet strides."""
+        if quiet_strides(source).size >= FEWEST_STRIDES:
+            return []
+        there = [s for s in self._sources if s.given.condition == "unperturbed"]
+        alike = most_alike(source.given, [s.given for s in there], keys=("session", "side"))
+        return [s for s in there if any(s.given is given for given in alike)]
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]
@@ -291,7 +303,8 @@ class WalkingEstimator:
         total = response.torque.sum(axis=0)
         off = float(((fitted - response.angle) ** 2).sum() / (response.angle**2).sum())
         onset = mean_phase([c.record.measured_pct for c in used])
-        centre = _centre(onset, float(posterior.middle_s()[i][0]), cell.stride_s)
+        middle_s = float(posterior.middle_s()[i][0]) - response.lead_s
+        centre = _centre(onset, middle_s, cell.stride_s)
         parameters = decided_parameters(i, posterior, decision)
         return CellEstimate(
             participant=self._participant,
@@ -305,7 +318,7 @@ class WalkingEstimator:
             baseline=BASELINE,
             displacement_rad=float(np.abs(response.angle).max()),
             response=Response(
-                time_s=response.samples_s,
+                time_s=response.samples_s - response.lead_s,
                 angle=response.angle,
                 torque=total,
                 fitted_torque=total,

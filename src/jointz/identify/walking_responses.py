@@ -13,11 +13,13 @@ from jointz.identify.response_posterior import (
     compare_sensors,
     estimate_responses,
 )
-from jointz.identify.unperturbed_prediction import Predicted
+from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.kernels.noise_covariance import shrunk_covariance
 
 #: A lag longer than this is not followed: the window would reach into what the joint does later.
 LONGEST_LAG_S = 0.03
+#: No angle is known better, nor does any joint follow the model more closely.
+_FINEST_RAD = 1e-5
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
 _UNLIKE = 8.0
 _FEWEST_TO_COMPARE = 4
@@ -100,7 +102,7 @@ def _response(
     error, as the measured torque explains it.
     """
     late_s = float(np.clip(lag_s, 0.0, LONGEST_LAG_S))
-    n = int((window_s + late_s) / cell.period_s + 1e-9) + 1
+    n = int((window_s + late_s) / cell.period_s + 1e-9) + 1 + LEAD_SAMPLES
     responses = cell.predicted.responses[cell.kept][:, :, :n]
     misses = cell.predicted.misses[:, :, :n]
     missed = misses[:, 0]
@@ -120,10 +122,12 @@ def _response(
         label=cell.label,
         angle=average[0],
         torque=average[1:],
-        noise=shrunk_covariance(np.cov(missed[usual].T), n_strides) * share,
+        noise=shrunk_covariance(np.cov(missed[usual].T), n_strides) * share
+        + _FINEST_RAD**2 * np.eye(n),
         period_s=cell.period_s,
         phase=cell.phase,
         stride_s=cell.stride_s,
+        lead_s=LEAD_SAMPLES * cell.period_s,
     )
 
 

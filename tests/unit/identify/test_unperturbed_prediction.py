@@ -9,7 +9,7 @@ from jointz.core.study import PerturbationsSpec
 from jointz.identify.assignment import assign_pulses
 from jointz.identify.raw_signals import raw_signals
 from jointz.identify.sources import ParticipantSettings, prepare_sources
-from jointz.identify.unperturbed_prediction import UnperturbedPredictor
+from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, UnperturbedPredictor
 
 WINDOW_S = 0.13
 
@@ -117,7 +117,7 @@ def test_without_strides_to_learn_from_every_pulse_says_so(walkers):
     walker = walkers.Walker(between=1, counts={"A": 4, "B": 4})
     found = predicted(walker, walkers.walk(walker))
     assert set(found.codes) == {"no_baseline"}
-    assert found.responses.shape == (0, 3, 66)
+    assert found.responses.shape == (0, 3, 66 + LEAD_SAMPLES)
     assert found.n_strides == 0
 
 
