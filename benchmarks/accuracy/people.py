@@ -16,7 +16,7 @@ from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.sources import ParticipantSettings, RecordingInput
 from jointz.sim.descriptions import exoskeleton
-from jointz.sim.direct_walk import WALKING_PULSE, Walk, WalkPlan, walk_directly
+from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
 from jointz.sim.people import Person, draw_person
 from jointz.sim.rig import SimulatedRig
 
@@ -87,7 +87,7 @@ def rig_of(row: Row, number: int, seed: int) -> SimulatedRig:
     person = draw_person(number, seed=seed)
     if row.from_priors:
         person = _from_priors(person, PRIORS)
-    return SimulatedRig(_with_stiffness(person, row), row.preset)
+    return SimulatedRig(_with_stiffness(person, row), row.preset, grid=QUICK_GRID)
 
 
 def simulate(row: Row, number: int, seed: int) -> Simulated:
