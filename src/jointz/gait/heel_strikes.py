@@ -16,6 +16,7 @@ from scipy.ndimage import median_filter
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError, EstimationError
 from jointz.gait.timestamps import longest_step_s
+from jointz.kernels.robust_spread import robust_sd
 
 #: Refractory time: at first, then as a share of the median interval.
 _REFRACTORY_S = 0.3
@@ -33,7 +34,6 @@ _BLIP_SHARE, _DROPOUT_SHARE, _BLIP_ALONE = 0.1, 0.3, 3.0
 #: Levels closer than this many standard deviations of the signal about them are one level.
 _SEPARATION = 4.0
 _LEVEL_SAMPLES = 50_000
-_MAD_TO_SD = 1.4826
 
 #: Vertical force: strike, sure contact (N, or share of the load), least load of a foot.
 _STRIKE_N, _CONTACT_N, _CONTACT_SHARE, _LOAD_N = 20.0, 50.0, 0.05, 100.0
@@ -276,8 +276,7 @@ def _thinned(x: np.ndarray) -> np.ndarray:
 
 def _level(x: np.ndarray) -> tuple[float, float]:
     """Return the median and the standard deviation that its median deviation stands for."""
-    middle = float(np.median(x))
-    return middle, _MAD_TO_SD * float(np.median(np.abs(x - middle)))
+    return float(np.median(x)), float(robust_sd(x))
 
 
 def _thresholds(x: np.ndarray, coarse: tuple[float, float]) -> tuple[float, float] | None:

@@ -14,7 +14,7 @@ from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.assignment import Candidate
 from jointz.identify.bench_records import FEWEST_SAMPLES, BenchTrial
-from jointz.identify.calibration import pooled_calibration
+from jointz.identify.calibration import pooled_calibration, relative_sd, value_of
 from jointz.identify.cell_estimator import CellEstimator
 from jointz.identify.cells import METHODS, PARAMETERS, failed_parameters
 from jointz.identify.full_record import Impedance, fit_full_record
@@ -106,8 +106,8 @@ class FullRecordEstimator:
             fit = fit_full_record(
                 trials,
                 intrinsic=_intrinsic(known),
-                torque_gain_sd=_relative_sd(known.torque_gain),
-                angle_gain_sd=_relative_sd(known.angle_gain),
+                torque_gain_sd=relative_sd(known.torque_gain),
+                angle_gain_sd=relative_sd(known.angle_gain),
                 lag_s=_lag(known),
             )
         except EstimationError as exc:
@@ -171,8 +171,8 @@ class FullRecordEstimator:
         recording, known = source.given.recording, source.given.calibration
         return BenchTrial(
             time_s=recording["time"].to_numpy(),
-            angle=self._angle(source) / _value(known.angle_gain),
-            torque=recording["torque"].to_numpy() / _value(known.torque_gain),
+            angle=self._angle(source) / value_of(known.angle_gain, 1.0),
+            torque=recording["torque"].to_numpy() / value_of(known.torque_gain, 1.0),
         )
 
     @staticmethod
@@ -188,10 +188,6 @@ def _code(candidate: Candidate, why: str) -> str:
     return candidate.record.code if candidate.record.code == Exclusion.USER.value else why
 
 
-def _value(gain: Calibrated | None) -> float:
-    return 1.0 if gain is None else gain.value
-
-
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
     """Return the known lag of the torque behind the angle, and its sd."""
     torque, angle = known.torque_lag_s, known.angle_lag_s
@@ -199,10 +195,6 @@ def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
         return None
     late = angle or Calibrated(value=0.0, sd=0.0)
     return torque.value - late.value, float(np.hypot(torque.sd, late.sd))
-
-
-def _relative_sd(gain: Calibrated | None) -> float:
-    return 0.0 if gain is None else gain.sd / gain.value
 
 
 def _intrinsic(known: CalibrationSpec) -> Impedance:

@@ -8,6 +8,30 @@ import numpy as np
 from jointz.core.study import Calibrated, CalibrationSpec
 
 
+def value_of(entry: Calibrated | None, default: float) -> float:
+    """Return the value of a calibration's entry.
+
+    Parameters
+    ----------
+    entry : Calibrated or None
+        The entry.
+    default : float
+        What holds without one.
+    """
+    return default if entry is None else float(entry.value)
+
+
+def relative_sd(gain: Calibrated | None) -> float:
+    """Return the sd of a gain over its value, zero without one.
+
+    Parameters
+    ----------
+    gain : Calibrated or None
+        The entry.
+    """
+    return 0.0 if gain is None else gain.sd / gain.value
+
+
 def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
     """Combine the calibrations of the pulses of a cell.
 

@@ -11,6 +11,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import Calibrated
+from jointz.identify.calibration import relative_sd
 from jointz.identify.cell_data import PARAMETERS, FitSettings, calibration_sd
 
 _PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
@@ -253,7 +254,7 @@ class JackknifeSpread(Spread):
 
     def _total(self, sd: float, i: int, point: Point) -> float:
         known = self._settings.calibration
-        gain = np.hypot(_relative_sd(known.angle_gain), _relative_sd(known.torque_gain))
+        gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
         intrinsic = calibration_sd(getattr(known, f"intrinsic_{PARAMETERS[i]}"))
         parts = [sd, self._lag_shift[i], gain * point.value[i], intrinsic]
         return float(np.linalg.norm(parts))
@@ -358,11 +359,7 @@ def _calibration_draws(
 def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> np.ndarray:
     if entry is None or entry.sd == 0.0:
         return np.ones(n)
-    return np.asarray(1.0 + _relative_sd(entry) * rng.standard_normal(n))
-
-
-def _relative_sd(entry: Calibrated | None) -> float:
-    return 0.0 if entry is None else entry.sd / entry.value
+    return np.asarray(1.0 + relative_sd(entry) * rng.standard_normal(n))
 
 
 def per_mass(

@@ -29,7 +29,6 @@ __all__ = [
     "BENCH_ONLY",
     "METHODS",
     "PARAMETERS",
-    "WALKING_ONLY",
     "CellFit",
     "FitSettings",
     "Method",
@@ -73,6 +72,8 @@ class Method:
 
 
 _ALL = (
+    # All timing points at once, in identify/walking_estimator.py.
+    Method("recommended", "predicted"),
     Method("dissertation", "unperturbed_mean"),
     Method("pre_pulse", "pre_pulse"),
     Method("matched_strides", "matched_strides"),
@@ -82,8 +83,6 @@ _ALL = (
     Method("output_error", "matched_strides", output_error, raw=True),
     Method("errors_in_variables", "matched_strides", errors_in_variables, raw=True),
     Method("weak_form", "matched_strides", weak_form, raw=True),
-    # All timing points at once, in identify/walking_estimator.py.
-    Method("recommended", "predicted"),
     # From whole recordings; a case that is not one load is fitted as the dissertation does.
     Method("full_record", "none"),
 )
@@ -91,8 +90,6 @@ _ALL = (
 METHODS = {method.name: method for method in _ALL}
 #: Those that only a bench can be estimated by.
 BENCH_ONLY = ("full_record",)
-#: Those that need strides.
-WALKING_ONLY = ("recommended",)
 
 
 def fit_cell(

@@ -19,11 +19,13 @@ from jointz.identify.response_model import CellResponse
 from jointz.identify.response_posterior import JointPosterior
 from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.walking_evidence import Evidence
-from jointz.identify.walking_responses import PredictedCell, explain_responses, priors_of
-
-#: Robust sd beyond which a miss is one that a pulse would have been left out for.
-_UNLIKE = 8.0
-_TO_SD = 1.4826
+from jointz.identify.walking_responses import (
+    UNLIKE_SD,
+    PredictedCell,
+    explain_responses,
+    priors_of,
+)
+from jointz.kernels.robust_spread import robust_sd
 
 
 def virtual_estimates(
@@ -176,7 +178,7 @@ def _usual(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
     """Return misses that a pulse would not have been left out for, and their strides."""
     angles = predicted.misses[:, 0]
     off = np.abs(angles - np.median(angles, axis=0))
-    fine = (off <= _UNLIKE * _TO_SD * np.median(off, axis=0) + 1e-9).all(axis=1)
+    fine = (off <= UNLIKE_SD * robust_sd(angles) + 1e-9).all(axis=1)
     return predicted.misses[fine], predicted.strides[fine]
 
 

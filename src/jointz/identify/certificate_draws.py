@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from jointz.core.study import Calibrated
+from jointz.identify.calibration import relative_sd
 from jointz.identify.certificate_joint import InjectedJoint
 from jointz.identify.response_model import Posterior
 from jointz.identify.walking_evidence import Evidence
@@ -139,7 +140,7 @@ def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generat
     return Truth(
         joints=tuple(joints),
         friction_gain=max(float(shared[FRICTION_GAIN]), 0.0),
-        torque_gain=1.0 + _relative(evidence.known.torque_gain) * rng.standard_normal(),
+        torque_gain=1.0 + relative_sd(evidence.known.torque_gain) * rng.standard_normal(),
         intrinsic=_intrinsic(evidence, rng),
     )
 
@@ -164,7 +165,7 @@ def _instruments(
         resonance_hz=float(np.exp(shared[LOG_RESONANCE])) if resonates else 0.0,
         resonance_damping=float(np.clip(shared[RESONANCE_DAMPING], 0.03, 0.97)),
         cross_talk=float(shared[CROSS_TALK]),
-        angle_gain=1.0 + _relative(evidence.known.angle_gain) * float(rng.standard_normal()),
+        angle_gain=1.0 + relative_sd(evidence.known.angle_gain) * float(rng.standard_normal()),
     )
 
 
@@ -230,7 +231,3 @@ def _described(chosen: Chosen) -> str:
     if isinstance(chosen, Mapping):
         return ", ".join(f"{name} {value:g}" for name, value in chosen.items())
     return f"{chosen:g}"
-
-
-def _relative(gain: Calibrated | None) -> float:
-    return 0.0 if gain is None else gain.sd / gain.value

@@ -16,6 +16,7 @@ from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.identify.calibration import value_of
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
 
@@ -179,7 +180,7 @@ def condition(
             f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. Lower cutoff_hz.",
             path=str(recording.attrs.get("file")),
         )
-    lags = (_value(calibration, "angle_lag_s", 0.0), _value(calibration, "torque_lag_s", 0.0))
+    lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
     finite = np.isfinite(raw[0]) & np.isfinite(raw[1])
     runs = [
         _stretch(
@@ -300,18 +301,13 @@ def _stretch(
     return Stretch(time=wanted, signals=signals)
 
 
-def _value(calibration: CalibrationSpec, name: str, default: float) -> float:
-    entry = getattr(calibration, name)
-    return default if entry is None else float(entry.value)
-
-
 def _calibrated(
     recording: xr.Dataset, calibration: CalibrationSpec
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return angle and torque with their gains divided out; no torque is zero torque."""
     angle = recording["angle"].to_numpy()
     torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(angle.size)
-    gains = [_value(calibration, name, 1.0) for name in ("angle_gain", "torque_gain")]
+    gains = [value_of(gain, 1.0) for gain in (calibration.angle_gain, calibration.torque_gain)]
     if gains == [1.0, 1.0]:
         return angle, torque
     return angle / gains[0], torque / gains[1]

@@ -9,6 +9,7 @@ from jointz.core.codes import Exclusion
 from jointz.identify.pulses import Pulse
 from jointz.identify.raw_signals import DRIVING, FRICTION, RAW_ANGLE
 from jointz.identify.unperturbed_prediction import Predicted
+from jointz.kernels.robust_spread import robust_sd
 
 #: A copied window may begin so many samples beside the onset that was logged for it.
 _SHIFTS = 2
@@ -22,7 +23,7 @@ _LEAST_ANSWER = 0.4
 _TELLING = 0.15
 #: Torque of half a pulse in one unperturbed stride of twenty is no accident.
 _STRAY_SIZE, _STRAY_SHARE = 0.5, 0.05
-_EVERY, _EVEN_SHARE, _TO_SD = 5, 1e-2, 1.4826
+_EVERY, _EVEN_SHARE = 5, 1e-2
 
 
 def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: float) -> list[bool]:
@@ -132,7 +133,6 @@ def _felt(predicted: Predicted, torque: np.ndarray, came: np.ndarray) -> np.ndar
     answer = angle @ shape / np.where(came, push / np.median(push[came]), 1.0)
     usual = float(np.percentile(answer[came], _LIKE_PCT))
     by_itself = misses @ shape
-    spread = _TO_SD * float(np.median(np.abs(by_itself - np.median(by_itself))))
-    if not spread <= _TELLING * usual:
+    if not float(robust_sd(by_itself)) <= _TELLING * usual:
         return np.ones(len(angle), dtype=bool)
     return np.asarray(answer >= _LEAST_ANSWER * usual)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from jointz.core.study import Calibrated
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.identify.calibration import value_of
 from jointz.identify.conditioning import Conditioned, Stretch
 from jointz.identify.sources import Source
 from jointz.kernels.derivatives import derivative
@@ -93,7 +93,7 @@ def _rows(source: Source) -> np.ndarray:
     driving = torque - friction
     if takes_out_intrinsic(recording):
         driving = driving - _intrinsic_torque(source)
-    torque_gain, angle_gain = _value(known.torque_gain, 1.0), _value(known.angle_gain, 1.0)
+    torque_gain, angle_gain = value_of(known.torque_gain, 1.0), value_of(known.angle_gain, 1.0)
     return np.stack(
         [
             angle / angle_gain,
@@ -107,7 +107,7 @@ def _rows(source: Source) -> np.ndarray:
 def _intrinsic_torque(source: Source) -> np.ndarray:
     """Return the torque that moves the device itself, N*m."""
     recording, known = source.given.recording, source.given.calibration
-    stiffness, damping, inertia = (_value(getattr(known, name), 0.0) for name in _INTRINSIC)
+    stiffness, damping, inertia = (value_of(getattr(known, name), 0.0) for name in _INTRINSIC)
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
     if not (stiffness or damping or inertia):
@@ -152,7 +152,3 @@ def _at_rate(stretch: Stretch, rate: float, wanted: float) -> Stretch:
         return stretch
     time = np.arange(stretch.time[0], stretch.time[-1], 1.0 / wanted)
     return Stretch(time, np.stack([np.interp(time, stretch.time, row) for row in stretch.signals]))
-
-
-def _value(entry: Calibrated | None, default: float) -> float:
-    return default if entry is None else float(entry.value)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.estimates import ParameterEstimate
-from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.core.study import CalibrationSpec
+from jointz.identify.calibration import relative_sd
 from jointz.identify.cell_data import PARAMETERS
 from jointz.identify.cell_parameters import per_mass
 from jointz.identify.response_model import CellResponse
@@ -73,7 +74,9 @@ class Decision:
     @property
     def gain_sd(self) -> float:
         """Relative sd of what both gains leave open: common to K, B and J."""
-        return float(np.hypot(_relative(self.known.angle_gain), _relative(self.known.torque_gain)))
+        return float(
+            np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
+        )
 
 
 def decided_parameters(
@@ -160,7 +163,3 @@ def _exponential(moments: Moments) -> Moments:
     """Return the moments of exp(x), to first order."""
     value = float(np.exp(moments.mean))
     return Moments(value, {name: value**2 * v for name, v in moments.sources.items()})
-
-
-def _relative(gain: Calibrated | None) -> float:
-    return 0.0 if gain is None else gain.sd / gain.value

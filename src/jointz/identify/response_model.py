@@ -9,6 +9,7 @@ covariance of what the prediction of the unperturbed motion misses.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -264,12 +265,28 @@ class ResponseModel:
         *,
         window_s: float,
     ) -> None:
-        n = len(cells)
         self._cells = cells
-        self._hypothesis = hypothesis
+        self._priors = priors
         self._window_s = window_s
         self._responses = _padded(cells)
-        mean, sd = _prior_moments(priors, hypothesis, n)
+        self._suppose(hypothesis)
+
+    def under(self, hypothesis: Hypothesis) -> "ResponseModel":
+        """Return the model of the same responses under another hypothesis.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            What is taken to be true instead.
+        """
+        other = copy(self)
+        other._suppose(hypothesis)
+        return other
+
+    def _suppose(self, hypothesis: Hypothesis) -> None:
+        cells, window_s, n = self._cells, self._window_s, len(self._cells)
+        self._hypothesis = hypothesis
+        mean, sd = _prior_moments(self._priors, hypothesis, n)
         low, high = np.vstack([np.tile(_POINT_RANGE, (n, 1)), _SHARED_RANGE]).T
         curves = hypothesis.follows_curve
         self._frame = Frame(
@@ -277,7 +294,7 @@ class ResponseModel:
             sd=sd,
             low=np.ascontiguousarray(low),
             high=np.ascontiguousarray(high),
-            late_s=np.array(priors.lag_s),
+            late_s=np.array(self._priors.lag_s),
             middle_s=np.tile(np.array([0.62, 0.5, 0.4]) * window_s, (n, 1)),
             size_per_s=np.tile(np.array([50.0, 2.5]) / window_s, (n, 1)),
             slope_map=_slope_map(cells) if curves else np.zeros((n, n)),
@@ -344,8 +361,7 @@ class ResponseModel:
         """
         n = int((cell.lead_s + self._window_s) / cell.period_s + 1e-9) + 1
         torque = cell.torque[:, :n]
-        inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
-        impedance = np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])
+        impedance = _steady(point, shared)
         kick = np.zeros((2, n))
         kick[0, 0] = 1.0
         still = np.zeros(3)
@@ -431,55 +447,29 @@ def response_to_kick(posterior: Posterior, i: int, *, period_s: float, n: int) -
     n : int
         Samples wanted.
     """
-    point, shared = posterior.point(i), posterior.shared
-    inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
-    impedance = np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])
+    shared = posterior.shared
+    impedance = _steady(posterior.point(i), shared)
     kick = np.zeros((2, n + 1))
     kick[0, 1] = 1.0
     substeps = max(1, int(np.ceil(period_s / _SUBSTEP_S)))
     motion = joint_motion(kick, 1.0, impedance, np.zeros(3), period_s, substeps)[:, :1]
-    shown = sensor_reading(
+    resonance = posterior.hypothesis.resonance
+    shown = sensed(
         motion,
-        shared,
         step_s=period_s / substeps,
         samples_s=np.arange(1, n + 1) * period_s,
-        resonance=posterior.hypothesis.resonance,
-    )
-    return np.asarray(shown[:, 0])
-
-
-def sensor_reading(
-    motion: np.ndarray,
-    shared: np.ndarray,
-    *,
-    step_s: float,
-    samples_s: np.ndarray,
-    resonance: bool,
-) -> np.ndarray:
-    """Return what the sensor with these shared parameters shows of a motion.
-
-    Parameters
-    ----------
-    motion : (m, k) float
-        Signals at even steps.
-    shared : (7,) float
-        Shared parameters.
-    step_s : float, s
-        Between steps.
-    samples_s : (n,) float, s
-        When it is read.
-    resonance : bool
-        Whether tissue resonates before it.
-    """
-    return sensed(
-        motion,
-        step_s=step_s,
-        samples_s=samples_s,
         delay_s=float(shared[DELAY]),
         lag_s=float(shared[LAG]),
         resonance_hz=float(np.exp(shared[LOG_RESONANCE])) if resonance else 0.0,
         damping_ratio=float(shared[RESONANCE_DAMPING]) if resonance else 0.0,
     )
+    return np.asarray(shown[:, 0])
+
+
+def _steady(point: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Return the impedance of a point without drift, for ``joint_motion``."""
+    inertia = float(np.exp(shared[LOG_J] + point[J_DEVIATION]))
+    return np.array([max(point[K], 0.0), 0.0, max(point[B], 0.0), 0.0, inertia, 0.0])
 
 
 def _prior_moments(priors: Priors, hypothesis: Hypothesis, n: int) -> tuple[np.ndarray, np.ndarray]:

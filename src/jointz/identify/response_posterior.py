@@ -82,6 +82,17 @@ class JointPosterior:
     posteriors: tuple[Posterior, ...]
     weights: np.ndarray
 
+    @classmethod
+    def weighed(cls, posteriors: Sequence[Posterior]) -> "JointPosterior":
+        """Return hypotheses weighted by their evidence.
+
+        Parameters
+        ----------
+        posteriors : sequence of Posterior
+            One a hypothesis.
+        """
+        return cls(tuple(posteriors), _weights(posteriors))
+
     @property
     def best(self) -> Posterior:
         """The most likely hypothesis."""
@@ -195,14 +206,14 @@ def estimate_responses(
     JointPosterior
         The hypotheses with their probabilities.
     """
-    posteriors = []
+    posteriors: list[Posterior] = []
+    model = ResponseModel(cells, priors, _MIDDLING, window_s=window_s)
     for sensor, chance in zip(sensors, _weights(sensors), strict=True):
         if chance < _UNLIKELY:
             continue
-        for hypothesis in _hypotheses(sensor.hypothesis, curves=len(cells) >= _FEWEST_FOR_CURVE):
-            model = ResponseModel(cells, priors, hypothesis, window_s=window_s)
-            posteriors.append(model.refine(sensor.values))
-    return JointPosterior(tuple(posteriors), _weights(posteriors))
+        hypotheses = _hypotheses(sensor.hypothesis, curves=len(cells) >= _FEWEST_FOR_CURVE)
+        posteriors += [model.under(h).refine(sensor.values) for h in hypotheses]
+    return JointPosterior.weighed(posteriors)
 
 
 def compare_sensors(
@@ -232,9 +243,9 @@ def compare_sensors(
     resembles inertia.
     """
     found = []
+    responses = ResponseModel(cells, priors, _MIDDLING, window_s=window_s)
     for k, resonance in enumerate((False, True)):
-        hypothesis = replace(_MIDDLING, resonance=resonance)
-        model = ResponseModel(cells, priors, hypothesis, window_s=window_s)
+        model = responses.under(replace(_MIDDLING, resonance=resonance))
         if earlier:
             found.append(model.refine(earlier[k].values))
             continue

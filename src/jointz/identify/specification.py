@@ -139,9 +139,7 @@ def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
     free = max(p.hypothesis.inertia_sd for p in posterior.posteriors)
     wanted = CONSTANT_INERTIA_SD if model == "one" else free
     kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == wanted]
-    logs = np.array([p.log_evidence for p in kept])
-    chances = np.exp(logs - logs.max())
-    return JointPosterior(tuple(kept), chances / chances.sum())
+    return JointPosterior.weighed(kept)
 
 
 def _recommended(

@@ -71,7 +71,7 @@ def with_baseline(
         misses=misses[:, PREDICTED],
         strides=strides,
         codes=("",) * len(used),
-        posture_rad=cell.posture_rad,
+        posture_rad=cell.predicted.posture_rad,
     )
     return replace(cell, candidates=used, predicted=predicted, kept=alike(predicted))
 

@@ -21,6 +21,7 @@ from jointz.identify.conditioning import Conditioned
 from jointz.identify.raw_signals import COMMAND, RAW_ANGLE
 from jointz.identify.sources import Source
 from jointz.kernels.blocked_ridge import BlockedRidge, fit_blocked_ridge
+from jointz.kernels.robust_spread import robust_sd
 
 #: Rows that are predicted: angle, torque without friction, friction.
 PREDICTED = slice(RAW_ANGLE, COMMAND)
@@ -48,7 +49,6 @@ _UNLIKE_LEARNED, _UNLIKE_PULSE = 6.0, 8.0
 _STRIDE_BAND = 0.15
 #: Below these a spread is rounding: rad or s.
 _ROUNDING = 0.01
-_TO_SD = 1.4826
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,16 +93,19 @@ def join_predictions(parts: Sequence[Predicted]) -> Predicted:
     """
     codes = tuple(code for part in parts for code in part.codes)
     parts = [part for part in parts if len(part.responses)]
-    first = np.cumsum([0, *(int(part.strides.max(initial=-1)) + 1 for part in parts)])
     return Predicted(
         responses=np.concatenate([part.responses for part in parts]),
         misses=np.concatenate([part.misses for part in parts]),
-        strides=np.concatenate(
-            [part.strides + start for part, start in zip(parts, first, strict=False)]
-        ),
+        strides=_apart([part.strides for part in parts]),
         codes=codes,
         posture_rad=float(np.mean([part.posture_rad for part in parts])),
     )
+
+
+def _apart(strides: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the strides of several recordings, numbered so that none shares its number."""
+    first = np.cumsum([0, *(int(own.max(initial=-1)) + 1 for own in strides)])
+    return np.concatenate([own + at for own, at in zip(strides, first, strict=False)])
 
 
 class UnperturbedPredictor:
@@ -184,7 +187,7 @@ class UnperturbedPredictor:
         """Return virtual onsets spread over the cycle as the pulses are; None where too few."""
         if ratio.size == 0:
             return None
-        spread = _WIDENED * _TO_SD * float(np.median(np.abs(ratio - middle)))
+        spread = _WIDENED * float(robust_sd(ratio))
         rng = np.random.default_rng(crc32(label.encode()))
         parts = [
             lesson.virtual(middle, max(spread, _LEAST_SPREAD), rng)
@@ -288,7 +291,7 @@ class _Moments:
         return replace(self, features=features, windows=windows)
 
     def of_strides(self, strides: np.ndarray) -> "_Moments":
-        return _Moments(self.onsets_s, self.features, self.windows, self.ratio, self.codes, strides)
+        return replace(self, strides=strides)
 
     def take(self, chosen: np.ndarray) -> "_Moments":
         return _Moments(
@@ -303,14 +306,13 @@ class _Moments:
 
 def _together(parts: Sequence[_Moments]) -> _Moments:
     """Put moments of several recordings together; their strides stay apart."""
-    first = np.cumsum([0, *(int(part.strides.max(initial=-1)) + 1 for part in parts)])
     return _Moments(
         np.concatenate([part.onsets_s for part in parts]),
         np.concatenate([part.features for part in parts]),
         np.concatenate([part.windows for part in parts]),
         np.concatenate([part.ratio for part in parts]),
         tuple(code for part in parts for code in part.codes),
-        np.concatenate([part.strides + at for part, at in zip(parts, first, strict=False)]),
+        _apart([part.strides for part in parts]),
     )
 
 
@@ -417,5 +419,5 @@ def _believed_before(strides: Strides) -> int:
 def _distance(features: np.ndarray, learned: np.ndarray) -> np.ndarray:
     """Return the largest robust distance of any feature from those learned, in sd."""
     centre = np.median(learned, axis=0)
-    spread = _TO_SD * np.median(np.abs(learned - centre), axis=0) + _ROUNDING
+    spread = robust_sd(learned) + _ROUNDING
     return np.asarray(np.abs((features - centre) / spread).max(axis=1))

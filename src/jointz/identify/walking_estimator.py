@@ -181,7 +181,6 @@ class WalkingEstimator:
             period_s=1.0 / self._predictor(chosen[0].source).rate_hz,
             phase=np.nan if phase is None else phase / 100.0,
             stride_s=float(np.median(strides.duration_s)) if strides is not None else np.nan,
-            posture_rad=joined.posture_rad,
         )
         return cell, codes
 
@@ -350,7 +349,7 @@ class WalkingEstimator:
         gravity = gravity_stiffness(
             masses,
             joint=settings.joint,
-            angle_rad=cell.posture_rad + float(response.angle.mean()),
+            angle_rad=cell.predicted.posture_rad + float(response.angle.mean()),
             gait_pct=centre,
             positive=settings.positive,
         )

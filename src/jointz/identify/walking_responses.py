@@ -15,13 +15,14 @@ from jointz.identify.response_posterior import (
 )
 from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.kernels.noise_covariance import shrunk_covariance
+from jointz.kernels.robust_spread import robust_sd
 
 #: A lag longer than this is not followed: the window would reach into what the joint does later.
 LONGEST_LAG_S = 0.03
 #: No angle is known better, nor does any joint follow the model more closely.
 _FINEST_RAD = 1e-5
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
-_UNLIKE = 8.0
+UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
 
 
@@ -45,8 +46,6 @@ class PredictedCell:
         Mean measured phase of the onsets, cycles; NaN where unknown.
     stride_s : float, s
         Duration of a stride.
-    posture_rad : float
-        Mean unperturbed angle over the window.
     """
 
     label: str
@@ -56,7 +55,6 @@ class PredictedCell:
     period_s: float
     phase: float
     stride_s: float
-    posture_rad: float
 
     @property
     def used(self) -> list[Candidate]:
@@ -111,8 +109,7 @@ def _response(
         kick = response_to_kick(posterior, i, period_s=cell.period_s, n=n)
         lower = np.tril(kick[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
         missed = missed - (misses[:, 1] + posterior.friction_gain * misses[:, 2]) @ lower.T
-    spread = np.median(np.abs(missed - np.median(missed, axis=0)), axis=0) * 1.4826
-    usual = (np.abs(missed) <= _UNLIKE * spread + 1e-9).all(axis=1)
+    usual = (np.abs(missed) <= UNLIKE_SD * robust_sd(missed) + 1e-9).all(axis=1)
     n_strides = cell.predicted.n_strides
     share = 1.0 / len(responses) + 1.0 / n_strides
     # The size of the noise is known from so many strides: variance of Student's t.
@@ -213,7 +210,6 @@ def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarra
     shape = torque[fine].mean(axis=0)
     size = torque @ shape / (shape @ shape)
     usual = np.median(angles[fine] / size[fine, None], axis=0)
-    misses = predicted.misses[:, 0]
-    spread = 1.4826 * np.median(np.abs(misses - np.median(misses, axis=0)), axis=0)
     off = np.abs(angles - size[:, None] * usual)
-    return np.asarray(fine & (off <= _UNLIKE * spread + 1e-9).all(axis=1))
+    limit = UNLIKE_SD * robust_sd(predicted.misses[:, 0]) + 1e-9
+    return np.asarray(fine & (off <= limit).all(axis=1))

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jointz.core.estimates import CellEstimate
+from jointz.kernels.robust_spread import robust_sd
 
 #: Robust sd beyond which somebody is out of line, and people needed to say so (Iglewicz and
 #: Hoaglin 1993, How to detect and handle outliers).
@@ -12,7 +13,6 @@ _FAR = 3.5
 _FEWEST = 5
 #: Relative spread that people differ by anyway.
 _USUAL = 0.1
-_TO_SD = 1.4826
 _Z = 1.96
 
 
@@ -47,7 +47,7 @@ def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
     own = {person: np.median(rows, axis=0) for person, rows in values.items()}
     logs = np.array([log for log, _ in own.values()])
     middle = float(np.median(logs))
-    spread = max(_TO_SD * float(np.median(np.abs(logs - middle))), _USUAL)
+    spread = max(float(robust_sd(logs)), _USUAL)
     return {
         person: float(np.exp(log - middle))
         for person, (log, sd) in own.items()

@@ -213,9 +213,8 @@ def check_method(method: str) -> str:
     ValueError
         When there is no such method.
     """
-    known = list(dict.fromkeys(["recommended", *METHODS]))
-    if method not in known:
-        raise ValueError(f"method: expected one of {', '.join(known)}; got {method!r}.")
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}; got {method!r}.")
     return method
 
 

@@ -59,7 +59,6 @@ def cell_of(label, *, n_pulse=20, n_stride=120, size=0.01, rng) -> PredictedCell
         period_s=PERIOD_S,
         phase={"LRE": 0.07, "MST": 0.215, "TST": 0.405, "PSW": 0.56}[label],
         stride_s=1.1,
-        posture_rad=0.3,
     )
 
 
