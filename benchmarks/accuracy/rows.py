@@ -58,7 +58,7 @@ class Row:
     inertia_spread : float
         Spread of J over the timing points that the bound assumes known, share; 0: one J.
     from_priors : bool
-        K, B and J are drawn from :data:`benchmarks.accuracy.people.PRIORS`.
+        K, B and J are drawn each on its own from :data:`benchmarks.accuracy.people.PRIORS`.
     prior_scale : float
         The recommended method's prior medians are multiplied by it.
     target : Target or None
@@ -252,7 +252,7 @@ def all_rows() -> dict[str, Row]:
         _few_pulses(3, "three-pulses"),
         Row(
             "inside",
-            "nominal, lag unknown, K, B and J drawn from priors as wide as a method's own",
+            "nominal, lag unknown, K, B and J drawn each on its own, widely spread",
             _NOMINAL,
             from_priors=True,
             target=Target(),

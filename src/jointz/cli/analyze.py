@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from jointz.core.analysis import StudyAnalysis
     from jointz.core.estimates import CellEstimate
 
+_USUAL = "recommended"
+
 
 def analyze(
     study: Annotated[Path, typer.Argument(help="Folder that holds study.toml.")],
@@ -30,7 +32,7 @@ def analyze(
             help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
             "instrumental_variable, output_error, errors_in_variables, weak_form or full_record.",
         ),
-    ] = "recommended",
+    ] = _USUAL,
     resamples: Annotated[
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")
     ] = 1000,
@@ -50,19 +52,28 @@ def analyze(
     Example: jointz analyze my-study --out results
     """
     del debug
-    from jointz.workflows.analysis import analyze as analyze_study
-    from jointz.workflows.analysis import check_method
-    from jointz.workflows.results_folder import MARKER, check_free, write_results
+    from jointz.io.study import open_study
+    from jointz.workflows.process_pool import process_pool, workers_for
 
-    _usage(check_method, method)
-    check_free(out, marker=MARKER, overwrite=overwrite)
-    with progress_bar(shown=not (quiet or as_json)) as progress:
-        analysis = analyze_study(
-            study, method=method, resamples=resamples, seed=seed, progress=progress
-        )
-        if progress:
-            progress(1, 1, "drawing the report")
-        report = write_results(analysis, out, overwrite=overwrite)
+    if method != _USUAL:  # who asks for the usual one need not wait for all methods to be loaded
+        from jointz.workflows.analysis import check_method
+
+        _usage(check_method, method)
+    opened = open_study(study)
+    workers = workers_for(len(opened.spec.participants))
+    # Processes import while this one does.
+    with process_pool(workers, needs="jointz.workflows.participants") as pool:
+        from jointz.workflows.analysis import analyze as analyze_study
+        from jointz.workflows.results_folder import MARKER, check_free, write_results
+
+        check_free(out, marker=MARKER, overwrite=overwrite)
+        with progress_bar(shown=not (quiet or as_json)) as progress:
+            analysis = analyze_study(
+                opened, method=method, resamples=resamples, seed=seed, pool=pool, progress=progress
+            )
+            if progress:
+                progress(1, 1, "drawing the report")
+            report = write_results(analysis, out, overwrite=overwrite, pool=pool)
     if as_json:
         emit_json(_as_json(analysis, out))
     elif not quiet:

@@ -1,6 +1,7 @@
 """The ``jointz`` command."""
 
 import io
+import os
 import signal
 import sys
 from typing import Annotated, Any
@@ -96,6 +97,9 @@ def run() -> None:
 
 
 def _prepare_process() -> None:
+    # Matrices here are small: threads of the linear algebra mostly wait for each other, and take
+    # cores from processes that do more. Read when numpy is imported, which is later.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for name in ("SIGTERM", "SIGHUP"):  # a batch system's Ctrl-C; a closed terminal, not on Windows
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:

@@ -78,6 +78,19 @@ class Failure(StrEnum):
         return f"failed:{self.value}"
 
 
+class Doubt(StrEnum):
+    """What speaks against a joint that is linear, where its estimates still stand."""
+
+    RESPONSES_DIFFER_WITH_DIRECTION = "responses_differ_with_direction"
+    RESPONSES_NOT_PROPORTIONAL = "responses_not_proportional"
+    STEEP_CHANGE = "steep_change"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and notes."""
+        return _DOUBT_MEANING[self]
+
+
 _EXCLUSION_MEANING = {
     Exclusion.GAP: "a gap in the time stamps lies inside it",
     Exclusion.NOT_FINITE: "samples without a number lie inside it",
@@ -108,7 +121,7 @@ _FAILURE_MEANING = {
     Failure.NO_HEEL_STRIKES: "no heel strikes in the perturbed recording",
     Failure.NO_PERTURBED_RECORDING: "the participant has no perturbed recording",
     Failure.NO_UNPERTURBED_RECORDING: "the baseline needs an unperturbed recording",
-    Failure.NO_UNPERTURBED_STRIDES: "the baseline needs accepted unperturbed strides",
+    Failure.NO_UNPERTURBED_STRIDES: "too few accepted unperturbed strides to make a baseline of",
     Failure.CONSTANT_ANGLE: "the angle does not move in response to the pulses",
     Failure.CONSTANT_TORQUE: "the torque does not change during the pulses",
     Failure.ILL_CONDITIONED: "the responses cannot tell stiffness, damping and inertia apart",
@@ -122,11 +135,24 @@ _FAILURE_MEANING = {
     Failure.MASS_MISSING: "values per kg need the participant's mass_kg in study.toml",
     Failure.TOO_FEW_PARTICIPANTS: "an interval over people needs at least two of them",
     Failure.TORQUE_SATURATED: "the torque stands at one largest value below the command: a clipped "
-    "sensor, or a motor at its limit; give the torque reached as amplitude if it is the motor",
+    "sensor (nothing to be done), or a motor at its limit (give the torque it reached as "
+    "amplitude_nm in the pulse table)",
     Failure.OPPOSITE_SIGN: "the joint moves against the torque: a sign is wrong (torque_acts_on)",
     Failure.ANGLE_OUT_OF_RANGE: "the angle spans more than half a turn: degrees taken for rad?",
     Failure.LAG_OUT_OF_RANGE: "the angle is later than 30 ms, or not as late as calibrated",
     Failure.OUT_OF_STEP: "torque out of step: motion comes before it, or it comes without command",
     Failure.OUTSIDE_RANGE: "stiffness or damping beyond what any joint has: units, or no contact",
     Failure.MODEL_MISFIT: "no joint behind a late sensor explains the response within its noise",
+}
+
+_DOUBT_MEANING = {
+    Doubt.RESPONSES_DIFFER_WITH_DIRECTION: "pulses of the two directions are answered differently: "
+    "a reflex, a contact or friction unlike its model may be why; intervals are widened by what "
+    "that does to the average of both",
+    Doubt.RESPONSES_NOT_PROPORTIONAL: "larger pulses are not answered in proportion: stiffness "
+    "that changes with the displacement, a contact or a reflex may be why; the values are those "
+    "of the average size",
+    Doubt.STEEP_CHANGE: "K seems to change steeply inside the window of a timing point whose "
+    "neighbour is near: K and B are undecided there, and a shorter window hardly helps; "
+    "phase_curve shows how far they may be off",
 }

@@ -25,6 +25,8 @@ class ParticipantModel:
         That stiffness and damping change inside the window along the curve through the points.
     n_strides : int
         Unperturbed strides that the prediction was learned from; fewest of the points.
+    doubts : tuple of str
+        Codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint.
     """
 
     participant: str
@@ -36,6 +38,7 @@ class ParticipantModel:
     constant_inertia_probability: float
     curve_probability: float
     n_strides: int
+    doubts: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -50,4 +53,4 @@ class ParticipantModel:
         data : mapping
             What it returned.
         """
-        return cls(**data)
+        return cls(**{**data, "doubts": tuple(data.get("doubts", ()))})

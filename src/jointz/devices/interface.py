@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jointz.core.clock import Clock
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 
 
 class Lifecycle(Enum):
@@ -412,6 +412,11 @@ class Rig(Protocol):
     @property
     def calibration(self) -> CalibrationSpec:
         """What is known about the instruments of this wearer."""
+        ...
+
+    @property
+    def device(self) -> DeviceSpec | None:
+        """What hangs on the moving segment beyond the measured torque; None where unknown."""
         ...
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:

@@ -406,15 +406,16 @@ def _outside_refractory(
     in time, by the median of the last five intervals: the first was a false contact.
     """
     stands: list[int] = []
-    for k, (now, clean) in enumerate(zip(time_s.tolist(), kept.tolist(), strict=True)):
-        apart = now - time_s[stands[-1]] if stands else np.inf
+    times = time_s.tolist()
+    for k, (now, clean) in enumerate(zip(times, kept.tolist(), strict=True)):
+        apart = now - times[stands[-1]] if stands else np.inf
         if clean and apart >= wait_s:
             stands.append(k)
         elif len(stands) > 1 and apart < wait_s:
             recent = np.diff(time_s[stands[-7:-1]])
             usual = float(np.median(recent)) if recent.size == 5 else expected
-            before = time_s[stands[-2]]
-            early = time_s[stands[-1]] - before < _EARLY * usual
+            before = times[stands[-2]]
+            early = times[stands[-1]] - before < _EARLY * usual
             if early and _ON_TIME[0] <= (now - before) / usual <= _ON_TIME[1]:
                 stands[-1] = k
     return np.array(stands, dtype=int)

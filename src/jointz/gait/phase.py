@@ -128,7 +128,7 @@ def _since_strike(t: np.ndarray, strides: Strides) -> tuple[np.ndarray, np.ndarr
     false_strike = np.zeros(t.shape, dtype=bool)
     if strike.size == 0:
         return elapsed, false_strike
-    ends_short = np.array([c == Exclusion.SPURIOUS_STRIKE.value for c in strides.code])
+    ends_short = np.array(strides.code) == Exclusion.SPURIOUS_STRIKE.value
     false = np.append(False, ends_short) & ~np.append(strides.accepted, False)
     true_before = np.maximum.accumulate(np.where(false, 0, np.arange(strike.size)))
     last = np.searchsorted(strike, t, side="right") - 1

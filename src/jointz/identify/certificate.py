@@ -25,7 +25,7 @@ from jointz.identify.walking_responses import (
     explain_responses,
     priors_of,
 )
-from jointz.kernels.robust_spread import robust_sd
+from jointz.kernels.robust_spread import robust_moments
 
 
 def virtual_estimates(
@@ -177,8 +177,8 @@ def virtual_cell(cell: PredictedCell, angle: np.ndarray, rng: np.random.Generato
 def _usual(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
     """Return misses that a pulse would not have been left out for, and their strides."""
     angles = predicted.misses[:, 0]
-    off = np.abs(angles - np.median(angles, axis=0))
-    fine = (off <= UNLIKE_SD * robust_sd(angles) + 1e-9).all(axis=1)
+    middle, sd = robust_moments(angles)
+    fine = (np.abs(angles - middle) <= UNLIKE_SD * sd + 1e-9).all(axis=1)
     return predicted.misses[fine], predicted.strides[fine]
 
 

@@ -4,6 +4,7 @@ The curve is a periodic Gaussian process of unknown level through the estimates;
 length over which it stays alike are integrated over a grid by their evidence.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pooled_estimates import UnboundedEstimate, unbounded_estimate
 from jointz.core.provenance import software
 from jointz.identify.cell_estimator import mean_phase
+from jointz.identify.steep_change import Widened, decides, widen_steep
 from jointz.kernels.partial_pooling import partial_pooling
 from jointz.kernels.periodic_process import periodic_curve
 
@@ -27,13 +29,8 @@ _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
 _FEWEST = 4
 #: Estimates that all lie so many sd above zero make a curve that is smooth in its logarithm.
 _CLEAR = 2.0
-#: A parameter that changes by more of its value inside a window is no longer one value with a
-#: drift: twice the widest drift that the estimator expects.
-_STEEP = 0.5
 #: In a window a response tells of B earlier than of K: share of the way from onset to K's centre.
 _DAMPING_SHARE = 0.8
-#: What follows that centre in the window, over what is before it.
-_REST = 0.6
 _GRID_PCT = np.arange(0.0, 100.5, 1.0)
 _MADE = "periodic Gaussian process, length and amplitude by evidence"
 _SETTINGS = ("study", "joint", "method", "window_s")
@@ -95,6 +92,11 @@ def phase_curve(
     over people (:mod:`jointz.kernels.partial_pooling`) added whole, so that what lies between
     the timing points is as uncertain for many people as for one.
 
+    An estimate whose window lies on a rise or fall of K that both neighbours vouch for, and that
+    the estimator has not followed, is wider here than in the analysis and may be undecided
+    (:mod:`jointz.identify.steep_change`); where most people's are, so is their mean's.
+    Windows shorter than 100 ms do not help there.
+
     Misleads where K or B change within less than 5 % of the cycle, such as at heel strike: a
     smooth curve rounds a step off, and an estimate is itself a mean over its window. Between
     timing points the band is the process', not the data's. Bands are pointwise.
@@ -105,12 +107,15 @@ def phase_curve(
             f"phase_curve: expected one of the participants {', '.join(people)}, got "
             f"{participant!r}."
         )
+    asked = people if participant is None else [participant]
+    follows = {model.participant: model.curve_probability for model in analysis.models}
+    widened = widen_steep(analysis.cells, follows)
     bands: list[ParameterBand] = []
-    warnings: list[str] = []
+    warnings = _said_steep(widened, asked)
     for name in parameters:
         table = {
-            person: _estimates([c for c in analysis.cells if c.participant == person], name)
-            for person in (people if participant is None else [participant])
+            person: _estimates([c for c in widened.cells if c.participant == person], name)
+            for person in asked
         }
         for person, found in table.items():
             if len(found) >= _FEWEST:
@@ -120,9 +125,9 @@ def phase_curve(
                     f"no curve of {name} of {person}: estimates at {len(found)} phases, "
                     f"expected {_FEWEST} or more of the recommended method."
                 )
-        warnings += _steep(name, bands, analysis.cells)
         if participant is None and len(people) > 1:
-            mean = _mean_band(name, list(table.values()))
+            # As they are: who seems steep at a point where others do not is not to weigh less.
+            mean = _mean_band(name, _estimates(analysis.cells, name), widened)
             bands += [] if mean is None else [mean]
     if not bands:
         raise EstimationError(Failure.NO_PULSES.value, f"phase_curve: {' '.join(warnings)}")
@@ -247,37 +252,23 @@ def _measured(found: Sequence[_Placed]) -> _Measured:
     )
 
 
-def _steep(name: str, bands: Sequence[ParameterBand], cells: Sequence[CellEstimate]) -> list[str]:
-    """Say where a curve changes so much inside windows that the estimates there may be wrong."""
-    if name != "stiffness":
-        return []
-    mine = {band.participant: band for band in bands if band.parameter == name}
-    steep: dict[str, int] = {}
-    for cell in cells:
-        onset, centre = cell.onset_gait_pct, cell.centre_gait_pct
-        if cell.participant not in mine or onset is None or centre is None:
-            continue
-        before = (centre - onset) % 100.0
-        around = np.array([onset, centre, centre + _REST * before])
-        first, middle, last = np.interp(
-            around, _GRID_PCT, mine[cell.participant].value, period=_GRID_PCT[-1]
-        )
-        if abs(last - first) > _STEEP * abs(middle):
-            steep[cell.timing_point] = steep.get(cell.timing_point, 0) + 1
-    where = ", ".join(f"{point} ({n} of {len(mine)} curves)" for point, n in steep.items())
+def _said_steep(widened: Widened, people: Sequence[str]) -> list[str]:
+    """Say where estimates lie on a rise inside the window, and what was done about it."""
+    counts = Counter(point for person, point in widened.steep if person in people)
+    where = ", ".join(f"{point} ({n} of {len(people)} people)" for point, n in counts.items())
     return [
-        f"{name} may change by more than {_STEEP:.0%} of its value inside the window at {where}: "
-        "where it does so within a few % of the cycle, as at heel strike, an estimate is off by "
-        "more than its interval says"
-    ] * bool(steep)
+        f"stiffness may change steeply inside the window at {where}: more than the estimator "
+        "expects, so that stiffness and damping have wider intervals here than in the analysis "
+        "and may be undecided. A shorter window hardly helps, pulses before and after it do"
+    ] * bool(counts)
 
 
-def _mean_band(name: str, people: Sequence[Sequence[_Placed]]) -> ParameterBand | None:
+def _mean_band(name: str, found: Sequence[_Placed], widened: Widened) -> ParameterBand | None:
     """Return the curve through the means over people; None for too few of them."""
     by_point: dict[str, list[_Placed]] = {}
-    for found in people:
-        for placed in found:
-            by_point.setdefault(placed.cell.timing_point, []).append(placed)
+    for placed in found:
+        by_point.setdefault(placed.cell.timing_point, []).append(placed)
+    most = max(map(len, by_point.values()), default=0)
     several = [
         (mean_phase([placed.gait_pct for placed in group]) or 0.0, label, group)
         for label, group in by_point.items()
@@ -286,26 +277,43 @@ def _mean_band(name: str, people: Sequence[Sequence[_Placed]]) -> ParameterBand 
     if len(several) < _FEWEST:
         return None
     several.sort(key=lambda entry: entry[:2])
-    values, sds = np.full((2, len(several), len(people)), np.nan)
+    values, sds = np.full((2, len(several), most), np.nan)
     for row, (_, _, group) in enumerate(several):
         values[row, : len(group)] = [placed.estimate.value for placed in group]
         sds[row, : len(group)] = [placed.estimate.sd for placed in group]
     pooled = partial_pooling(values, sds, level=_LEVEL)
     n = np.array([len(group) for _, _, group in several])
+    common = np.array([_common_sd(group, name, widened) for _, _, group in several])
+    half = np.hypot(0.5 * (pooled.mean_high - pooled.mean_low), _Z * common)
     measured = _Measured(
         phases=np.array([at for at, _, _ in several]) / 100.0,
         values=pooled.mean,
-        covariance=np.diag(np.nansum(sds**2, axis=1) / n**2),
+        covariance=np.diag(np.nansum(sds**2, axis=1) / n**2 + common**2),
         # Who is above the mean at one phase mostly is so at the next: that does not average out.
-        systematic=(pooled.mean_high - pooled.mean_low) / (2.0 * _Z),
+        systematic=half / _Z,
     )
     points = tuple(
-        CurvePoint(label, at, float(mean), float(low), float(high), decided=True)
-        for (at, label, _), mean, low, high in zip(
-            several, pooled.mean, pooled.mean_low, pooled.mean_high, strict=True
+        CurvePoint(
+            label, at, mean, mean - reach, mean + reach, not sd > 0.0 or decides(mean, reach)
+        )
+        for (at, label, _), mean, reach, sd in zip(
+            several, pooled.mean.tolist(), half.tolist(), common.tolist(), strict=True
         )
     )
     return _band(MEAN, name, points, measured)
+
+
+def _common_sd(group: Sequence[_Placed], name: str, widened: Widened) -> float:
+    """Return the sd of what a steep window does to all people alike: no mean removes it.
+
+    What most people's neighbours vouch for is common; what few do belongs to these.
+    """
+    sds = []
+    for placed in group:
+        wide = widened.steep.get((placed.cell.participant, placed.cell.timing_point))
+        estimate = None if wide is None else unbounded_estimate(wide, name)
+        sds.append(0.0 if estimate is None else estimate.systematic_sd)
+    return float(np.median(sds))
 
 
 def _band(

@@ -35,7 +35,8 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
     Parameters
     ----------
     recording : xarray.Dataset
-        With ``angle`` and ``torque``, as recorded.
+        With ``angle`` and ``torque``, or ``current`` where torque was made of it: what is made
+        of a record is filtered, and no copy is one to the last bit.
     pulses : sequence of Pulse
         In order of time.
     window_s : float, s
@@ -47,15 +48,16 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
         The first of each kind is none.
     """
     time = recording["time"].to_numpy()
-    signals = np.stack([recording[name].to_numpy() for name in ("angle", "torque")])
+    driving = "current" if "current" in recording else "torque"
+    signals = np.stack([recording[name].to_numpy() for name in ("angle", driving)])
     seen: set[bytes] = set()
     copies = []
+    # One length for all: onsets that lie on a sample fall to either side of it.
+    n = int(window_s / float(np.median(np.diff(time)))) - 2 * _SHIFTS if time.size > 1 else 0
     for pulse in pulses:
-        first, last = np.searchsorted(time, [pulse.onset_s, pulse.onset_s + window_s])
-        cuts = [
-            signals[:, max(first + k, 0) : max(last - 2 * _SHIFTS + k, 0)].tobytes()
-            for k in range(2 * _SHIFTS + 1)
-        ]
+        first = int(np.searchsorted(time, pulse.onset_s))
+        starts = range(first, first + 2 * _SHIFTS + 1)
+        cuts = [signals[:, at : at + max(n, 0)].tobytes() for at in starts]
         copies.append(bool(cuts[0]) and any(cut in seen for cut in cuts))
         seen.add(cuts[_SHIFTS])
     return copies

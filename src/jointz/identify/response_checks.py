@@ -29,6 +29,8 @@ _USUAL_PCT = (1.0, 99.0)
 #: Share of a pulse's samples at one and the same largest value that makes a flat top, how alike
 #: they are, and the share of the command below which a flat top is not what was asked for.
 _FLAT_SHARE, _SAME, _ASKED_SHARE = 0.2, 1e-9, 0.95
+#: Below this share of the command a flat top is no torque that came.
+_CAME_SHARE = 0.2
 #: Largest stiffness (N*m/rad) and damping (N*m*s/rad) that the search leaves room for.
 _LARGEST = (4900.0, 98.0)
 
@@ -63,13 +65,15 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
     -------
     Failure or None
         ``torque_saturated`` where the record stands at one and the same largest value in a fifth
-        of a pulse, and that is less than was commanded.
+        of a pulse, and that is less than was commanded, but no less than a fifth.
 
     Notes
     -----
     A motor at its limit looks like that, whose torque is true, and so does a sensor at its end,
-    whose torque is not: K, B and J are then too small by one factor, and no fit shows it. The
-    record cannot tell the two apart. A flat top at the commanded torque is no sign of either.
+    whose torque is not: K, B and J are then too small by one factor, and the fit is as good. What
+    tells the two apart is the shape of the rise, by a factor of the likelihood that a lag which is
+    not known well takes back; so it is not tried. A flat top at the commanded torque is no sign
+    of either.
     """
     if not pulses or not np.isfinite([p.amplitude for p in pulses]).all():
         return None
@@ -86,12 +90,32 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
     for pulse, (record, driving) in zip(pulses, inside, strict=True):
         at_top = record >= top - _SAME * abs(top)
         if record.size and at_top.mean() > _FLAT_SHARE:
-            clipped += bool(np.median(driving[at_top]) < _ASKED_SHARE * abs(pulse.amplitude))
+            reached = float(np.median(driving[at_top])) / abs(pulse.amplitude)
+            clipped += _CAME_SHARE < reached < _ASKED_SHARE
     return Failure.TORQUE_SATURATED if clipped > len(pulses) / 2 else None
 
 
 def _length(pulse: Pulse) -> float:
     return pulse.duration_s if np.isfinite(pulse.duration_s) else 0.1
+
+
+def shared_failure(
+    failures: Mapping[str, Failure | None], shared: Failure
+) -> dict[str, Failure | None]:
+    """Return failures with one of the instruments for all that it explains.
+
+    Parameters
+    ----------
+    failures : mapping of str to Failure or None
+        Timing point -> why it has no estimate.
+    shared : Failure
+        What was found of sensors and actuator, which all timing points share: a misfit or a sign
+        that seems wrong is its consequence.
+    """
+    explained = (None, Failure.MODEL_MISFIT, Failure.OPPOSITE_SIGN)
+    return {
+        label: shared if failure in explained else failure for label, failure in failures.items()
+    }
 
 
 def response_failure(response: CellResponse) -> Failure | None:
@@ -120,7 +144,8 @@ def response_failure(response: CellResponse) -> Failure | None:
 def common_failure(failures: Mapping[str, Failure | None]) -> dict[str, Failure | None]:
     """Return failures with that of the most for all, where half of the timing points have one.
 
-    All share sensors and actuator: the others' answers are no better for having passed.
+    All share sensors and actuator: the others' answers are no better for having passed. Where
+    most do not move in response, a sign that seems wrong is one of chance.
 
     Parameters
     ----------
@@ -131,7 +156,11 @@ def common_failure(failures: Mapping[str, Failure | None]) -> dict[str, Failure 
     if 2 * found.total() < len(failures):
         return dict(failures)
     usual = found.most_common(1)[0][0]
-    return {label: failure or usual for label, failure in failures.items()}
+    by_chance = Failure.OPPOSITE_SIGN if usual is Failure.CONSTANT_ANGLE else None
+    return {
+        label: usual if failure in (None, by_chance) else failure
+        for label, failure in failures.items()
+    }
 
 
 def instrument_failure(
@@ -151,8 +180,11 @@ def instrument_failure(
     lag = posterior.lag_s()
     mean, sd = priors.lag_s
     if priors.lag_s != Priors().lag_s:
-        # Responses that agree with a calibration move it by what they add to its precision.
-        usual = np.sqrt(max(sd**2 - lag.variance, (_LEAST_TOLD * sd) ** 2))
+        # Responses that agree with a calibration move it by what they add to its precision, and
+        # by what hypotheses disagree about.
+        apart = lag.sources["model"]
+        added = sd**2 - (lag.variance - apart)
+        usual = np.sqrt(max(added + apart, (_LEAST_TOLD * sd) ** 2))
         return Failure.LAG_OUT_OF_RANGE if abs(lag.mean - mean) > _CONFLICT * usual else None
     if lag.mean > longest_s:
         return Failure.LAG_OUT_OF_RANGE

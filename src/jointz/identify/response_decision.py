@@ -96,7 +96,7 @@ def decided_parameters(
     Returns
     -------
     tuple of ParameterEstimate
-        ``undecided`` where the interval reaches further than half the value, or where a limit
+        ``undecided`` where the interval reaches further up than half the value, or where a limit
         at the bound is no small one.
     """
     moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
@@ -141,11 +141,14 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
     parts = [np.sqrt(moments.variance), decision.gain_sd * moments.mean]
     parts.append(0.0 if entry is None else entry.sd)
     sd = float(np.linalg.norm(parts))
-    low, high = bounded_interval(value, sd, level=_LEVEL)
+    if name == "inertia":
+        low, high = (end - left_in for end in _positive_interval(moments.mean, sd))
+        low = max(low, 0.0)
+    else:
+        low, high = bounded_interval(value, sd, level=_LEVEL)
     at_bound = low == 0.0
-    limit = 0.5 * natural if at_bound else np.inf
-    undecided = high > limit if at_bound else high - low > 2.0 * _WIDEST * value
-    if undecided:
+    limit = 0.5 * natural if at_bound else (1.0 + _WIDEST) * value
+    if high > limit:
         return ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
     return ParameterEstimate(
         name=name,
@@ -157,6 +160,12 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
         ci_method=_MADE,
         unbounded=value,
     )
+
+
+def _positive_interval(value: float, sd: float) -> tuple[float, float]:
+    """Return the interval of a mass: its logarithm is what was estimated."""
+    factor = float(np.exp(_Z * sd / value))
+    return value / factor, value * factor
 
 
 def _exponential(moments: Moments) -> Moments:

@@ -167,6 +167,8 @@ class Hypothesis:
         Whether soft tissue resonates between joint and sensor.
     chance : float
         Before the data.
+    reflex_s : float, s
+        Latency of a reflex; 0: there is none.
     """
 
     inertia_sd: float
@@ -174,6 +176,7 @@ class Hypothesis:
     follows_curve: bool = False
     resonance: bool = False
     chance: float = 1.0
+    reflex_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,8 +204,8 @@ class Posterior:
         Simulated angles.
     middle_s : (n_point, 3) float, s
         When, from the first sample, K, B and J have the values given.
-    chi_square : float
-        Weighted sum of squares of the responses, without the priors.
+    reflex_reach : (p,) float
+        What one sd of a reflex that the responses leave open does to the parameters.
     """
 
     hypothesis: Hypothesis
@@ -214,7 +217,7 @@ class Posterior:
     gains: tuple[np.ndarray, ...]
     fitted: tuple[np.ndarray, ...]
     middle_s: np.ndarray
-    chi_square: float
+    reflex_reach: np.ndarray
 
     def point(self, i: int) -> np.ndarray:
         """Return the parameters of a timing point, (5,).
@@ -383,7 +386,7 @@ class ResponseModel:
         frame = self._frame
         bread, precision = np.linalg.inv(curvature), prior_curvature(frame)
         covariance = bread @ precision @ bread
-        gains, fitted, chi_square = [], [], 0.0
+        gains, fitted = [], []
         for i, cell in enumerate(self._cells):
             n = cell.angle.size
             angle, derivatives, places = point_response(i, values, self._responses, frame)
@@ -393,8 +396,6 @@ class ResponseModel:
                 jacobian[:, place] += column
             gain = bread @ jacobian.T @ weights
             covariance += gain @ cell.noise @ gain.T
-            residual = cell.angle - angle
-            chi_square += float(residual @ weights @ residual)
             gains.append(gain)
             fitted.append(angle)
         free = np.log(frame.sd).sum() + np.log(frame.late_s[1])
@@ -409,7 +410,7 @@ class ResponseModel:
             gains=tuple(gains),
             fitted=tuple(fitted),
             middle_s=frame.middle_s.copy(),
-            chi_square=chi_square,
+            reflex_reach=np.zeros(values.size),
         )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jointz.identify.reflex_hypothesis import with_reflexes
 from jointz.identify.response_model import (
     CellResponse,
     Hypothesis,
@@ -32,10 +33,11 @@ from jointz.kernels.response_search import (
 #: Inertia as good as one for all points, or a value of each.
 CONSTANT_INERTIA_SD = 0.01
 _INERTIA_SDS = (CONSTANT_INERTIA_SD, 0.1, 0.35)
-#: K and B that stay in the window, or wander; then those that follow the curve through the
-#: points, as well as it is known. The dissertation's window is short so that they stay.
-_DRIFT_SDS = {False: (0.02, 0.1), True: (0.1, 0.25)}
-_CURVE_CHANCE = 0.1
+#: K and B stay in the window, or change as the curve through the points does: how well each of
+#: the two is known, sd over the window over their size, and how likely it is before the data. The
+#: dissertation's window is short so that they stay.
+_DRIFT_SDS = {False: 0.04, True: 0.2}
+_CURVE_CHANCE = 1.0 / 3.0
 _MIDDLING = Hypothesis(0.15, 0.1)
 _START_INERTIAS = (0.05, 0.25)
 #: Fewer points make no curve over the cycle.
@@ -43,7 +45,17 @@ _FEWEST_FOR_CURVE = 4
 #: A hypothesis about the sensor that is less likely than this is not looked into.
 _UNLIKELY = 1e-3
 #: Where the variance of an estimate comes from.
-SOURCES = ("noise", "lag", "friction", "cross_talk", "inertia_model", "drift", "prior", "model")
+SOURCES = (
+    "noise",
+    "lag",
+    "friction",
+    "cross_talk",
+    "inertia_model",
+    "drift",
+    "reflex",
+    "prior",
+    "model",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +225,7 @@ def estimate_responses(
             continue
         hypotheses = _hypotheses(sensor.hypothesis, curves=len(cells) >= _FEWEST_FOR_CURVE)
         posteriors += [model.under(h).refine(sensor.values) for h in hypotheses]
-    return JointPosterior.weighed(posteriors)
+    return JointPosterior.weighed(with_reflexes(posteriors, cells))
 
 
 def compare_sensors(
@@ -260,13 +272,12 @@ def _hypotheses(sensor: Hypothesis, *, curves: bool) -> list[Hypothesis]:
         replace(
             sensor,
             inertia_sd=inertia_sd,
-            drift_sd=drift_sd,
+            drift_sd=_DRIFT_SDS[curve],
             follows_curve=curve,
             chance=_CURVE_CHANCE if curve else 1.0 - _CURVE_CHANCE,
         )
         for inertia_sd in _INERTIA_SDS
         for curve in ((False, True) if curves else (False,))
-        for drift_sd in _DRIFT_SDS[curve]
     ]
 
 
@@ -286,12 +297,14 @@ def _budget(posterior: Posterior, picks: np.ndarray) -> dict[str, float]:
     points, shared = shares[:-SHARED].reshape(-1, PER_POINT).sum(axis=0), shares[-SHARED:]
     lag = shared[[LAG, DELAY, LOG_RESONANCE, RESONANCE_DAMPING]].sum()
     variance = float(picks @ posterior.covariance @ picks)
+    reflex = float(picks @ posterior.reflex_reach) ** 2
     return {
         "friction": float(shared[FRICTION_GAIN]),
         "cross_talk": float(shared[CROSS_TALK]),
         "inertia_model": float(points[J_DEVIATION]),
         "drift": float(points[K_DRIFT] + points[B_DRIFT]),
         "lag": float(lag),
+        "reflex": reflex,
         "prior": float(points[K] + points[B] + shared[LOG_J]),
-        "noise": variance - float(shares.sum()),
+        "noise": variance - float(shares.sum()) - reflex,
     }

@@ -21,7 +21,7 @@ from jointz.identify.conditioning import Conditioned
 from jointz.identify.raw_signals import COMMAND, RAW_ANGLE
 from jointz.identify.sources import Source
 from jointz.kernels.blocked_ridge import BlockedRidge, fit_blocked_ridge
-from jointz.kernels.robust_spread import robust_sd
+from jointz.kernels.robust_spread import robust_moments, robust_sd
 
 #: Rows that are predicted: angle, torque without friction, friction.
 PREDICTED = slice(RAW_ANGLE, COMMAND)
@@ -365,8 +365,11 @@ def _learned(virtual: _Moments, curve: _Curve, n: int) -> BlockedRidge:
         if found.shape[1] * _STRIDES_PER_FEATURE <= names.size
     ]
     sets = sets or [_coarse(virtual.features)]
-    fits = [fit_blocked_ridge(f, targets, blocks, judged=slice(0, n, 4)) for f in sets]
-    return min(fits, key=lambda fit: float(np.median((fit.left_out[:, :n] ** 2).mean(axis=1))))
+    angles, judged = targets[:, :n], slice(0, n, 4)
+    fits = [fit_blocked_ridge(found, angles, blocks, judged=judged) for found in sets]
+    misses = [float(np.median((fit.left_out**2).mean(axis=1))) for fit in fits]
+    best = int(np.argmin(misses))
+    return fit_blocked_ridge(sets[best], targets, blocks, penalties=(fits[best].penalty,))
 
 
 def _middle(ratio: np.ndarray) -> float:
@@ -418,6 +421,5 @@ def _believed_before(strides: Strides) -> int:
 
 def _distance(features: np.ndarray, learned: np.ndarray) -> np.ndarray:
     """Return the largest robust distance of any feature from those learned, in sd."""
-    centre = np.median(learned, axis=0)
-    spread = robust_sd(learned) + _ROUNDING
-    return np.asarray(np.abs((features - centre) / spread).max(axis=1))
+    centre, spread = robust_moments(learned)
+    return np.asarray(np.abs((features - centre) / (spread + _ROUNDING)).max(axis=1))

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.codes import Exclusion, Failure
+from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.participant_model import ParticipantModel
@@ -31,6 +31,7 @@ from jointz.identify.response_checks import (
     fit_failure,
     instrument_failure,
     response_failure,
+    shared_failure,
     torque_failure,
 )
 from jointz.identify.response_decision import (
@@ -39,9 +40,11 @@ from jointz.identify.response_decision import (
     decided_parameters,
     error_budget,
 )
+from jointz.identify.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.response_model import CellResponse
 from jointz.identify.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
 from jointz.identify.sources import ParticipantSettings, Source, most_alike
+from jointz.identify.steep_change import undecided_where_steep
 from jointz.identify.unperturbed_prediction import (
     FEWEST_STRIDES,
     Predicted,
@@ -231,24 +234,34 @@ class WalkingEstimator:
     ) -> dict[str, CellEstimate]:
         """Estimate the cells that can be; a cell that no joint explains spoils no other."""
         window_s = self._settings.perturbations.window_s
-        failures = common_failure({cell.label: self._failure_before(cell) for cell in cells})
+        sources = {c.source for cell in cells for c in cell.used}
+        angles = {k: angle_failure(self._sources[k].given.recording) for k in sources}
+        failures = common_failure(
+            {cell.label: self._failure_before(cell, angles) for cell in cells}
+        )
         while left := [cell for cell in cells if failures[cell.label] is None]:
             known = pooled_calibration(
                 [self._sources[c.source].given.calibration for cell in left for c in cell.used]
             )
             priors = priors_of(known).scaled(self._settings.prior_scale)
             posterior, responses = explain_responses(left, priors, window_s=window_s)
-            self._model = _model(self._participant, posterior, left)
+            compared = contrasts(left, responses, posterior)
+            self._model = _model(self._participant, posterior, left, compared)
             late = instrument_failure(posterior, priors, longest_s=LONGEST_LAG_S)
             found = [late or fit_failure(i, posterior, r) for i, r in enumerate(responses)]
             failures |= {cell.label: failure for cell, failure in zip(left, found, strict=True)}
+            if late:
+                failures = shared_failure(failures, late)
             if late or not any(found):
                 break
         estimates = {
-            cell.label: self._estimate(i, cell, responses[i], posterior, known, counts)
+            cell.label: doubted(
+                self._estimate(i, cell, responses[i], posterior, known, counts), compared
+            )
             for i, cell in enumerate(left)
             if failures[cell.label] is None
         }
+        estimates = self._without_steep(estimates)
         if estimates:
             self._evidence = Evidence(
                 participant=self._participant,
@@ -265,20 +278,35 @@ class WalkingEstimator:
                 estimates[cell.label] = self._refused(cell, failure, counts[cell.label])
         return estimates
 
-    def _failure_before(self, cell: PredictedCell) -> Failure | None:
+    def _without_steep(self, estimates: dict[str, CellEstimate]) -> dict[str, CellEstimate]:
+        """Withhold values where K changes steeply inside the window, and say so."""
+        if self._model is None:
+            return estimates
+        cells = undecided_where_steep(list(estimates.values()), self._model.curve_probability)
+        kept = dict(zip(estimates, cells, strict=True))
+        if any(kept[label] is not estimate for label, estimate in estimates.items()):
+            doubts = (*self._model.doubts, Doubt.STEEP_CHANGE.value)
+            self._model = replace(self._model, doubts=doubts)
+        return kept
+
+    def _failure_before(
+        self, cell: PredictedCell, angles: Mapping[int, Failure | None]
+    ) -> Failure | None:
         """Return why the pulses of a cell are not worth a fit."""
         if cell.label in self._unfelt:
             return Failure.CONSTANT_ANGLE
-        for index in dict.fromkeys(c.source for c in cell.used):
-            recording = self._sources[index].given.recording
-            pulses = [c.pulse for c in cell.used if c.source == index]
-            torque = self._settings.perturbations.source not in ("angle", "reference")
-            clipped = torque_failure(recording, pulses) if torque else None
-            if failure := angle_failure(recording) or clipped:
+        indices = list(dict.fromkeys(c.source for c in cell.used))
+        for index in indices:
+            if failure := angles[index]:
                 return failure
         size_nm = float(np.median(self._amplitudes_nm(cell.used)))
         if stray_pulses(cell.predicted, size_nm):
             return Failure.OUT_OF_STEP
+        torque = self._settings.perturbations.source not in ("angle", "reference")
+        for index in indices if torque else ():
+            pulses = [c.pulse for c in cell.used if c.source == index]
+            if failure := torque_failure(self._sources[index].given.recording, pulses):
+                return failure
         window_s = self._settings.perturbations.window_s
         return response_failure(average_responses(cell, window_s=window_s))
 
@@ -390,7 +418,10 @@ def _centre(onset_pct: float | None, middle_s: float, stride_s: float) -> float 
 
 
 def _model(
-    participant: str, posterior: JointPosterior, cells: Sequence[PredictedCell]
+    participant: str,
+    posterior: JointPosterior,
+    cells: Sequence[PredictedCell],
+    compared: Sequence[Contrast],
 ) -> ParticipantModel:
     lag, friction = posterior.lag_s(), posterior.friction_gain()
     return ParticipantModel(
@@ -403,6 +434,7 @@ def _model(
         constant_inertia_probability=posterior.probability(inertia_sd=CONSTANT_INERTIA_SD),
         curve_probability=posterior.probability(follows_curve=True),
         n_strides=min(cell.predicted.n_strides for cell in cells),
+        doubts=tuple(contrast.doubt.value for contrast in compared if contrast.stands),
     )
 
 

@@ -15,12 +15,12 @@ from jointz.identify.response_posterior import (
 )
 from jointz.identify.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.kernels.noise_covariance import shrunk_covariance
-from jointz.kernels.robust_spread import robust_sd
+from jointz.kernels.robust_spread import robust_moments, robust_sd
 
 #: A lag longer than this is not followed: the window would reach into what the joint does later.
 LONGEST_LAG_S = 0.03
-#: No angle is known better, nor does any joint follow the model more closely.
-_FINEST_RAD = 1e-5
+#: No angle is known better (0.01 degrees), nor does any joint follow the model more closely.
+_FINEST_RAD = 2e-4
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
 UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
@@ -209,7 +209,7 @@ def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarra
     torque = predicted.responses[:, 1:].sum(axis=1)
     shape = torque[fine].mean(axis=0)
     size = torque @ shape / (shape @ shape)
-    usual = np.median(angles[fine] / size[fine, None], axis=0)
+    usual, _ = robust_moments(angles[fine] / size[fine, None])
     off = np.abs(angles - size[:, None] * usual)
     limit = UNLIKE_SD * robust_sd(predicted.misses[:, 0]) + 1e-9
     return np.asarray(fine & (off <= limit).all(axis=1))

@@ -287,7 +287,7 @@ def number_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
             path=str(path),
             channel=name,
         )
-    return values.astype(np.float64)
+    return values.astype(np.float64, copy=False)
 
 
 def label_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:

@@ -98,11 +98,11 @@ def fit_blocked_ridge(
     centre, scale = features.mean(axis=0), features.std(axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     design = _designed(features, centre, scale)
-    gram, moment = design.T @ design, design.T @ targets
     penalised = n * np.diag([0.0, *np.ones(features.shape[1])])
     parts = [np.flatnonzero(blocks == name) for name in names]
     grams = [design[part].T @ design[part] for part in parts]
     moments = [design[part].T @ targets[part] for part in parts]
+    gram, moment = sum(grams), sum(moments)
 
     def errors(penalty: float, columns: slice) -> np.ndarray:
         out = np.empty_like(targets[:, columns])

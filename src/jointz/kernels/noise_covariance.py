@@ -48,7 +48,7 @@ def steady_covariance(sample: np.ndarray) -> np.ndarray:
     later = _coefficients(products[order:])
     for t in range(order, n):
         innovation[t, t - order : t] = -later[t - order, ::-1]
-    left = np.einsum("ij,jk,ik->i", innovation, sample, innovation)
+    left = ((innovation @ sample) * innovation).sum(axis=1)
     level = np.trace(sample) / n
     variances = np.maximum(_smoothed(left, start=order), _RIDGE * level + 1e-300)
     spread = np.linalg.solve(innovation, np.diag(np.sqrt(variances)))
@@ -90,19 +90,20 @@ def shrunk_covariance(sample: np.ndarray, count: int) -> np.ndarray:
     scaled = np.linalg.solve(root, np.linalg.solve(root, sample).T)
     values = np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).clip(0.0)
     strengths = _STRENGTHS * n
-    evidence = [_log_evidence(values, m, strength) for strength in strengths]
-    best = float(strengths[int(np.argmax(evidence))])
+    best = float(strengths[int(np.argmax(_log_evidence(values, m, strengths)))])
     return np.asarray((best * steady + m * sample) / (best + m))
 
 
-def _log_evidence(values: np.ndarray, m: int, strength: float) -> float:
-    """Return that of a prior worth so many realisations, up to a constant."""
+def _log_evidence(values: np.ndarray, m: int, strengths: np.ndarray) -> np.ndarray:
+    """Return those of priors worth so many realisations, (k,), up to a constant."""
     n = values.size
-    prior, after = strength + n + 1.0, strength + n + 1.0 + m
+    each = strengths[:, None]
+    prior, after = each + n + 1.0, each + n + 1.0 + m
     places = np.arange(n)
-    turns = gammaln((after - places) / 2.0).sum() - gammaln((prior - places) / 2.0).sum()
-    own = 0.5 * prior * n * np.log(strength)
-    return float(turns + own - 0.5 * after * np.log(strength + m * values).sum())
+    turns = (gammaln((after - places) / 2.0) - gammaln((prior - places) / 2.0)).sum(axis=1)
+    own = 0.5 * prior[:, 0] * n * np.log(strengths)
+    spread = np.log(each + m * values).sum(axis=1)
+    return np.asarray(turns + own - 0.5 * after[:, 0] * spread)
 
 
 def _products(sample: np.ndarray, order: int) -> np.ndarray:
@@ -134,8 +135,10 @@ def _coefficients(products: np.ndarray) -> np.ndarray:
 
 def _smoothed(left: np.ndarray, *, start: int) -> np.ndarray:
     """Average innovations over neighbours, where all are predicted from as many samples."""
-    out = left.copy()
-    for t in range(start, left.size):
-        low = max(start, t - _NEIGHBOURS)
-        out[t] = left[low : t + _NEIGHBOURS + 1].mean()
-    return out
+    near = np.ones(2 * _NEIGHBOURS + 1)
+    later = left[start:]
+    sums, counts = (
+        np.convolve(values, near)[_NEIGHBOURS:-_NEIGHBOURS]
+        for values in (later, np.ones(later.size))
+    )
+    return np.concatenate([left[:start], sums / counts])

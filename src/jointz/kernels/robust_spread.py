@@ -1,4 +1,4 @@
-"""Spread of numbers that a few strangers among them do not move."""
+"""Middle and spread of numbers that a few strangers among them do not move."""
 
 import numpy as np
 
@@ -23,5 +23,41 @@ def robust_sd(values: np.ndarray) -> np.ndarray:
     >>> float(robust_sd(np.array([1.0, 2.0, 3.0, 4.0, 1000.0])))
     1.4826
     """
-    middle = np.median(values, axis=0)
-    return np.asarray(_TO_SD * np.median(np.abs(values - middle), axis=0))
+    return robust_moments(values)[1]
+
+
+def robust_moments(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the median and the standard deviation that the median deviation stands for.
+
+    Parameters
+    ----------
+    values : (n, ...) float
+        Numbers.
+
+    Returns
+    -------
+    middle, sd : (...) float
+        Along the first axis.
+
+    Examples
+    --------
+    >>> [float(m) for m in robust_moments(np.array([1.0, 2.0, 3.0, 4.0, 1000.0]))]
+    [3.0, 1.4826]
+    """
+    # Along the last axis numbers that belong together lie together in memory.
+    rows = np.ascontiguousarray(np.moveaxis(values, 0, -1))
+    middle = _medians(rows)
+    return middle, np.asarray(_TO_SD * _medians(np.abs(rows - middle[..., None])))
+
+
+def _medians(rows: np.ndarray) -> np.ndarray:
+    """Return the medians along the last axis: numpy's own, in a fraction of its time.
+
+    numpy's median asks for several ranks at once, which its fast selection cannot do.
+    """
+    n = rows.shape[-1]
+    if n == 0 or not np.isfinite(rows.sum()):
+        return np.asarray(np.median(rows, axis=-1))
+    parted = np.partition(rows, n // 2, axis=-1)
+    upper = parted[..., n // 2]
+    return np.asarray(upper if n % 2 else 0.5 * (parted[..., : n // 2].max(axis=-1) + upper))

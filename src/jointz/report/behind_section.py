@@ -26,6 +26,7 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "cross_talk": "a test of what torque does to the angle sensor while the joint is held",
     "inertia_model": "pulses at more timing points, or an inertia measured by other means",
     "drift": "pulses shortly before and after this point, which show how K and B change",
+    "reflex": "pulses of both directions and several sizes, which tell a reflex from stiffness",
     "prior": "larger or more pulses: these say little beyond what was assumed before",
     "model": "whatever tells the models apart, most often a measured lag",
     "gain": "better calibrated gains of angle and torque",

@@ -43,6 +43,7 @@ _LOOKS: Final[Mapping[str, tuple[str, str]]] = {
     "cross_talk": ("torque seen as angle", "#c9b458"),
     "inertia_model": ("inertia over the cycle", GREEN),
     "drift": ("K and B inside the window", SKY),
+    "reflex": ("answer of the muscles", "#8c6d5a"),
     "prior": ("prior knowledge", FAINT),
     "model": ("which model holds", PURPLE),
     "gain": ("gains of angle and torque", MUTED),

@@ -18,6 +18,7 @@ SOURCES: Final = (
     "cross_talk",
     "inertia_model",
     "drift",
+    "reflex",
     "prior",
     "model",
     "gain",
@@ -89,10 +90,12 @@ def models_frame(analysis: StudyAnalysis) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The fields of :class:`~jointz.core.participant_model.ParticipantModel`.
+        The fields of :class:`~jointz.core.participant_model.ParticipantModel`; doubts are
+        separated by spaces.
     """
     columns = list(ParticipantModel.__slots__)
-    return pd.DataFrame([model.to_dict() for model in analysis.models], columns=columns)
+    rows = [model.to_dict() | {"doubts": " ".join(model.doubts)} for model in analysis.models]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def variance_shares(cell: CellEstimate, parameter: str) -> dict[str, float]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-_FIGURES: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
+_DRAWN: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
     "impedance_over_gait": draw_impedance_over_gait,
     "responses": draw_responses,
     "methods": draw_methods,
@@ -24,6 +24,8 @@ _FIGURES: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
     "onset_accuracy": draw_onset_accuracy,
     "strides": draw_strides,
 }
+#: Names of all figures, in the order of the report.
+FIGURES = tuple(_DRAWN)
 
 
 def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
@@ -48,12 +50,24 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
     >>> draw_figures(StudyAnalysis(cells=()))
     {}
     """
-    drawn = {}
+    drawn = {name: draw_figure(analysis, name) for name in FIGURES}
+    return {name: svg for name, svg in drawn.items() if svg is not None}
+
+
+def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
+    """Draw one figure; None where the analysis has no data for it.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    name : str
+        One of :data:`FIGURES`.
+    """
     loads = {c.participant for c in analysis.cells} if subjects(analysis).bench else ()
+    # The methods are compared by means, and those over unlike loads mean nothing.
+    if name == "methods" and len(loads) > 1:
+        return None
     with figure_style():
-        for name, draw in _FIGURES.items():
-            # The methods are compared by means, and those over unlike loads mean nothing.
-            figure = None if name == "methods" and len(loads) > 1 else draw(analysis)
-            if figure is not None:
-                drawn[name] = to_svg(figure)
-    return drawn
+        figure = _DRAWN[name](analysis)
+        return None if figure is None else to_svg(figure)

@@ -129,6 +129,7 @@ def render_report(
         column_names=[parameter_name(c[0]) for c in columns],
         people=_people(analysis, columns),
         statuses=_statuses(analysis),
+        notes=analysis.statistics.get("notes", ()),
         excluded=_excluded(analysis),
         names=_names(analysis.provenance),
         onsets=analysis.statistics.get("onset_accuracy", ()),

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.clock import Clock
 from jointz.core.protocol import PulseSpec
-from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S, stride_time_ratio
 from jointz.devices.interface import Devices, Stretch, Wearer
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
@@ -84,6 +84,14 @@ class SimulatedRig:
             frame = body.frame_mass_kg * body.frame_distance_m**2
             known["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
         return CalibrationSpec(**known)
+
+    @property
+    def device(self) -> DeviceSpec | None:
+        """The exoskeleton's frame on the shank, where the preset gives it a body."""
+        body = self.preset.body
+        if body is None:
+            return None
+        return DeviceSpec(mass_kg=body.frame_mass_kg, centre_m=body.frame_distance_m)
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.

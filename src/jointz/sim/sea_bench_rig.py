@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
+from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.sim.bench_load import BenchLoad
 from jointz.sim.loaded_bench import BenchLabels, LoadedBench
 from jointz.sim.running_bench import BenchPlant
@@ -75,6 +75,11 @@ class SeaBench(LoadedBench):
     ) -> None:
         super().__init__(load, preset=settings.name, seed=seed, sample_rate_hz=sample_rate_hz)
         self.settings = settings
+
+    @property
+    def device(self) -> DeviceSpec | None:
+        """Nothing: a bench has no limb."""
+        return None
 
     @property
     def calibration(self) -> CalibrationSpec:

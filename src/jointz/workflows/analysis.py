@@ -1,49 +1,36 @@
 """Analyse a study: recordings in, impedance with intervals out."""
 
-import ctypes
-import hashlib
 import os
-import sys
-from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import replace
 from typing import Any
-
-import pandas as pd
-import xarray as xr
 
 from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.errors import DataError, StudyError
+from jointz.core.errors import StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.pooled_estimates import has_budget
-from jointz.core.recording import history_of
-from jointz.core.study import RecordingSpec, Study
+from jointz.core.study import Study
 from jointz.identify.assignment import group_names
 from jointz.identify.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.certificate_draws import Injection
-from jointz.identify.certificate_study import assembled, certify_participant
-from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.pulse_tables import share_table
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.certificate_study import assembled
+from jointz.identify.participant import ParticipantResult
 from jointz.identify.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
-from jointz.io.recordings import read_pulse_table, read_recording
-from jointz.io.study import data_file, open_study
+from jointz.io.study import open_study
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.workflows.analysis_statistics import study_statistics
-from jointz.workflows.likelihood_pulses import likelihood_pulses
+from jointz.workflows.participants import INJECTIONS, Asked, hashed, outcomes
 
 DEFAULT_RESAMPLES = 1000
-#: Known responses injected into each participant's strides: enough for a report, not for a study
-#: of the method (:func:`jointz.workflows.certificate.certify`).
-_INJECTIONS = 2
 
 Progress = Callable[[int, int, str], None]
 
@@ -54,12 +41,13 @@ def analyze(
     method: str = "recommended",
     resamples: int = DEFAULT_RESAMPLES,
     seed: int = 0,
+    pool: Executor | None = None,
     progress: Progress | None = None,
 ) -> StudyAnalysis:
     """Estimate the joint impedance of every participant of a study.
 
-    Participants are read, analysed and released one by one: memory does not
-    grow with their number.
+    Participants are read, analysed and released one by one, or as many at a time as a
+    pool has workers: memory does not grow with their number.
 
     Parameters
     ----------
@@ -71,6 +59,9 @@ def analyze(
         Bootstrap resamples a cell.
     seed : int
         Of the bootstrap.
+    pool : concurrent.futures.Executor, optional
+        Does several participants at once (:func:`jointz.workflows.process_pool.process_pool`);
+        results do not depend on it.
     progress : callable, optional
         Called with (participants done, of how many, what comes next).
 
@@ -91,32 +82,24 @@ def analyze(
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     results: dict[str, ParticipantResult] = {}
+    virtual: dict[str, list[VirtualEstimate]] = {}
     exclusions = opened.root / "exclusions.csv"
     inputs: dict[str, dict[str, Any]] = {}
     if exclusions.is_file():
-        inputs[exclusions.name] = _hashed(opened, exclusions.name)
+        inputs[exclusions.name] = hashed(opened, exclusions.name)
     problems: list[str] = []
     people = [person.id for person in opened.spec.participants]
-    virtual: dict[str, list[VirtualEstimate]] = {}
-    with closing(_read_ahead(opened, people, inputs)) as readings:
-        for done, (person_id, read) in enumerate(readings):
-            _give_back_memory()
+    asked = Asked(opened, name, resamples=resamples, seed=seed)
+    with closing(outcomes(asked, people, pool=pool)) as coming:
+        for done, (person_id, outcome) in enumerate(coming):
             if progress:
                 progress(done, len(people), person_id)
-            try:
-                settings = participant_settings(
-                    opened, person_id, name, resamples=resamples, seed=seed
-                )
-                found = _analyzed(person_id, read(), settings)
-                virtual[person_id] = certify_participant(
-                    found.evidence, Injection(), replicates=_INJECTIONS, seed=seed
-                )
-                results[person_id] = replace(found, evidence=None)  # it is large
-            except StudyError as exc:
-                problems += exc.problems
-            except DataError as exc:
-                problems.append(str(exc))
-            del read  # its recordings would stay in memory
+            found = outcome()
+            del outcome  # recordings would stay in memory with it
+            inputs |= found.inputs
+            problems += found.problems
+            if found.result is not None:
+                results[person_id], virtual[person_id] = found.result, found.virtual
     if problems:
         raise StudyError(str(opened.root), problems)
     if progress:
@@ -138,7 +121,7 @@ def _with_people_together(
     certificate = assembled(
         virtual,
         Injection(),
-        replicates=_INJECTIONS,
+        replicates=INJECTIONS,
         seed=seed,
         window_s=study.spec.perturbations.window_s,
     )
@@ -147,57 +130,6 @@ def _with_people_together(
         return analysis
     together = pool_people(analysis.cells)
     return replace(analysis, population=together.population, pooled=together.cells)
-
-
-def _read_ahead(
-    study: Study, people: Sequence[str], inputs: dict[str, dict[str, Any]]
-) -> Generator[tuple[str, Callable[[], list[RecordingInput]]]]:
-    """Yield each participant with a call for the recordings, the next ones read meanwhile.
-
-    No more than two participants are in memory.
-    """
-    with ThreadPoolExecutor(max_workers=1) as reader:
-
-        def start(person_id: str) -> Future[list[RecordingInput]]:
-            return reader.submit(read_participant, study, person_id, inputs)
-
-        coming = start(people[0])
-        for person_id, following in zip(people, [*people[1:], None], strict=True):
-            current = coming
-            wait([current])
-            if following is not None:
-                coming = start(following)
-            yield person_id, current.result
-
-
-def _analyzed(
-    person_id: str, recordings: list[RecordingInput], settings: ParticipantSettings
-) -> ParticipantResult:
-    """Analyse one participant; its recordings are gone before the next but one are read."""
-    result = analyze_participant(person_id, recordings, settings)
-    method = settings.methods[0]
-    if method != FULL_RECORD:
-        return result
-    single = likelihood_pulses(
-        recordings,
-        result.single,
-        result.cells[method],
-        perturbations=settings.perturbations,
-        torque_model=settings.torque_model,
-    )
-    return replace(result, single=single)
-
-
-def _give_back_memory() -> None:
-    """Hand freed memory back to the system, where the C library can.
-
-    glibc keeps what the threads of a parallel reader freed; without this ten
-    participants take a quarter more memory than one.
-    """
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
 
 
 def check_method(method: str) -> str:
@@ -236,111 +168,6 @@ def _chosen(study: Study, method: str) -> str:
             "another under perturbations.baseline."
         )
     return method
-
-
-def participant_settings(
-    study: Study, person_id: str, method: str, *, resamples: int, seed: int
-) -> ParticipantSettings:
-    """Return what the study asks for about one participant.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    method : str
-        By its own name.
-    resamples, seed : int
-        Of the bootstrap.
-    """
-    spec = study.spec
-    walking = spec.kind == "walking"
-    # Beside the dissertation's method, the one that differs in nothing but the baseline.
-    compared = method != "dissertation" and (walking or method == FULL_RECORD)
-    others = ["dissertation"] if compared else ["matched_strides"] if walking else []
-    own = spec.perturbations.baseline is None
-    return ParticipantSettings(
-        walking=walking,
-        perturbations=spec.perturbations,
-        group_edges=study.group_edges,
-        torque_model=spec.torque_model,
-        methods=(method, *(others if own else [])),
-        n_resamples=resamples,
-        seed=seed,
-        mass_kg=spec.participant(person_id).mass_kg,
-        user_exclusions=tuple(e for e in study.user_exclusions if e.participant == person_id),
-        joint=spec.joint,
-        positive=spec.positive,
-        person=spec.participant(person_id),
-        device=spec.device,
-    )
-
-
-def read_participant(
-    study: Study, person_id: str, inputs: dict[str, dict[str, Any]]
-) -> list[RecordingInput]:
-    """Read all recordings of one participant; all unreadable ones in one error.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    inputs : dict
-        Every file read is entered, with its hash.
-
-    Raises
-    ------
-    StudyError
-        When recordings cannot be read.
-    """
-    found: list[RecordingInput] = []
-    problems: list[str] = []
-    for entry in study.spec.recordings:
-        if entry.participant != person_id:
-            continue
-        try:
-            pieces = read_recording(study, entry)
-            tables = _pulse_tables(study, entry, pieces)
-        except DataError as exc:
-            problems.append(str(exc))
-            continue
-        if entry.perturbations is not None:
-            inputs[entry.perturbations] = _hashed(study, entry.perturbations)
-        calibration = study.spec.calibration_of(entry)
-        found += [RecordingInput(p, calibration, t) for p, t in zip(pieces, tables, strict=True)]
-        inputs[entry.file] = {
-            "file": entry.file,
-            "name": _shown(study, entry.file),
-            "sha256": pieces[0].attrs["sha256"],
-            "history": history_of(pieces[0]),
-        }
-    if problems:
-        raise StudyError(str(study.root), problems)
-    return found
-
-
-def _pulse_tables(
-    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
-) -> list[pd.DataFrame | None]:
-    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
-    table = read_pulse_table(study, entry)
-    if table is None or study.spec.perturbations.source not in (None, "table"):
-        return [None] * len(pieces)
-    return share_table(table, pieces)
-
-
-def _hashed(study: Study, file: str) -> dict[str, Any]:
-    content = data_file(study.root, file).read_bytes()
-    sha256 = hashlib.sha256(content).hexdigest()
-    return {"file": file, "name": _shown(study, file), "sha256": sha256}
-
-
-def _shown(study: Study, file: str) -> str:
-    """Return the name people know a file by: without variables, and where they lead."""
-    return data_file(study.root, file).name if "$" in file else file
 
 
 def _assembled(

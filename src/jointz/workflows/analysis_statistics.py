@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH
-from jointz.core.codes import Failure
+from jointz.core.codes import Doubt, Failure
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
@@ -60,6 +60,7 @@ def study_statistics(
             *_sign_notes(cells),
             *_method_notes(method, cells),
             *_model_notes([r.model for r in results if r.model is not None]),
+            *_doubt_notes([r.model for r in results if r.model is not None]),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
@@ -177,6 +178,19 @@ def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
         f"points: {_told_likely([m.curve_probability for m in models])} of {n}.",
         f"unperturbed motion was learned from {_spanned(strides, 'd')} strides a participant.",
     ]
+
+
+def _doubt_notes(models: Sequence[ParticipantModel]) -> list[str]:
+    """Say in whose responses a linear joint is doubtful, and why that may be."""
+    notes = []
+    for doubt in Doubt:
+        people = [m.participant for m in models if doubt.value in m.doubts]
+        if people:
+            told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
+            notes.append(
+                f"{doubt.value} in {len(people)} of {len(models)} ({told}): {doubt.meaning}."
+            )
+    return notes
 
 
 def _spanned(values: Sequence[float], form: str) -> str:

@@ -14,7 +14,8 @@ from jointz.identify.certificate_study import assembled, certify_participant, re
 from jointz.identify.sources import prepare_sources
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
-from jointz.workflows.analysis import Progress, participant_settings, read_participant
+from jointz.workflows.analysis import Progress
+from jointz.workflows.participants import participant_settings, read_participant
 
 _LONGEST_LAG_S = 0.06
 

@@ -14,7 +14,9 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.protocol import Protocol
 from jointz.core.run_report import RunReport
 from jointz.io.protocols import load_protocol
+from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress, analyze
+from jointz.workflows.process_pool import process_pool, workers_for
 from jointz.workflows.results_folder import new_folder, write_marker, write_results
 from jointz.workflows.run import TRUTH_FILE, run
 from jointz.workflows.worker_pool import RunProgress
@@ -100,10 +102,13 @@ def run_demo(
             workers=os.cpu_count() or 1,
             progress=run_progress,
         )
-        analysis = analyze(made.study, seed=seed, progress=progress)
-        truth = truth_table(analysis, made.study)
-        truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
-        write_results(analysis, folder / "results", truth=truth, run=made.report)
+        study = open_study(made.study)
+        workers = workers_for(len(study.spec.participants))
+        with process_pool(workers, needs="jointz.workflows.participants") as pool:
+            analysis = analyze(study, seed=seed, pool=pool, progress=progress)
+            truth = truth_table(analysis, made.study)
+            truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
+            write_results(analysis, folder / "results", truth=truth, run=made.report, pool=pool)
         write_marker(folder, MARKER, {"made_by": "jointz demo"})
     return Demo(out / "results" / "report.html", analysis, made.report, truth)
 

@@ -3,8 +3,10 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -13,10 +15,11 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
 from jointz.report.details import details_frame, models_frame
-from jointz.report.figures import draw_figures
+from jointz.report.figures import FIGURES, draw_figure
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
 from jointz.report.subjects import report_title
+from jointz.workflows.process_pool import shared_out
 
 #: The file that shows a folder to be one of ours, and so replaceable.
 MARKER = "provenance.json"
@@ -30,6 +33,7 @@ def write_results(
     overwrite: bool = False,
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
+    pool: Executor | None = None,
 ) -> Path:
     """Write estimates, exclusions, figures and report of an analysis.
 
@@ -45,6 +49,8 @@ def write_results(
         Truth against estimate of a simulated study, for the report.
     run : RunReport, optional
         How the experiment went, for the report.
+    pool : concurrent.futures.Executor, optional
+        Draws several figures at once.
 
     Returns
     -------
@@ -57,10 +63,12 @@ def write_results(
         When the folder exists and may not be replaced, or cannot be written.
     """
     with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
+        drawings = _drawings(analysis, pool)
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
-        figures = draw_figures(analysis)
+        drawn = {name: drawing() for name, drawing in drawings.items()}
+        figures = {name: svg for name, svg in drawn.items() if svg is not None}
         if truth is not None:
             figures["truth"] = draw_truth(truth)
         (folder / "figures").mkdir()
@@ -72,6 +80,18 @@ def write_results(
         settings = {"settings": dict(analysis.settings)}
         write_marker(folder, MARKER, {**analysis.provenance, **settings})
     return out / "report.html"
+
+
+def _drawings(
+    analysis: StudyAnalysis, pool: Executor | None
+) -> dict[str, Callable[[], str | None]]:
+    """Have the figures drawn; the last, which takes longest, first."""
+    calls: list[Callable[[], str | None]] = [
+        partial(draw_figure, analysis, name) for name in FIGURES
+    ]
+    if pool is not None:
+        calls = shared_out(pool, calls[::-1])[::-1]
+    return dict(zip(FIGURES, calls, strict=True))
 
 
 def check_free(out: Path, *, marker: str, overwrite: bool) -> None:

@@ -8,7 +8,8 @@ from jointz.core.study import Study
 from jointz.identify.specification import Choices, specification_estimates
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
-from jointz.workflows.analysis import Progress, participant_settings, read_participant
+from jointz.workflows.analysis import Progress
+from jointz.workflows.participants import participant_settings, read_participant
 
 _STANDARD = Choices()
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jointz.core.protocol import Protocol
-from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.workflows.run_settings import pulses_name, recording_name
 
@@ -42,6 +42,7 @@ def study_toml(
     torque_model: TorqueModelSpec | None,
     *,
     devices: Mapping[str, Any] | None = None,
+    worn: DeviceSpec | None = None,
 ) -> str:
     """Return the text of ``study.toml``.
 
@@ -57,6 +58,8 @@ def study_toml(
         The actuator's equation 4.1; torque is computed from the current with it.
     devices : mapping, optional
         What the devices say about themselves; on a bench they tell the channels.
+    worn : DeviceSpec, optional
+        What hangs on the moving segment.
     """
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
@@ -76,6 +79,8 @@ def study_toml(
         lines += ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
     if torque_model is not None and "torque" not in units:
         lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
+    if worn is not None:
+        lines += ["", "[device]", *_table(worn.model_dump())]
     points = _timing_points(protocol)
     if bench:
         lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]

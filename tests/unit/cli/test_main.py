@@ -11,7 +11,7 @@ import typer
 from jointz import __version__
 from jointz.cli import main
 from jointz.cli.main import app
-from jointz.workflows import analysis, results_folder
+from jointz.workflows import participants, results_folder
 
 FEW = ("--resamples", 20)
 
@@ -116,7 +116,7 @@ def test_whatever_happens_there_is_no_traceback(
     def failing(*_, **__):
         raise error
 
-    monkeypatch.setattr(analysis, "analyze_participant", failing)
+    monkeypatch.setattr(participants, "analyze_participant", failing)
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", "--json")
 
     assert outcome.code == code

@@ -128,15 +128,6 @@ def test_who_has_too_few_phases_has_no_curve_but_a_warning():
         phase_curve(StudyAnalysis(tuple(few)))
 
 
-def test_a_steep_rise_inside_a_window_is_told():
-    points = {"ICO": 1.0, **TIMING_POINTS, "TSW": 93.5}
-    values = dict.fromkeys(points, 25.0) | {"ICO": 140.0, "LRE": 140.0, "TSW": 75.0}
-    cells = [cell("S1", name, at, values[name]) for name, at in points.items()]
-    (warning,) = phase_curve(StudyAnalysis(tuple(cells)), parameters=["stiffness"]).warnings
-    assert "TSW (1 of 1 curves)" in warning
-    assert "LRE" not in warning
-
-
 def test_timing_points_are_made_of_measured_phases():
     rng = np.random.default_rng(0)
     phases = rng.uniform(0.0, 100.0, 300)

@@ -1,5 +1,8 @@
 """What can be told of a response before and after a fit, and of one kind of failure for all."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,10 +14,13 @@ from jointz.identify.pulses import Pulse
 from jointz.identify.response_checks import (
     angle_failure,
     common_failure,
+    instrument_failure,
     response_failure,
+    shared_failure,
     torque_failure,
 )
-from jointz.identify.response_model import CellResponse
+from jointz.identify.response_model import CellResponse, Priors
+from jointz.identify.response_posterior import Moments
 
 N = 51
 TIME_S = np.arange(N) * 0.002
@@ -80,6 +86,7 @@ def torque_of(level, noise):
         (torque_of(17.0, 0.2), None),
         (torque_of(17.0, 0.2).clip(max=10.0), Failure.TORQUE_SATURATED),
         (torque_of(17.0, 0.2).clip(max=17.5), None),
+        (torque_of(17.0, 0.2).clip(max=1.0), None),  # none to speak of came: another matter
         (torque_of(10.0, 0.2), None),  # less than asked, but no flat top: the controller's matter
     ],
 )
@@ -96,8 +103,48 @@ def test_a_fault_of_half_the_timing_points_is_that_of_all():
     one, none = Failure.CONSTANT_ANGLE, None
     assert common_failure({"A": one, "B": none, "C": none}) == {"A": one, "B": none, "C": none}
     assert set(common_failure({"A": one, "B": none}).values()) == {one}
-    mixed = {"A": one, "B": Failure.OPPOSITE_SIGN, "C": one, "D": none}
+    mixed = {"A": one, "B": Failure.TORQUE_SATURATED, "C": one, "D": none}
     assert common_failure(mixed) == {**mixed, "D": one}
+
+
+def test_a_wrong_sign_where_most_points_do_not_move_is_one_of_chance():
+    still, turned = Failure.CONSTANT_ANGLE, Failure.OPPOSITE_SIGN
+    assert set(common_failure({"A": still, "B": turned, "C": still}).values()) == {still}
+    assert set(common_failure({"A": turned, "B": still, "C": turned}).values()) == {still, turned}
+
+
+@pytest.mark.parametrize(
+    ("moved_s", "apart_s", "expected"),
+    [
+        (0.0001, 0.0, None),
+        (0.0004, 0.0, Failure.LAG_OUT_OF_RANGE),
+        # Hypotheses that disagree by a quarter of the move do not let it count for as much.
+        (0.0004, 0.0001, None),
+    ],
+)
+def test_a_calibrated_lag_is_contradicted_by_more_than_hypotheses_disagree(
+    moved_s, apart_s, expected
+):
+    priors = replace(Priors(), lag_s=(0.008, 0.0005))
+    told = {"lag": 0.0005**2 - 0.00005**2, "model": apart_s**2}
+    posterior = SimpleNamespace(lag_s=lambda: Moments(0.008 + moved_s, told))
+    assert instrument_failure(posterior, priors, longest_s=0.03) is expected
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "expected"),
+    [(0.012, None), (0.033, Failure.LAG_OUT_OF_RANGE), (-0.004, Failure.OUT_OF_STEP)],
+)
+def test_a_lag_that_was_not_calibrated_may_be_anything_from_none_to_the_longest(lag_s, expected):
+    posterior = SimpleNamespace(lag_s=lambda: Moments(lag_s, {"noise": 0.001**2, "model": 0.0}))
+    assert instrument_failure(posterior, Priors(), longest_s=0.03) is expected
+
+
+def test_a_fault_of_the_instruments_explains_misfits_and_signs_but_no_other_reason():
+    late, misfit, sign = Failure.OUT_OF_STEP, Failure.MODEL_MISFIT, Failure.OPPOSITE_SIGN
+    found = {"A": late, "B": misfit, "C": sign, "D": Failure.TORQUE_SATURATED, "E": None}
+    all_late = dict.fromkeys(found, late) | {"D": Failure.TORQUE_SATURATED}
+    assert shared_failure(found, late) == all_late
 
 
 @pytest.mark.parametrize("late", [0, 1, 2])
@@ -109,6 +156,30 @@ def test_a_copied_window_is_found_also_beside_its_logged_onset(late):
     pulses = [Pulse(at / 500.0 + 1e-6, 0.25, 17.0) for at in (500, 1000, 1500 + late)]
     given = dataset(angle=angle, torque=torque)
     assert copied_pulses(given, pulses, window_s=0.1) == [False, False, True]
+
+
+def test_copies_are_found_whichever_side_of_a_sample_rounding_puts_their_onsets():
+    rng = np.random.default_rng(4)
+    angle, torque = rng.standard_normal(9000), rng.standard_normal(9000)
+    at = np.arange(500, 8500, 400)
+    for values in (angle, torque):
+        for k in at[1:]:
+            values[k - 20 : k + 150] = values[at[0] - 20 : at[0] + 150]
+    given = dataset(angle=angle, torque=torque)
+    given = given.assign_coords(time=given["time"] * (1.0 + 3e-16))
+    pulses = [Pulse(float(k) / 500.0, 0.25, 17.0) for k in at]
+    assert copied_pulses(given, pulses, window_s=0.1) == [False] + [True] * (at.size - 1)
+
+
+def test_torque_made_of_a_current_need_not_be_the_same_in_a_copy():
+    rng = np.random.default_rng(3)
+    angle, current = rng.standard_normal(2000), rng.standard_normal(2000)
+    for values in (angle, current):
+        values[1000 - 60 : 1200] = values[500 - 60 : 700]
+    made = 2.0 * current + 1e-12 * rng.standard_normal(2000)
+    pulses = [Pulse(at / 500.0, 0.25, 17.0) for at in (500, 1000)]
+    given = dataset(angle=angle, current=current, torque=made)
+    assert copied_pulses(given, pulses, window_s=0.1) == [False, True]
 
 
 def test_windows_of_a_noisy_sensor_are_no_copies():

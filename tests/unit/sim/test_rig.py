@@ -416,3 +416,13 @@ class TestGrid:
         values = [s.value for s in devices.angle.read()]
         slow = [s.value for s in run(simulated_rig(0, preset="clean"), n=501, condition="NWC")[1]]
         np.testing.assert_allclose(values[1::2], slow[1:], rtol=0, atol=1e-9)
+
+
+def test_only_a_rig_with_a_body_tells_what_hangs_on_the_shank():
+    assert simulated_rig(0).device is None
+    worn = SimulatedRig(draw_person(0, seed=1), preset("anthropometric")).device
+    assert worn is not None
+    inertia = SimulatedRig(
+        draw_person(0, seed=1), preset("anthropometric")
+    ).calibration.intrinsic_inertia
+    assert worn.mass_kg * worn.centre_m**2 == pytest.approx(inertia.value, rel=0.01)

@@ -10,7 +10,9 @@ import pytest
 import jointz
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import StudyError
+from jointz.io.study import open_study
 from jointz.workflows.analysis import analyze, check_method
+from jointz.workflows.process_pool import process_pool
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +43,29 @@ def test_a_method_chosen_by_name_is_the_same_as_in_the_comparison(small_study_so
 
     pd.testing.assert_frame_equal(chosen.to_frame(), whole.comparison_frame())
     assert set(chosen.comparison_frame()["method"]) == {"matched_strides"}
+
+
+def test_processes_find_what_one_process_finds(small_study_source, whole):
+    with process_pool(2, needs="jointz.workflows.participants") as pool:
+        shared = analyze(small_study_source, resamples=50, seed=3, pool=pool)
+
+    pd.testing.assert_frame_equal(shared.to_frame(), whole.to_frame(), rtol=1e-9)
+    assert shared.pulses == whole.pulses
+    assert list(shared.provenance["inputs"]) == list(whole.provenance["inputs"])
+
+
+def test_problems_of_recordings_come_out_of_processes(small_study):
+    opened = open_study(small_study.root)
+    for entry in small_study.root.glob("*perturbed.csv"):
+        entry.write_text("spoiled")
+    with (
+        process_pool(2, needs="jointz.workflows.participants") as pool,
+        pytest.raises(StudyError) as shared,
+    ):
+        analyze(opened, resamples=2, pool=pool)
+    with pytest.raises(StudyError) as alone:
+        analyze(opened, resamples=2)
+    assert shared.value.problems == alone.value.problems
 
 
 def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):

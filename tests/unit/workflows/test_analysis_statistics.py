@@ -1,7 +1,10 @@
 """Notes of an analysis, in plain words."""
 
+from dataclasses import replace
+
+from jointz.core.codes import Doubt
 from jointz.core.participant_model import ParticipantModel
-from jointz.workflows.analysis_statistics import _model_notes
+from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes
 
 
 def model(name, *, lag_s=0.006, resonance=0.02, inertia=0.95, curve=0.0, strides=900):
@@ -34,3 +37,11 @@ def test_strides_learned_from_are_told_and_one_number_is_no_range():
 
 def test_other_methods_have_no_such_notes():
     assert _model_notes([]) == []
+
+
+def test_who_is_doubted_is_named_with_what_may_be_why():
+    doubted = replace(model("S02"), doubts=(Doubt.RESPONSES_DIFFER_WITH_DIRECTION.value,))
+    (note,) = _doubt_notes([model("S01"), doubted])
+    assert note.startswith("responses_differ_with_direction in 1 of 2 (S02): pulses of the two")
+    assert "reflex" in note
+    assert _doubt_notes([model("S01")]) == []

@@ -158,10 +158,10 @@ def test_what_must_be_kept_is_refused(tmp_path):
 
 
 def test_results_are_absent_when_a_figure_fails(tmp_path, monkeypatch):
-    def broken(_analysis):
+    def broken(_analysis, _name):
         raise RuntimeError("no pen")
 
-    monkeypatch.setattr(results_folder, "draw_figures", broken)
+    monkeypatch.setattr(results_folder, "draw_figure", broken)
     with pytest.raises(RuntimeError, match="no pen"):
         write_results(StudyAnalysis(cells=()), tmp_path / "out")
     assert names(tmp_path) == []

@@ -32,7 +32,7 @@ def test_details_are_written_for_every_analysis(tmp_path):
 
 
 def test_models_are_written_where_there_are_any(tmp_path):
-    found = ParticipantModel("S01", 0.0064, 0.001, 1.1, 0.1, 0.02, 0.97, 0.0, 939)
+    found = ParticipantModel("S01", 0.0064, 0.001, 1.1, 0.1, 0.02, 0.97, 0.0, 939, ("a", "b"))
     write_results(analysis(models=(found,)), tmp_path / "out")
     (row,) = pd.read_csv(tmp_path / "out" / "models.csv").to_dict("records")
-    assert row == found.to_dict()
+    assert row == found.to_dict() | {"doubts": "a b"}

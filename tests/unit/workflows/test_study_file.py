@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import jointz
 from jointz.core.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
 from jointz.core.recording import build_recording
-from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
+from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.io.netcdf import write_recording
 from jointz.io.protocols import load_protocol
@@ -45,7 +45,7 @@ def with_points(**points):
     return WALKING.model_copy(update={"conditions": tuple(changed)})
 
 
-def make(folder, protocol=WALKING, people=(SOMEBODY,), calibrations=None, model=MOTOR):
+def make(folder, protocol=WALKING, people=(SOMEBODY,), calibrations=None, model=MOTOR, device=None):
     """Write a study with recordings of a few samples and open it."""
     calibrations = calibrations or {}
     time = np.arange(50) * 0.002
@@ -66,7 +66,7 @@ def make(folder, protocol=WALKING, people=(SOMEBODY,), calibrations=None, model=
                     "onset_s,duration_s,amplitude_nm,timing_point\n0.02,0.02,17,LRE\n"
                 )
     known = {person.id: calibrations.get(person.id, CalibrationSpec()) for person in people}
-    text = study_toml(protocol, people, known, model)
+    text = study_toml(protocol, people, known, model, worn=device)
     (folder / "study.toml").write_text(text, encoding="utf-8")
     return jointz.open_study(folder)
 
@@ -104,6 +104,11 @@ def test_torque_is_computed_from_the_current(tmp_path):
     assert recording["current"].attrs["units"] == "A"
     assert "applied_torque" in recording
     assert "torque" not in recording  # made by the analysis, out of the model
+
+
+def test_what_hangs_on_the_limb_comes_back(tmp_path):
+    frame = DeviceSpec(mass_kg=1.0, centre_m=0.18)
+    assert make(tmp_path, device=frame).spec.device == frame
 
 
 def test_calibrations_come_back_with_their_sd(tmp_path):

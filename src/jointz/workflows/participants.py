@@ -1,0 +1,291 @@
+"""One participant after the other, or several at once in processes of their own."""
+
+import ctypes
+import hashlib
+import sys
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from jointz.core.certificate import VirtualEstimate
+from jointz.core.errors import DataError, StudyError
+from jointz.core.recording import history_of
+from jointz.core.study import RecordingSpec, Study
+from jointz.identify.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.certificate_draws import Injection
+from jointz.identify.certificate_study import certify_participant
+from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.pulse_tables import share_table
+from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.io.study import data_file
+from jointz.workflows.likelihood_pulses import likelihood_pulses
+from jointz.workflows.process_pool import shared_out
+
+#: Known responses injected into each participant's strides: enough for a report, not for a study
+#: of the method (:func:`jointz.workflows.certificate.certify`).
+INJECTIONS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """What is to be done for every participant.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    method : str
+        By its own name.
+    resamples, seed : int
+        Of the bootstrap.
+    """
+
+    study: Study
+    method: str
+    resamples: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What came out for a participant.
+
+    Parameters
+    ----------
+    result : ParticipantResult or None
+        Without its evidence, which is large; None where recordings cannot be trusted.
+    virtual : list of VirtualEstimate
+        Known responses injected and estimated.
+    inputs : dict
+        Every file read, with its hash.
+    problems : tuple of str
+        Why recordings cannot be trusted.
+    """
+
+    result: ParticipantResult | None
+    virtual: list[VirtualEstimate] = field(default_factory=list)
+    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    problems: tuple[str, ...] = ()
+
+
+def outcomes(
+    asked: Asked, people: Sequence[str], *, pool: Executor | None
+) -> Generator[tuple[str, Callable[[], Outcome]]]:
+    """Yield every participant, in order, with a function that gives the outcome.
+
+    Parameters
+    ----------
+    asked : Asked
+        What is to be done.
+    people : sequence of str
+        Their ids.
+    pool : concurrent.futures.Executor or None
+        Processes that do it; None for this one.
+
+    Notes
+    -----
+    Memory does not grow with the number of participants: one a process is in it, and where
+    there is no pool another that is read ahead.
+    """
+    if pool is None:
+        yield from _in_turn(asked, people)
+        return
+    calls = [partial(_read_and_analyzed, asked, person_id) for person_id in people]
+    yield from zip(people, shared_out(pool, calls), strict=True)
+
+
+def _in_turn(asked: Asked, people: Sequence[str]) -> Generator[tuple[str, Callable[[], Outcome]]]:
+    """Read one participant ahead in a thread, while the one before is analysed."""
+    with ThreadPoolExecutor(max_workers=1) as reader:
+
+        def start(person_id: str) -> Future[list[RecordingInput]]:
+            return reader.submit(read_participant, asked.study, person_id, inputs[person_id])
+
+        inputs: dict[str, dict[str, Any]] = {person_id: {} for person_id in people}
+        coming = start(people[0])
+        for person_id, following in zip(people, [*people[1:], None], strict=True):
+            current = coming
+            wait([current])
+            if following is not None:
+                coming = start(following)
+            _give_back_memory()
+            yield person_id, partial(_outcome, asked, person_id, current.result, inputs[person_id])
+
+
+def _read_and_analyzed(asked: Asked, person_id: str) -> Outcome:
+    inputs: dict[str, dict[str, Any]] = {}
+    _give_back_memory()
+    return _outcome(
+        asked, person_id, lambda: read_participant(asked.study, person_id, inputs), inputs
+    )
+
+
+def _outcome(
+    asked: Asked,
+    person_id: str,
+    read: Callable[[], list[RecordingInput]],
+    inputs: dict[str, dict[str, Any]],
+) -> Outcome:
+    settings = participant_settings(
+        asked.study, person_id, asked.method, resamples=asked.resamples, seed=asked.seed
+    )
+    try:
+        found = _analyzed(person_id, read(), settings)
+        virtual = certify_participant(
+            found.evidence, Injection(), replicates=INJECTIONS, seed=asked.seed
+        )
+    except StudyError as exc:
+        return Outcome(None, inputs=inputs, problems=tuple(exc.problems))
+    except DataError as exc:
+        return Outcome(None, inputs=inputs, problems=(str(exc),))
+    return Outcome(replace(found, evidence=None), virtual, inputs)
+
+
+def participant_settings(
+    study: Study, person_id: str, method: str, *, resamples: int, seed: int
+) -> ParticipantSettings:
+    """Return what the study asks for about one participant.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    method : str
+        By its own name.
+    resamples, seed : int
+        Of the bootstrap.
+    """
+    spec = study.spec
+    walking = spec.kind == "walking"
+    # Beside the dissertation's method, the one that differs in nothing but the baseline.
+    compared = method != "dissertation" and (walking or method == FULL_RECORD)
+    others = ["dissertation"] if compared else ["matched_strides"] if walking else []
+    own = spec.perturbations.baseline is None
+    return ParticipantSettings(
+        walking=walking,
+        perturbations=spec.perturbations,
+        group_edges=study.group_edges,
+        torque_model=spec.torque_model,
+        methods=(method, *(others if own else [])),
+        n_resamples=resamples,
+        seed=seed,
+        mass_kg=spec.participant(person_id).mass_kg,
+        user_exclusions=tuple(e for e in study.user_exclusions if e.participant == person_id),
+        joint=spec.joint,
+        positive=spec.positive,
+        person=spec.participant(person_id),
+        device=spec.device,
+    )
+
+
+def read_participant(
+    study: Study, person_id: str, inputs: dict[str, dict[str, Any]]
+) -> list[RecordingInput]:
+    """Read all recordings of one participant; all unreadable ones in one error.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    inputs : dict
+        Every file read is entered, with its hash.
+
+    Raises
+    ------
+    StudyError
+        When recordings cannot be read.
+    """
+    found: list[RecordingInput] = []
+    problems: list[str] = []
+    for entry in study.spec.recordings:
+        if entry.participant != person_id:
+            continue
+        try:
+            pieces = read_recording(study, entry)
+            tables = _pulse_tables(study, entry, pieces)
+        except DataError as exc:
+            problems.append(str(exc))
+            continue
+        if entry.perturbations is not None:
+            inputs[entry.perturbations] = hashed(study, entry.perturbations)
+        calibration = study.spec.calibration_of(entry)
+        found += [RecordingInput(p, calibration, t) for p, t in zip(pieces, tables, strict=True)]
+        inputs[entry.file] = {
+            "file": entry.file,
+            "name": _shown(study, entry.file),
+            "sha256": pieces[0].attrs["sha256"],
+            "history": history_of(pieces[0]),
+        }
+    if problems:
+        raise StudyError(str(study.root), problems)
+    return found
+
+
+def _pulse_tables(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
+) -> list[pd.DataFrame | None]:
+    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
+    table = read_pulse_table(study, entry)
+    if table is None or study.spec.perturbations.source not in (None, "table"):
+        return [None] * len(pieces)
+    return share_table(table, pieces)
+
+
+def _analyzed(
+    person_id: str, recordings: list[RecordingInput], settings: ParticipantSettings
+) -> ParticipantResult:
+    """Analyse one participant; its recordings are gone before the next but one are read."""
+    result = analyze_participant(person_id, recordings, settings)
+    method = settings.methods[0]
+    if method != FULL_RECORD:
+        return result
+    single = likelihood_pulses(
+        recordings,
+        result.single,
+        result.cells[method],
+        perturbations=settings.perturbations,
+        torque_model=settings.torque_model,
+    )
+    return replace(result, single=single)
+
+
+def _give_back_memory() -> None:
+    """Hand freed memory back to the system, where the C library can.
+
+    glibc keeps what the threads of a parallel reader freed; without this ten
+    participants take a quarter more memory than one.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
+
+
+def hashed(study: Study, file: str) -> dict[str, Any]:
+    """Return a file of a study, its name and its hash.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    file : str
+        As the study names it.
+    """
+    content = data_file(study.root, file).read_bytes()
+    sha256 = hashlib.sha256(content).hexdigest()
+    return {"file": file, "name": _shown(study, file), "sha256": sha256}
+
+
+def _shown(study: Study, file: str) -> str:
+    """Return the name people know a file by: without variables, and where they lead."""
+    return data_file(study.root, file).name if "$" in file else file

@@ -1,0 +1,127 @@
+"""Processes that work for this one, and end with it."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from typing import TypeVar
+
+Result = TypeVar("Result")
+#: With fewer things to do, processes take as long to start as they save.
+_FEWEST = 4
+
+
+def workers_for(tasks: int) -> int:
+    """Return how many processes are worth starting: as many as cores, or 1.
+
+    Parameters
+    ----------
+    tasks : int
+        Of a second or so each.
+    """
+    return min(os.cpu_count() or 1, tasks) if tasks >= _FEWEST else 1
+
+
+@contextmanager
+def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
+    """Give a pool of processes that begin at once to import what they will need.
+
+    Parameters
+    ----------
+    workers : int
+        How many; with 1 there is no pool, and the work stays in this process.
+    needs : str
+        Module that the work is in.
+
+    Yields
+    ------
+    concurrent.futures.Executor or None
+        The pool. Whoever leaves the block by an error does not wait for it.
+    """
+    if workers == 1:
+        yield None
+        return
+    from jointz.experiment.stop_signals import signals_held  # not on every system
+
+    # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
+    context = multiprocessing.get_context("spawn")
+    # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
+    until, open_end = context.Pipe(duplex=False)
+    with signals_held():
+        resource_tracker.ensure_running()  # lets them through again when it has started
+    with signals_held():  # until the workers know what to do with them
+        pool = ProcessPoolExecutor(
+            workers, mp_context=context, initializer=_begin_worker, initargs=(until,)
+        )
+        for _ in range(workers):  # a process is started when there is something to do
+            pool.submit(_import, needs)
+    whole = False
+    try:
+        yield pool
+        whole = True
+    finally:
+        if not whole:
+            open_end.close()  # nobody waits for what they are at
+        pool.shutdown(wait=True, cancel_futures=True)
+        open_end.close()
+        until.close()
+
+
+def shared_out(pool: Executor, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
+    """Have calls made in a pool; each function returned waits for one result.
+
+    Parameters
+    ----------
+    pool : concurrent.futures.Executor
+        Where.
+    calls : iterable of callable
+        Without arguments (:func:`functools.partial` puts them in), fit for pickling.
+
+    Notes
+    -----
+    A worker that is killed, most likely for want of memory, breaks the pool: what it still owed
+    is then done in this process, one call at a time.
+    """
+    return [partial(_result, _submitted(pool, call), call) for call in calls]
+
+
+def _submitted(pool: Executor, call: Callable[[], Result]) -> Future[Result] | None:
+    try:
+        return pool.submit(call)
+    except BrokenProcessPool:
+        return None
+
+
+def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result:
+    try:
+        return call() if future is None else future.result()
+    except BrokenProcessPool:
+        return call()
+
+
+def _begin_worker(until: Connection) -> None:
+    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
+    # A process a core: threads besides would wait for each other. Read when numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from jointz.experiment.stop_signals import STOP_SIGNALS
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+    threading.Thread(target=_end_with_parent, args=(until,), daemon=True).start()
+
+
+def _end_with_parent(until: Connection) -> None:
+    until.poll(None)
+    os._exit(1)
+
+
+def _import(name: str) -> None:
+    import_module(name)
