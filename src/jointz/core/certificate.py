@@ -115,8 +115,8 @@ class Certificate:
     n_participants, replicates : int
         People whose strides were used, and injections into each.
     injected : mapping of str to str
-        ``stiffness``, ``damping``, ``inertia``, ``lag_s`` -> where the truth was from: "drawn"
-        around the study's own estimates, or the values that were given.
+        ``stiffness``, ``damping``, ``inertia``, ``lag_s`` -> where the truth was from: "found"
+        where it is that of the study, or the values that were given.
     left_out : mapping of str to str
         Participants that nothing could be injected into, and why.
     settings : mapping
@@ -172,7 +172,7 @@ class Certificate:
             f"strides of {self.n_participants} participant(s)."
         ]
         lines += [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
-        given = [f"{k} {v}" for k, v in self.injected.items() if v != "drawn"]
+        given = [f"{k} {v}" for k, v in self.injected.items() if v != "found"]
         if given:
             lines.append("  Injected as given: " + "; ".join(given))
         lines += [f"  Left out: {who}: {why}" for who, why in self.left_out.items()]

@@ -1,4 +1,4 @@
-"""Truths for a certificate: joints and instruments drawn around what the study itself found."""
+"""Truths for a certificate: the joint that the study found, behind instruments that are drawn."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,21 +28,18 @@ from jointz.kernels.response_search import (
     K,
 )
 
-#: K, B and J are drawn from within such a share of the study's estimate: an interval that
-#: reaches further decides nothing, and relative errors of a truth near zero mean nothing.
-_REACH = 0.5
 _LEAST_DAMPING = 1e-3
 #: Sizes that a drift is measured by where K and B are small, N*m/rad and N*m*s/rad.
 _DRIFT_FLOOR = (8.0, 0.3)
 _FEWEST_FOR_CURVE = 4
 
-#: One value for all timing points, one for each of some, or drawn.
+#: One value for all timing points, one for each of some, or that of the study.
 Chosen = float | Mapping[str, float] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """What is injected; drawn around the study's own estimates where nothing is given.
+    """What is injected; what the study itself found where nothing is given.
 
     Parameters
     ----------
@@ -58,7 +55,7 @@ class Injection:
     lag_s: float | None = None
 
     def described(self) -> dict[str, str]:
-        """Return, for each, the values or "drawn"."""
+        """Return, for each, the values or what stands for those of the study."""
         return {name: _described(getattr(self, name)) for name in self.__slots__}
 
 
@@ -86,36 +83,28 @@ class Truth:
 
 
 def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generator) -> Truth:
-    """Draw a joint at every timing point and one chain of instruments.
+    """Return the joint found at every timing point behind one chain of instruments, drawn.
 
     Parameters
     ----------
     evidence : Evidence
         What the study found of a participant.
     injection : Injection
-        What is given instead of drawn.
+        What is given instead.
     rng : numpy.random.Generator
         Source of randomness.
 
     Notes
     -----
-    One hypothesis is drawn by its probability, then K, B, J, lag and friction by their common
-    covariance, so that they belong together. Drifts of K and B in the window, cross-talk and
-    tissue are what the study found, no more: a posterior that cannot rule them out would make
-    a study in which they do not happen look worse than it is. Gains are drawn from the
-    calibration.
+    K, B, J and what else is of the joint are the likeliest: drawn from their posterior they
+    would have its errors once more, beside those of being estimated. Lag, delay and friction
+    are drawn as far as calibration and responses leave them open, gains as far as the
+    calibration does: the study has one chain of instruments, whose errors are common to all its
+    pulses. Cross-talk and tissue are as found.
     """
-    joint = evidence.posterior
-    posterior = joint.posteriors[int(rng.choice(len(joint.posteriors), p=joint.weights))]
-    values = _around(posterior, rng)
-    points, shared = values[:-SHARED].reshape(-1, PER_POINT), values[-SHARED:]
-    means = posterior.values[:-SHARED].reshape(-1, PER_POINT)
-    points[:, K] = _within_reach(points[:, K], means[:, K])
-    points[:, B] = _within_reach(points[:, B], means[:, B]).clip(_LEAST_DAMPING)
-    inertias = _within_reach(
-        np.exp(shared[LOG_J] + points[:, J_DEVIATION]),
-        np.exp(posterior.shared[LOG_J] + means[:, J_DEVIATION]),
-    )
+    posterior = evidence.posterior.best
+    points, shared = posterior.values[:-SHARED].reshape(-1, PER_POINT), _drawn(posterior, rng)
+    inertias = np.exp(shared[LOG_J] + points[:, J_DEVIATION])
     instruments = _instruments(evidence, posterior, shared, injection.lag_s, rng)
     slopes = _slopes(evidence, posterior, points)
     joints = []
@@ -128,8 +117,8 @@ def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generat
         joints.append(
             replace(
                 instruments,
-                stiffness=float(points[i, K]) if stiffness is None else stiffness,
-                damping=float(points[i, B]) if damping is None else damping,
+                stiffness=max(float(points[i, K]), 0.0) if stiffness is None else stiffness,
+                damping=max(float(points[i, B]), _LEAST_DAMPING) if damping is None else damping,
                 inertia=float(inertias[i]) if inertia is None else inertia,
                 stiffness_slope=float(slopes[0, i]) if stiffness is None else 0.0,
                 damping_slope=float(slopes[1, i]) if damping is None else 0.0,
@@ -169,20 +158,14 @@ def _instruments(
     )
 
 
-def _around(posterior: Posterior, rng: np.random.Generator) -> np.ndarray:
-    """Draw K, B, J, lag and friction by their covariance, which may be singular."""
-    size, directions = np.linalg.eigh(posterior.covariance)
-    spread = np.sqrt(size.clip(0.0)) * rng.standard_normal(size.size)
-    off = directions @ spread
-    off[:-SHARED].reshape(-1, PER_POINT)[:, [K_DRIFT, B_DRIFT]] = 0.0
-    off[[place - SHARED for place in (CROSS_TALK, LOG_RESONANCE, RESONANCE_DAMPING)]] = 0.0
-    return np.asarray(posterior.values + off)
-
-
-def _within_reach(drawn: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Return draws no further from what was found than an estimate that decides."""
-    found = found.clip(0.0)
-    return np.asarray(np.clip(drawn, (1.0 - _REACH) * found, (1.0 + _REACH) * found))
+def _drawn(posterior: Posterior, rng: np.random.Generator) -> np.ndarray:
+    """Return the shared parameters, those of the instruments drawn by their covariance."""
+    places = np.array([LAG, DELAY, FRICTION_GAIN]) - SHARED
+    # Singular where one of them is known.
+    size, directions = np.linalg.eigh(posterior.covariance[np.ix_(places, places)])
+    shared = posterior.shared.copy()
+    shared[places] += directions @ (np.sqrt(size.clip(0.0)) * rng.standard_normal(size.size))
+    return np.asarray(shared)
 
 
 def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.ndarray:
@@ -227,7 +210,7 @@ def _given(chosen: Chosen, label: str) -> float | None:
 
 def _described(chosen: Chosen) -> str:
     if chosen is None:
-        return "drawn"
+        return "found"
     if isinstance(chosen, Mapping):
         return ", ".join(f"{name} {value:g}" for name, value in chosen.items())
     return f"{chosen:g}"

@@ -61,16 +61,16 @@ def _note(certificate: Certificate) -> str:
     given = [
         f"{_GIVEN_NAMES.get(name, name)} {how}"
         for name, how in certificate.injected.items()
-        if how != "drawn"
+        if how != "found"
     ]
     drawn = f"; given: {', '.join(given)}" if given else ""
     left_out = "".join(f" {who} was left out: {why}." for who, why in certificate.left_out.items())
     return (
         f"Joints of known impedance were put into the unperturbed strides of {people} "
         f"({format_count(certificate.replicates, 'time')} each), as if the device had pushed "
-        f"there, and estimated by the same method{drawn}. Truths are drawn about the study's own "
-        "estimates where not given. What the simulated joint does not have, such as a reflex, is "
-        f"not in these errors.{left_out}"
+        f"there, and estimated by the same method{drawn}. The joints are those that the study "
+        "found, the errors of lag, friction and gains as large as they may be. What the "
+        f"simulated joint does not have, such as a reflex, is not in these errors.{left_out}"
     )
 
 

@@ -22,12 +22,15 @@ _FEWEST = 4
 def workers_for(tasks: int) -> int:
     """Return how many processes are worth starting: as many as cores, or 1.
 
+    One on systems without POSIX signal masks: a Ctrl-C would leave processes behind.
+
     Parameters
     ----------
     tasks : int
         Of a second or so each.
     """
-    return min(os.cpu_count() or 1, tasks) if tasks >= _FEWEST else 1
+    few = tasks < _FEWEST or not hasattr(signal, "pthread_sigmask")
+    return 1 if few else min(os.cpu_count() or 1, tasks)
 
 
 @contextmanager

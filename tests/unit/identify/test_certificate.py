@@ -15,6 +15,7 @@ from jointz.identify.pulses import Pulse
 from jointz.identify.unperturbed_prediction import Predicted
 from jointz.identify.walking_evidence import Evidence
 from jointz.identify.walking_responses import PredictedCell, explain_responses, priors_of
+from jointz.kernels.response_search import FRICTION_GAIN, SHARED
 
 PERIOD_S, WINDOW_S, SAMPLES = 0.002, 0.1, 66
 TIMES = np.arange(SAMPLES) * PERIOD_S
@@ -119,7 +120,7 @@ def test_no_stride_serves_twice_and_the_torque_is_the_studys_own(evidence):
     assert len(virtual.used) == len(cell.used)
 
 
-def test_what_is_given_is_injected_and_the_rest_is_drawn_around_the_estimates(evidence):
+def test_what_is_given_is_injected_and_the_rest_is_as_the_study_found_it(evidence):
     rng = np.random.default_rng(3)
     injection = Injection(stiffness={"LRE": 200.0}, inertia=0.1, lag_s=0.012)
     truths = [drawn_truth(evidence, injection, rng) for _ in range(200)]
@@ -128,13 +129,15 @@ def test_what_is_given_is_injected_and_the_rest_is_drawn_around_the_estimates(ev
     assert {t.joints[0].stiffness_slope for t in truths} == {0.0}
     assert {j.inertia for t in truths for j in t.joints} == {0.1}
     assert [j.lag_s + j.delay_s for j in truths[0].joints] == pytest.approx([0.012] * 4)
-    drawn = np.array([t.joints[1].stiffness for t in truths])
-    found = evidence.posterior.stiffness(1)
-    assert drawn.mean() == pytest.approx(found.mean, abs=4.0 * drawn.std() / np.sqrt(200))
-    assert drawn.std() == pytest.approx(np.sqrt(found.variance), rel=0.3)
+    best = evidence.posterior.best
+    assert {t.joints[1].stiffness for t in truths} == {best.point(1)[0]}
+    drawn = np.array([t.friction_gain for t in truths])
+    sd = np.sqrt(best.covariance[-SHARED + FRICTION_GAIN, -SHARED + FRICTION_GAIN])
+    assert drawn.mean() == pytest.approx(best.friction_gain, abs=4.0 * sd / np.sqrt(200))
+    assert drawn.std() == pytest.approx(sd, rel=0.2)
     assert injection.described() == {
         "stiffness": "LRE 200",
-        "damping": "drawn",
+        "damping": "found",
         "inertia": "0.1",
         "lag_s": "0.012",
     }

@@ -178,7 +178,7 @@ def test_the_certificate_says_what_error_to_expect(certificate):
 def test_what_was_given_and_who_was_left_out_of_the_certificate_is_told(certificate):
     told = replace(
         certificate,
-        injected={"stiffness": "drawn", "lag_s": "0.011"},
+        injected={"stiffness": "found", "lag_s": "0.011"},
         left_out={"S03": "no unperturbed strides"},
     )
     note = certificate_section(told)["note"]

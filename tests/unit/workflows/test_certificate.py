@@ -33,7 +33,7 @@ def test_what_was_given_is_what_was_injected(whole):
 
     assert truths == pytest.approx([80.0] * 12)
     assert found.injected["stiffness"] == "80"
-    assert found.injected["lag_s"] == "drawn"
+    assert found.injected["lag_s"] == "found"
 
 
 def test_a_participant_without_pulses_is_left_out_by_name(small_study):
