@@ -76,17 +76,19 @@ def assembled(
     )
 
 
-def replicates_for(participants: int) -> int:
+def replicates_for(participants: int, *, virtual: int = VIRTUAL_PARTICIPANTS) -> int:
     """Return how many injections a participant tell the RMSE of a study to 10 %.
 
     Parameters
     ----------
     participants : int
         People in the study.
+    virtual : int
+        Injections wanted in all.
 
     Examples
     --------
     >>> replicates_for(10), replicates_for(1)
     (5, 50)
     """
-    return max(2, math.ceil(VIRTUAL_PARTICIPANTS / max(participants, 1)))
+    return math.ceil(virtual / max(participants, 1))

@@ -20,7 +20,7 @@ from jointz.identify.assignment import group_names
 from jointz.identify.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.certificate_draws import Injection
-from jointz.identify.certificate_study import assembled
+from jointz.identify.certificate_study import assembled, replicates_for
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.walking_estimator import METHOD as RECOMMENDED
@@ -28,9 +28,12 @@ from jointz.io.study import open_study
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.workflows.analysis_statistics import study_statistics
-from jointz.workflows.participants import INJECTIONS, Asked, hashed, outcomes
+from jointz.workflows.participants import Asked, hashed, outcomes
 
 DEFAULT_RESAMPLES = 1000
+#: Known responses put into a study's own strides: enough for a report, not for a study of the
+#: method (:func:`jointz.workflows.certificate.certify`).
+_INJECTIONS = 10
 
 Progress = Callable[[int, int, str], None]
 
@@ -89,7 +92,8 @@ def analyze(
         inputs[exclusions.name] = hashed(opened, exclusions.name)
     problems: list[str] = []
     people = [person.id for person in opened.spec.participants]
-    asked = Asked(opened, name, resamples=resamples, seed=seed)
+    injections = replicates_for(len(people), virtual=_INJECTIONS)
+    asked = Asked(opened, name, resamples=resamples, seed=seed, injections=injections)
     with closing(outcomes(asked, people, pool=pool)) as coming:
         for done, (person_id, outcome) in enumerate(coming):
             if progress:
@@ -105,7 +109,7 @@ def analyze(
     if progress:
         progress(len(people), len(people), "done")
     analysis = _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
-    return _with_people_together(opened, analysis, virtual, seed=seed)
+    return _with_people_together(opened, analysis, virtual, injections=injections, seed=seed)
 
 
 def _with_people_together(
@@ -113,6 +117,7 @@ def _with_people_together(
     analysis: StudyAnalysis,
     virtual: Mapping[str, Sequence[VirtualEstimate]],
     *,
+    injections: int,
     seed: int,
 ) -> StudyAnalysis:
     """Add what the people of a walking study tell of each other, and its certificate."""
@@ -121,7 +126,7 @@ def _with_people_together(
     certificate = assembled(
         virtual,
         Injection(),
-        replicates=INJECTIONS,
+        replicates=injections,
         seed=seed,
         window_s=study.spec.perturbations.window_s,
     )

@@ -27,10 +27,6 @@ from jointz.io.study import data_file
 from jointz.workflows.likelihood_pulses import likelihood_pulses
 from jointz.workflows.process_pool import shared_out
 
-#: Known responses injected into each participant's strides: enough for a report, not for a study
-#: of the method (:func:`jointz.workflows.certificate.certify`).
-INJECTIONS = 2
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Asked:
@@ -44,12 +40,15 @@ class Asked:
         By its own name.
     resamples, seed : int
         Of the bootstrap.
+    injections : int
+        Known responses put into each participant's own strides.
     """
 
     study: Study
     method: str
     resamples: int
     seed: int
+    injections: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +137,7 @@ def _outcome(
     try:
         found = _analyzed(person_id, read(), settings)
         virtual = certify_participant(
-            found.evidence, Injection(), replicates=INJECTIONS, seed=asked.seed
+            found.evidence, Injection(), replicates=asked.injections, seed=asked.seed
         )
     except StudyError as exc:
         return Outcome(None, inputs=inputs, problems=tuple(exc.problems))
