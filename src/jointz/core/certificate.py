@@ -20,6 +20,8 @@ ALL_POINTS = "all"
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
 _LEVEL = 0.95
+#: A truth below this share of what is usual of its parameter has no error in % of it.
+_SMALL = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +73,19 @@ class ExpectedError:
     undecided_pct : float
         Share of them without a value.
     bias_pct, rmse_pct : float or None
-        Mean, and root mean square, of estimate / truth - 1, decided ones.
+        Mean, and root mean square, of estimate / truth - 1, decided ones whose truth is not
+        small; None where none is left.
     rmse_sd_pct : float or None
         How well the RMSE is known from so many injections, standard deviation.
     rmse : float or None
-        Root mean square error, SI.
+        Root mean square error, SI, of all that are decided.
     coverage, coverage_sd : float or None
-        Share of the 95 % intervals that hold the truth, and how well it is known.
+        Share of the 95 % intervals that hold the truth, and how well it is known; of all that
+        are decided.
     width_pct : float or None
-        Median width of the intervals, % of the truth.
+        Median width of the intervals, % of the truth, where this is not small.
+    n_small : int
+        Decided ones whose truth is too small for an error in %; see :func:`expected_errors`.
     """
 
     parameter: str
@@ -93,6 +99,7 @@ class ExpectedError:
     coverage: float | None
     coverage_sd: float | None
     width_pct: float | None
+    n_small: int = 0
 
     @property
     def unit(self) -> str:
@@ -251,48 +258,82 @@ def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError
     -----
     Standard deviations are those of a ratio of sums over virtual participants (Cochran,
     Sampling Techniques, 6.3): what a participant's timing points share counts once.
+
+    An error in % of nearly nothing says nothing: a truth below a tenth of the median of its
+    parameter, or of its RMSE, over all timing points, counts in ``rmse``, ``coverage`` and
+    ``undecided_pct`` only. The truth decides which these are, not the estimate.
     """
     points = [ALL_POINTS, *dict.fromkeys(e.timing_point for e in estimates)]
     rows = []
     for name in PARAMETERS:
         mine = [e for e in estimates if e.parameter == name]
+        least = _least_truth(mine)
         for point in points:
             here = [e for e in mine if point in (ALL_POINTS, e.timing_point)]
             if here:
-                rows.append(_expected(name, point, here))
+                rows.append(_expected(name, point, here, least=least))
     return tuple(rows)
 
 
+def _least_truth(estimates: Sequence[VirtualEstimate]) -> float:
+    """Return the least truth that errors of a parameter are told in % of, SI."""
+    if not estimates:
+        return 0.0
+    decided = [e for e in estimates if e.decided]
+    usual = float(np.median([e.truth for e in estimates]))
+    return _SMALL * max(usual, _rmse(decided) if decided else 0.0)
+
+
 def _expected(
-    parameter: str, timing_point: str, estimates: Sequence[VirtualEstimate]
+    parameter: str, timing_point: str, estimates: Sequence[VirtualEstimate], *, least: float
 ) -> ExpectedError:
-    fine = [e for e in estimates if e.decided and e.truth > 0.0]
-    undecided = 100.0 * (1.0 - sum(e.decided for e in estimates) / len(estimates))
+    fine = [e for e in estimates if e.decided]
+    undecided = 100.0 * (1.0 - len(fine) / len(estimates))
     if not fine:
-        nothing = dict.fromkeys(ExpectedError.__slots__[4:])
+        nothing: dict[str, Any] = dict.fromkeys(ExpectedError.__slots__[4:-1])
         return ExpectedError(parameter, timing_point, len(estimates), undecided, **nothing)
+    told = [e for e in fine if e.truth > 0.0 and e.truth >= least]
     truth = _column(e.truth for e in fine)
-    value = _column(e.value for e in fine)
     low, high = _column(e.ci_low for e in fine), _column(e.ci_high for e in fine)
-    relative = value / truth - 1.0
     inside = ((low <= truth) & (truth <= high)).astype(float)
-    people = [(e.participant, e.replicate) for e in fine]
-    square, square_sd = _mean(relative**2, people)
-    coverage, coverage_sd = _mean(inside, people)
-    rmse = float(np.sqrt(square))
+    coverage, coverage_sd = _mean(inside, _people(fine))
     return ExpectedError(
         parameter=parameter,
         timing_point=timing_point,
         n=len(estimates),
         undecided_pct=undecided,
-        bias_pct=100.0 * float(relative.mean()),
-        rmse_pct=100.0 * rmse,
-        rmse_sd_pct=None if square_sd is None else 100.0 * square_sd / (2.0 * max(rmse, 1e-12)),
-        rmse=float(np.sqrt(((value - truth) ** 2).mean())),
+        **_relative(told),
+        rmse=_rmse(fine),
         coverage=coverage,
         coverage_sd=coverage_sd,
-        width_pct=100.0 * float(np.median((high - low) / truth)),
+        n_small=len(fine) - len(told),
     )
+
+
+def _relative(estimates: Sequence[VirtualEstimate]) -> dict[str, float | None]:
+    """Return what is told in % of the truth."""
+    if not estimates:
+        return dict.fromkeys(("bias_pct", "rmse_pct", "rmse_sd_pct", "width_pct"))
+    truth = _column(e.truth for e in estimates)
+    relative = _column(e.value for e in estimates) / truth - 1.0
+    width = _column(e.ci_high for e in estimates) - _column(e.ci_low for e in estimates)
+    square, square_sd = _mean(relative**2, _people(estimates))
+    rmse = float(np.sqrt(square))
+    return {
+        "bias_pct": 100.0 * float(relative.mean()),
+        "rmse_pct": 100.0 * rmse,
+        "rmse_sd_pct": None if square_sd is None else 100.0 * square_sd / (2.0 * max(rmse, 1e-12)),
+        "width_pct": 100.0 * float(np.median(width / truth)),
+    }
+
+
+def _rmse(estimates: Sequence[VirtualEstimate]) -> float:
+    errors = _column(e.value for e in estimates) - _column(e.truth for e in estimates)
+    return float(np.sqrt((errors**2).mean()))
+
+
+def _people(estimates: Sequence[VirtualEstimate]) -> list[tuple[str, int]]:
+    return [(e.participant, e.replicate) for e in estimates]
 
 
 def _column(values: Iterable[float | None]) -> np.ndarray:
@@ -314,10 +355,14 @@ def _mean(values: np.ndarray, clusters: Sequence[Any]) -> tuple[float, float | N
 
 
 def _line(row: ExpectedError) -> str:
-    if row.rmse_pct is None or row.coverage is None:
+    if row.rmse is None or row.coverage is None:
         return f"  {row.parameter:<10} never decided, {row.n} injected"
-    about = "" if row.rmse_sd_pct is None else f" +- {row.rmse_sd_pct:.1f}"
+    size = f"RMSE {row.rmse:.3g} {row.unit}"
+    if row.rmse_pct is not None:
+        about = "" if row.rmse_sd_pct is None else f" +- {row.rmse_sd_pct:.1f}"
+        size = f"RMSE {row.rmse_pct:.1f}{about} %, bias {row.bias_pct:+.1f} %"
+    small = f", {row.n_small} of {row.n} too small for errors in %" if row.n_small else ""
     return (
-        f"  {row.parameter:<10} RMSE {row.rmse_pct:.1f}{about} %, bias {row.bias_pct:+.1f} %, "
-        f"{_LEVEL:.0%} intervals hold {row.coverage:.0%}, undecided {row.undecided_pct:.0f} %"
+        f"  {row.parameter:<10} {size}, {_LEVEL:.0%} intervals hold {row.coverage:.0%}, "
+        f"undecided {row.undecided_pct:.0f} %{small}"
     )

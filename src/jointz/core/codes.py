@@ -66,6 +66,8 @@ class Failure(StrEnum):
     OUT_OF_STEP = "out_of_step"
     OUTSIDE_RANGE = "outside_range"
     MODEL_MISFIT = "model_misfit"
+    BELOW_ZERO = "below_zero"
+    WINDOW_TOO_LONG = "window_too_long"
 
     @property
     def meaning(self) -> str:
@@ -84,6 +86,7 @@ class Doubt(StrEnum):
     RESPONSES_DIFFER_WITH_DIRECTION = "responses_differ_with_direction"
     RESPONSES_NOT_PROPORTIONAL = "responses_not_proportional"
     STEEP_CHANGE = "steep_change"
+    LAG_UNLIKELY = "lag_unlikely"
 
     @property
     def meaning(self) -> str:
@@ -141,8 +144,12 @@ _FAILURE_MEANING = {
     Failure.ANGLE_OUT_OF_RANGE: "the angle spans more than half a turn: degrees taken for rad?",
     Failure.LAG_OUT_OF_RANGE: "the angle is later than 30 ms, or not as late as calibrated",
     Failure.OUT_OF_STEP: "torque out of step: motion comes before it, or it comes without command",
-    Failure.OUTSIDE_RANGE: "stiffness or damping beyond what any joint has: units, or no contact",
+    Failure.OUTSIDE_RANGE: "K, B or J beyond what any joint has: wrong units, or no contact",
     Failure.MODEL_MISFIT: "no joint behind a late sensor explains the response within its noise",
+    Failure.BELOW_ZERO: "below zero by more than its error: the intrinsic impedance or another "
+    "calibration contradicts the data",
+    Failure.WINDOW_TOO_LONG: "K and B change in a window of more than 0.12 s in ways that the "
+    "recommended method does not follow: shorten window_s",
 }
 
 _DOUBT_MEANING = {
@@ -155,4 +162,6 @@ _DOUBT_MEANING = {
     Doubt.STEEP_CHANGE: "K seems to change steeply inside the window of a timing point whose "
     "neighbour is near: K and B are undecided there, and a shorter window hardly helps; "
     "phase_curve shows how far they may be off",
+    Doubt.LAG_UNLIKELY: "the responses speak against the calibrated lag by more than 100 to "
+    "1: a lag that is 5 ms off changes J by a third",
 }

@@ -1,5 +1,6 @@
 """The same pulses analysed in every defensible way: what the choices do to K, B and J."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
 from jointz.core.fit_parameters import checked_values
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ SCHEMA = "jointz.SpecificationCurve/1"
 CHOICES = ("method", "baseline", "window_s", "cutoff_hz", "inertia_model")
 _PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
+_FAILED = "failed:"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +116,7 @@ class SpecificationCurve:
         return pd.DataFrame(rows, columns=columns)
 
     def summary(self) -> str:
-        """Return a short text: how far the choices move each parameter."""
+        """Return a short text: how far the choices move each parameter, and what failed."""
         n = len({tuple(getattr(e, name) for name in CHOICES) for e in self.estimates})
         lines = [f"Specification curve of {self.participant}: {n} sets of choices."]
         for point in self.timing_points:
@@ -127,6 +130,12 @@ class SpecificationCurve:
                     f"  {point:<6} {name:<10} {found[0].value:.4g} to {found[-1].value:.4g} "
                     f"{middle.unit}, median {middle.value:.4g} ({len(found)} decided)"
                 )
+        failed = Counter(e.status for e in self.estimates if e.status.startswith(_FAILED))
+        lines += [
+            f"  {n} of {len(self.estimates)} rows {status}: "
+            f"{Failure(status.removeprefix(_FAILED)).meaning}"
+            for status, n in failed.most_common()
+        ]
         return "\n".join(lines)
 
     def plot(

@@ -1,7 +1,7 @@
 """What is known of the instruments behind an average over several recordings."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -32,13 +32,17 @@ def relative_sd(gain: Calibrated | None) -> float:
     return 0.0 if gain is None else gain.sd / gain.value
 
 
-def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
+def pooled_calibration(
+    calibrations: Sequence[CalibrationSpec], *, usual: Mapping[str, Calibrated] | None = None
+) -> CalibrationSpec:
     """Combine the calibrations of the pulses of a cell.
 
     Parameters
     ----------
     calibrations : sequence of CalibrationSpec
         One a pulse; at least one.
+    usual : mapping of str to Calibrated, optional
+        Entry -> what it is taken to be where other recordings have it and this one has not.
 
     Returns
     -------
@@ -51,7 +55,8 @@ def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSp
     Holds to first order, for recordings whose responses are alike: where a share
     ``w_k`` of the pulses has the error ``e_k``, their average has the sum of
     ``w_k * e_k``. Equal entries are one calibration and share their error; the errors
-    of others are independent. A recording without an entry has perfect instruments.
+    of others are independent. A recording without an entry, and not in ``usual``, has perfect
+    instruments.
 
     Examples
     --------
@@ -63,14 +68,16 @@ def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSp
     pooled = {}
     for name in CalibrationSpec.model_fields:
         entries = [getattr(calibration, name) for calibration in calibrations]
-        pooled[name] = entries[0] if len(set(entries)) == 1 else _mean(name, entries)
+        pooled[name] = entries[0] if len(set(entries)) == 1 else _mean(name, entries, usual or {})
     return CalibrationSpec(**pooled)
 
 
-def _mean(name: str, entries: Sequence[Calibrated | None]) -> Calibrated:
+def _mean(
+    name: str, entries: Sequence[Calibrated | None], usual: Mapping[str, Calibrated]
+) -> Calibrated:
     gain = name.endswith("_gain")
-    perfect = Calibrated(value=1.0 if gain else 0.0, sd=0.0)
-    counts = Counter(entry or perfect for entry in entries)
+    missing = usual.get(name, Calibrated(value=1.0 if gain else 0.0, sd=0.0))
+    counts = Counter(entry or missing for entry in entries)
     shares = np.array(list(counts.values())) / len(entries)
     values = np.array([entry.value for entry in counts])
     sds = np.array([entry.sd for entry in counts])

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -10,7 +11,7 @@ from scipy.stats import chi2
 from jointz.core.codes import Failure
 from jointz.identify.pulses import Pulse
 from jointz.identify.response_model import CellResponse, Priors
-from jointz.identify.response_posterior import JointPosterior
+from jointz.identify.response_posterior import JointPosterior, inertia_evidence
 
 #: Chance that a good timing point is called a misfit.
 _LEVEL = 1e-4
@@ -31,8 +32,12 @@ _USUAL_PCT = (1.0, 99.0)
 _FLAT_SHARE, _SAME, _ASKED_SHARE = 0.2, 1e-9, 0.95
 #: Below this share of the command a flat top is no torque that came.
 _CAME_SHARE = 0.2
-#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) that the search leaves room for.
-_LARGEST = (4900.0, 98.0)
+#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) that the search leaves room for, and an
+#: inertia (kg*m^2) that no limb has.
+_LARGEST = (4900.0, 98.0, 5.0)
+#: Odds against a calibrated lag beyond which it is wrong, and beyond which it is doubted.
+_ODDS, DOUBTFUL_ODDS = 1e4, 100.0
+_LARGEST_LOG = 700.0
 
 
 def angle_failure(recording: xr.Dataset) -> Failure | None:
@@ -163,10 +168,49 @@ def common_failure(failures: Mapping[str, Failure | None]) -> dict[str, Failure 
     }
 
 
+def lag_odds(
+    posterior: JointPosterior,
+    responses: Sequence[CellResponse],
+    priors: Priors,
+    *,
+    window_s: float,
+) -> float:
+    """Return the odds that the responses give against the lag that was calibrated; 0 without.
+
+    Parameters
+    ----------
+    posterior : JointPosterior
+        Of the participant.
+    responses : sequence of CellResponse
+        What was explained.
+    priors : Priors
+        What was known of the lag.
+    window_s : float, s
+        Of the motion.
+
+    Notes
+    -----
+    Evidence with the prior of a lag of which nothing is known, over that with the calibration's.
+    Of a calibration that is right it exceeds x in fewer than one case in x (Markov's inequality),
+    as long as the joint is one that the hypotheses hold.
+    """
+    unknown = replace(priors, lag_s=Priors().lag_s)
+    if priors.lag_s == unknown.lag_s:
+        return 0.0
+    best = posterior.best
+    plain = replace(best, hypothesis=replace(best.hypothesis, resonance=False))
+    sensors = (best, plain) if best.hypothesis.resonance else (best,)
+    calibrated = inertia_evidence(responses, priors, window_s=window_s, start=best)
+    other = max(
+        inertia_evidence(responses, unknown, window_s=window_s, start=start) for start in sensors
+    )
+    return float(np.exp(min(other - calibrated, _LARGEST_LOG)))
+
+
 def instrument_failure(
-    posterior: JointPosterior, priors: Priors, *, longest_s: float
+    posterior: JointPosterior, priors: Priors, *, odds: float, longest_s: float
 ) -> Failure | None:
-    """Return whether angle and torque are further apart in time than can be followed.
+    """Return whether angle and torque are further apart in time than known, or can be followed.
 
     Parameters
     ----------
@@ -174,8 +218,15 @@ def instrument_failure(
         Of the participant.
     priors : Priors
         What was known of the lag.
+    odds : float
+        From :func:`lag_odds`.
     longest_s : float, s
         Lag that the windows have room for.
+
+    Notes
+    -----
+    A calibrated lag may be contradicted by the evidence or, where another hypothesis explains
+    that away, by being moved further than responses which agree with it would.
     """
     lag = posterior.lag_s()
     mean, sd = priors.lag_s
@@ -185,7 +236,8 @@ def instrument_failure(
         apart = lag.sources["model"]
         added = sd**2 - (lag.variance - apart)
         usual = np.sqrt(max(added + apart, (_LEAST_TOLD * sd) ** 2))
-        return Failure.LAG_OUT_OF_RANGE if abs(lag.mean - mean) > _CONFLICT * usual else None
+        moved = abs(lag.mean - mean) > _CONFLICT * usual
+        return Failure.LAG_OUT_OF_RANGE if moved or odds > _ODDS else None
     if lag.mean > longest_s:
         return Failure.LAG_OUT_OF_RANGE
     early = lag.mean + _SD * float(np.sqrt(lag.variance)) + _MARGIN_S < 0.0
@@ -209,8 +261,9 @@ def fit_failure(i: int, posterior: JointPosterior, response: CellResponse) -> Fa
     The weighted sum of squares is chi-square distributed with at most as many degrees of freedom
     as there are samples, where the model holds; the chance of a false alarm is 1e-4 or less.
     """
-    stiffness, damping = posterior.stiffness(i).mean, posterior.damping(i).mean
-    if stiffness > _LARGEST[0] or damping > _LARGEST[1]:
+    inertia = float(np.exp(posterior.log_inertia(i).mean))
+    values = (posterior.stiffness(i).mean, posterior.damping(i).mean, inertia)
+    if any(value > largest for value, largest in zip(values, _LARGEST, strict=True)):
         return Failure.OUTSIDE_RANGE
     off = response.angle - posterior.fitted(i)
     misfit = float(off @ response.weights() @ off)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.core.codes import Failure
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import CalibrationSpec
 from jointz.identify.calibration import relative_sd
@@ -17,6 +18,11 @@ _LEVEL = 0.95
 _Z = 1.959963984540054
 #: An interval that reaches further from its value than this share of it decides nothing.
 _WIDEST = 0.5
+#: Share of the variance that the prior's is of an estimate it has twice the sd of: more is not
+#: told by the data.
+_ASSUMED = 0.25
+#: Sd below zero beyond which the bound contradicts the data.
+_BELOW = 4.0
 _MADE = "posterior over hypotheses about joint and sensor; errors of virtual pulses, calibration"
 
 
@@ -97,7 +103,8 @@ def decided_parameters(
     -------
     tuple of ParameterEstimate
         ``undecided`` where the interval reaches further up than half the value, or where a limit
-        at the bound is no small one.
+        at the bound is no small one or that of the prior; failed where a value is below zero by
+        more than its error explains.
     """
     moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
     rows = [
@@ -146,9 +153,13 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
         low = max(low, 0.0)
     else:
         low, high = bounded_interval(value, sd, level=_LEVEL)
+    if high <= 0.0 or value < -_BELOW * sd:
+        status = Failure.BELOW_ZERO.status
+        return ParameterEstimate(name, None, None, None, status, unbounded=value)
     at_bound = low == 0.0
+    assumed = moments.sources.get("prior", 0.0) > _ASSUMED * moments.variance
     limit = 0.5 * natural if at_bound else (1.0 + _WIDEST) * value
-    if high > limit:
+    if high > limit or (at_bound and assumed):
         return ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
     return ParameterEstimate(
         name=name,

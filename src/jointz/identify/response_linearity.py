@@ -64,12 +64,10 @@ class Contrast:
 class _Told:
     """What one timing point tells: coefficient, its variance and weight for every shape."""
 
-    label: str
     coefficient: np.ndarray
     variance: np.ndarray
     by_friction: np.ndarray
     weight: np.ndarray
-    moved: np.ndarray
 
 
 def contrasts(
@@ -116,7 +114,10 @@ def contrasts(
             if (one := _told(doubt, i, cell, response, posterior)) is not None
         ]
         if told:
-            found.append(_together(doubt, told, posterior.friction_gain().variance))
+            contrast, sizes = _together(doubt, told, posterior.friction_gain().variance)
+            if doubt is Doubt.RESPONSES_DIFFER_WITH_DIRECTION:
+                contrast = replace(contrast, shifts=_shifts(sizes, cells, responses, posterior))
+            found.append(contrast)
     return tuple(found)
 
 
@@ -191,12 +192,10 @@ def _told(
     # What the prediction misses on average turns its sign with the pulse.
     common = float(inverse[0] @ signs) ** 2 / cell.predicted.n_strides
     return _Told(
-        label=cell.label,
         coefficient=inverse[0] @ scores,
         variance=scatter * (float(inverse[0] @ inverse[0]) + common),
         by_friction=inverse[0] @ responses[:, 2] @ lower.T @ weighted,
         weight=np.einsum("ij,ji->i", shapes, weighted),
-        moved=_moved(i, shapes, posterior),
     )
 
 
@@ -221,6 +220,19 @@ def _shapes(i: int, response: CellResponse, posterior: Posterior) -> np.ndarray:
     return np.stack([stiffer, reflex])
 
 
+def _shifts(
+    sizes: np.ndarray,
+    cells: Sequence[PredictedCell],
+    responses: Sequence[CellResponse],
+    posterior: JointPosterior,
+) -> dict[str, np.ndarray]:
+    """Return what shapes of these sizes do to every timing point, those too that told nothing."""
+    return {
+        cell.label: sizes @ _moved(i, _shapes(i, response, posterior.best), posterior)
+        for i, (cell, response) in enumerate(zip(cells, responses, strict=True))
+    }
+
+
 def _moved(i: int, shapes: np.ndarray, posterior: JointPosterior) -> np.ndarray:
     """Return what the shapes in the average do to K, B and the logarithm of J, (2, 3)."""
     first, n = PER_POINT * i, posterior.best.values.size
@@ -232,8 +244,10 @@ def _moved(i: int, shapes: np.ndarray, posterior: JointPosterior) -> np.ndarray:
     return np.asarray(shapes @ np.stack([gains[first + K], gains[first + B], inertia]).T)
 
 
-def _together(doubt: Doubt, told: Sequence[_Told], friction_variance: float) -> Contrast:
-    """Test each shape over all timing points together."""
+def _together(
+    doubt: Doubt, told: Sequence[_Told], friction_variance: float
+) -> tuple[Contrast, np.ndarray]:
+    """Test each shape over all timing points together; say how large the likelier one is, (2,)."""
     coefficient = np.sum([one.coefficient for one in told], axis=0)
     weight = np.sum([one.weight for one in told], axis=0)
     # The friction gain is the same for all: its error adds up.
@@ -241,8 +255,5 @@ def _together(doubt: Doubt, told: Sequence[_Told], friction_variance: float) -> 
     variance = np.sum([one.variance for one in told], axis=0) + by_friction**2 * friction_variance
     pooled = np.abs(coefficient) / np.sqrt(variance + _TINY)
     p_value = min(1.0, pooled.size * float(2.0 * norm.sf(pooled.max())))
-    if doubt is not Doubt.RESPONSES_DIFFER_WITH_DIRECTION:
-        return Contrast(doubt, p_value)
-    likelier = int(np.argmax(pooled))
-    size = coefficient[likelier] / (weight[likelier] + _TINY)
-    return Contrast(doubt, p_value, {one.label: size * one.moved[likelier] for one in told})
+    sizes = np.where(pooled == pooled.max(), coefficient / (weight + _TINY), 0.0)
+    return Contrast(doubt, p_value), sizes

@@ -266,6 +266,31 @@ def compare_sensors(
     return tuple(found)
 
 
+def inertia_evidence(
+    cells: Sequence[CellResponse], priors: Priors, *, window_s: float, start: Posterior
+) -> float:
+    """Return the logarithm of the evidence of all models of the inertia together.
+
+    Parameters
+    ----------
+    cells : sequence of CellResponse
+        The timing points.
+    priors : Priors
+        What is known before.
+    window_s : float, s
+        Of the motion.
+    start : Posterior
+        Where searches begin; the sensor is that of its hypothesis.
+    """
+    model = ResponseModel(cells, priors, start.hypothesis, window_s=window_s)
+    plain = replace(start.hypothesis, reflex_s=0.0)
+    logs = [
+        model.under(replace(plain, inertia_sd=sd)).refine(start.values).log_evidence
+        for sd in _INERTIA_SDS
+    ]
+    return float(np.logaddexp.reduce(logs))
+
+
 def _hypotheses(sensor: Hypothesis, *, curves: bool) -> list[Hypothesis]:
     """Return every hypothesis about the joint behind this sensor."""
     return [

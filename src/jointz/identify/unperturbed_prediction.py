@@ -171,7 +171,7 @@ class UnperturbedPredictor:
         used = codes == ""
         curve = _Curve(virtual.features)
         ridge = _learned(virtual, curve, n)
-        flat = (int(used.sum()), -1)
+        flat = (int(used.sum()), 3 * n)
         predicted = ridge.predict(curve.features(pulses.features[used], like=ridge))
         responses = pulses.windows[used].reshape(flat) - predicted
         signs = np.array([c.pulse.sign for c in candidates])[used]

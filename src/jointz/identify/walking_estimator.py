@@ -16,9 +16,7 @@ from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.participant_model import ParticipantModel
-from jointz.core.study import CalibrationSpec
 from jointz.identify.assignment import Candidate
-from jointz.identify.calibration import pooled_calibration
 from jointz.identify.cell_data import dead_signals
 from jointz.identify.cell_estimator import mean_phase
 from jointz.identify.cells import failed_parameters
@@ -26,10 +24,12 @@ from jointz.identify.gravity import corrected_stiffness, gravity_stiffness, hang
 from jointz.identify.pulse_checks import copied_pulses, lame_pulses, stray_pulses
 from jointz.identify.raw_signals import common_rate_hz, raw_signals, takes_out_intrinsic
 from jointz.identify.response_checks import (
+    DOUBTFUL_ODDS,
     angle_failure,
     common_failure,
     fit_failure,
     instrument_failure,
+    lag_odds,
     response_failure,
     shared_failure,
     torque_failure,
@@ -55,10 +55,12 @@ from jointz.identify.unperturbed_prediction import (
 from jointz.identify.walking_evidence import Evidence
 from jointz.identify.walking_responses import (
     LONGEST_LAG_S,
+    LONGEST_WINDOW_S,
     PredictedCell,
     alike,
     average_responses,
     explain_responses,
+    known_together,
     priors_of,
 )
 
@@ -232,51 +234,66 @@ class WalkingEstimator:
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]
     ) -> dict[str, CellEstimate]:
-        """Estimate the cells that can be; a cell that no joint explains spoils no other."""
-        window_s = self._settings.perturbations.window_s
-        sources = {c.source for cell in cells for c in cell.used}
-        angles = {k: angle_failure(self._sources[k].given.recording) for k in sources}
-        failures = common_failure(
-            {cell.label: self._failure_before(cell, angles) for cell in cells}
-        )
-        while left := [cell for cell in cells if failures[cell.label] is None]:
-            known = pooled_calibration(
-                [self._sources[c.source].given.calibration for cell in left for c in cell.used]
-            )
-            priors = priors_of(known).scaled(self._settings.prior_scale)
-            posterior, responses = explain_responses(left, priors, window_s=window_s)
-            compared = contrasts(left, responses, posterior)
-            self._model = _model(self._participant, posterior, left, compared)
-            late = instrument_failure(posterior, priors, longest_s=LONGEST_LAG_S)
-            found = [late or fit_failure(i, posterior, r) for i, r in enumerate(responses)]
-            failures |= {cell.label: failure for cell, failure in zip(left, found, strict=True)}
-            if late:
-                failures = shared_failure(failures, late)
-            if late or not any(found):
-                break
-        estimates = {
-            cell.label: doubted(
-                self._estimate(i, cell, responses[i], posterior, known, counts), compared
-            )
-            for i, cell in enumerate(left)
-            if failures[cell.label] is None
-        }
+        """Estimate the cells that can be, and say why the others cannot."""
+        failures = self._failures_before(cells)
+        evidence, odds = self._explained(cells, failures)
+        estimates: dict[str, CellEstimate] = {}
+        if evidence is not None:
+            compared = contrasts(evidence.cells, evidence.responses, evidence.posterior)
+            estimates = {
+                cell.label: doubted(self._estimate(i, evidence, counts), compared)
+                for i, cell in enumerate(evidence.cells)
+            }
+            self._model = _model(evidence, _doubts(compared, odds))
+            self._evidence = evidence
         estimates = self._without_steep(estimates)
-        if estimates:
-            self._evidence = Evidence(
-                participant=self._participant,
-                cells=tuple(left),
-                responses=tuple(responses),
-                posterior=posterior,
-                known=known,
-                subtract_intrinsic=tuple(map(self._intrinsic_left_in, left)),
-                window_s=window_s,
-            )
         for cell in cells:
             failure = failures[cell.label]
             if failure is not None:
                 estimates[cell.label] = self._refused(cell, failure, counts[cell.label])
         return estimates
+
+    def _failures_before(self, cells: Sequence[PredictedCell]) -> dict[str, Failure | None]:
+        """Return why the pulses of cells are not worth a fit."""
+        if self._settings.perturbations.window_s > LONGEST_WINDOW_S + 1e-9:
+            return {cell.label: Failure.WINDOW_TOO_LONG for cell in cells}
+        sources = {c.source for cell in cells for c in cell.used}
+        angles = {k: angle_failure(self._sources[k].given.recording) for k in sources}
+        return common_failure({cell.label: self._failure_before(cell, angles) for cell in cells})
+
+    def _explained(
+        self, cells: Sequence[PredictedCell], failures: dict[str, Failure | None]
+    ) -> tuple[Evidence | None, float]:
+        """Explain the responses, and give the odds against the calibrated lag.
+
+        A cell that no joint explains is entered among the failures and spoils no other.
+        """
+        window_s = self._settings.perturbations.window_s
+        while left := [cell for cell in cells if failures[cell.label] is None]:
+            known = known_together(
+                [self._sources[c.source].given.calibration for cell in left for c in cell.used]
+            )
+            priors = priors_of(known).scaled(self._settings.prior_scale)
+            posterior, responses = explain_responses(left, priors, window_s=window_s)
+            odds = lag_odds(posterior, responses, priors, window_s=window_s)
+            late = instrument_failure(posterior, priors, odds=odds, longest_s=LONGEST_LAG_S)
+            if late:
+                failures |= shared_failure(failures, late)
+                continue
+            found = [fit_failure(i, posterior, r) for i, r in enumerate(responses)]
+            if not any(found):
+                evidence = Evidence(
+                    participant=self._participant,
+                    cells=tuple(left),
+                    responses=tuple(responses),
+                    posterior=posterior,
+                    known=known,
+                    subtract_intrinsic=tuple(map(self._intrinsic_left_in, left)),
+                    window_s=window_s,
+                )
+                return evidence, odds
+            failures |= {cell.label: failure for cell, failure in zip(left, found, strict=True)}
+        return None, 0.0
 
     def _without_steep(self, estimates: dict[str, CellEstimate]) -> dict[str, CellEstimate]:
         """Withhold values where K changes steeply inside the window, and say so."""
@@ -310,19 +327,13 @@ class WalkingEstimator:
         window_s = self._settings.perturbations.window_s
         return response_failure(average_responses(cell, window_s=window_s))
 
-    def _estimate(
-        self,
-        i: int,
-        cell: PredictedCell,
-        response: CellResponse,
-        posterior: JointPosterior,
-        known: CalibrationSpec,
-        counts: Mapping[str, int],
-    ) -> CellEstimate:
-        settings, used = self._settings, cell.used
+    def _estimate(self, i: int, evidence: Evidence, counts: Mapping[str, int]) -> CellEstimate:
+        settings, posterior = self._settings, evidence.posterior
+        cell, response = evidence.cells[i], evidence.responses[i]
+        used = cell.used
         decision = Decision(
-            known=known,
-            subtract_intrinsic=self._intrinsic_left_in(cell),
+            known=evidence.known,
+            subtract_intrinsic=evidence.subtract_intrinsic[i],
             mass_kg=settings.mass_kg,
             natural=NaturalSize.of(response),
         )
@@ -417,15 +428,16 @@ def _centre(onset_pct: float | None, middle_s: float, stride_s: float) -> float 
     return (onset_pct + 100.0 * middle_s / stride_s) % 100.0
 
 
-def _model(
-    participant: str,
-    posterior: JointPosterior,
-    cells: Sequence[PredictedCell],
-    compared: Sequence[Contrast],
-) -> ParticipantModel:
+def _doubts(compared: Sequence[Contrast], odds: float) -> tuple[str, ...]:
+    found = [contrast.doubt for contrast in compared if contrast.stands]
+    return tuple(d.value for d in [*found, *[Doubt.LAG_UNLIKELY] * (odds > DOUBTFUL_ODDS)])
+
+
+def _model(evidence: Evidence, doubts: tuple[str, ...]) -> ParticipantModel:
+    posterior = evidence.posterior
     lag, friction = posterior.lag_s(), posterior.friction_gain()
     return ParticipantModel(
-        participant=participant,
+        participant=evidence.participant,
         lag_s=lag.mean,
         lag_sd_s=float(np.sqrt(lag.variance)),
         friction_gain=friction.mean,
@@ -433,8 +445,8 @@ def _model(
         resonance_probability=posterior.probability(resonance=True),
         constant_inertia_probability=posterior.probability(inertia_sd=CONSTANT_INERTIA_SD),
         curve_probability=posterior.probability(follows_curve=True),
-        n_strides=min(cell.predicted.n_strides for cell in cells),
-        doubts=tuple(contrast.doubt.value for contrast in compared if contrast.stands),
+        n_strides=min(cell.predicted.n_strides for cell in evidence.cells),
+        doubts=doubts,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.assignment import Candidate
+from jointz.identify.calibration import pooled_calibration
 from jointz.identify.response_model import CellResponse, Posterior, Priors, response_to_kick
 from jointz.identify.response_posterior import (
     JointPosterior,
@@ -19,6 +20,8 @@ from jointz.kernels.robust_spread import robust_moments, robust_sd
 
 #: A lag longer than this is not followed: the window would reach into what the joint does later.
 LONGEST_LAG_S = 0.03
+#: K and B change in a longer window in ways that no hypothesis holds, and no misfit shows it.
+LONGEST_WINDOW_S = 0.12
 #: No angle is known better (0.01 degrees), nor does any joint follow the model more closely.
 _FINEST_RAD = 2e-4
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
@@ -63,6 +66,25 @@ class PredictedCell:
             c for c, code in zip(self.candidates, self.predicted.codes, strict=True) if not code
         ]
         return [c for c, keep in zip(fine, self.kept, strict=True) if keep]
+
+
+def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
+    """Combine the calibrations of a participant's pulses.
+
+    Parameters
+    ----------
+    calibrations : sequence of CalibrationSpec
+        One a pulse.
+
+    Notes
+    -----
+    A lag or a friction that was calibrated in one session only is, in the others, what it is
+    where nothing was calibrated: wide, not perfect.
+    """
+    unknown = Priors()
+    entries = {"angle_lag_s": unknown.lag_s, "friction_gain": unknown.friction_gain}
+    usual = {name: Calibrated(value=value, sd=sd) for name, (value, sd) in entries.items()}
+    return pooled_calibration(calibrations, usual=usual)
 
 
 def priors_of(known: CalibrationSpec) -> Priors:

@@ -3,7 +3,13 @@
 from typing import Any
 
 from jointz.core.certificate import ALL_POINTS, PARAMETERS, Certificate, ExpectedError
-from jointz.report.wording import DASH, format_count, format_signed, parameter_name
+from jointz.report.wording import (
+    DASH,
+    format_count,
+    format_signed,
+    parameter_name,
+    pretty_unit,
+)
 
 _GIVEN_NAMES = {"lag_s": "lag in s"}
 _SYMBOLS = dict(zip(PARAMETERS, "KBJ", strict=True))
@@ -43,17 +49,52 @@ def certificate_section(certificate: Certificate | None) -> dict[str, Any] | Non
 
 def _sentence(certificate: Certificate) -> str:
     rows = [row for row in certificate.errors if row.timing_point == ALL_POINTS]
-    known = [row for row in rows if row.rmse_pct is not None]
+    known = [row for row in rows if row.rmse is not None]
     if not known:
         return "In this study no injected response could be decided: expect no usable estimate."
-    sizes = ", ".join(f"{row.rmse_pct:.0f} % in {_SYMBOLS[row.parameter]}" for row in known)
+    sizes = ", ".join(f"{_size(row)} in {_SYMBOLS[row.parameter]}" for row in known)
     held = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in known)
-    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse_pct is None]
+    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
     told = (
         f"In this study expect errors of {sizes} (root mean square), and intervals that hold the "
         f"truth in {held} of cases."
     )
     return f"{told} {' and '.join(never)} cannot be decided here." if never else told
+
+
+def _size(row: ExpectedError) -> str:
+    """Return the error in % of the truth, or SI where the truth is too small for that."""
+    return _si(row) if row.rmse_pct is None else f"{row.rmse_pct:.0f} %"
+
+
+def _si(row: ExpectedError) -> str:
+    return f"{row.rmse:.3g} {pretty_unit(row.unit)}"
+
+
+def _small(certificate: Certificate) -> str:
+    """Say where errors are told in SI only."""
+    told = [
+        f"{_SYMBOLS[name]} at {format_count(len(points), 'timing point')} ({', '.join(points)})"
+        for name in PARAMETERS
+        if (points := _small_points(certificate, name))
+    ]
+    if not told:
+        return ""
+    return (
+        f" Errors are told in SI units only for {' and '.join(told)}: the truth there is less "
+        "than a tenth of what is usual of it, or of its error, and in no error in %."
+    )
+
+
+def _small_points(certificate: Certificate, parameter: str) -> list[str]:
+    return [
+        row.timing_point
+        for row in certificate.errors
+        if row.parameter == parameter
+        and row.timing_point != ALL_POINTS
+        and row.rmse is not None
+        and row.rmse_pct is None
+    ]
 
 
 def _note(certificate: Certificate) -> str:
@@ -70,7 +111,8 @@ def _note(certificate: Certificate) -> str:
         f"({format_count(certificate.replicates, 'time')} each), as if the device had pushed "
         f"there, and estimated by the same method{drawn}. The joints are those that the study "
         "found, the errors of lag, friction and gains as large as they may be. What the "
-        f"simulated joint does not have, such as a reflex, is not in these errors.{left_out}"
+        f"simulated joint does not have, such as a reflex, is not in these errors."
+        f"{_small(certificate)}{left_out}"
     )
 
 
@@ -78,9 +120,11 @@ def _cell(row: ExpectedError | None) -> dict[str, str]:
     if row is None:
         return {"rmse": DASH, "more": ""}
     undecided = f"undecided {row.undecided_pct:.0f} %"
-    if row.rmse_pct is None or row.bias_pct is None or row.coverage is None:
+    if row.rmse is None or row.coverage is None:
         return {"rmse": DASH, "more": undecided}
+    held = f"held {100 * row.coverage:.0f} %, {undecided}"
+    if row.rmse_pct is None or row.bias_pct is None:
+        return {"rmse": _si(row), "more": held}
     about = "" if row.rmse_sd_pct is None else f" ± {row.rmse_sd_pct:.1f}"
     bias = format_signed(row.bias_pct, decimals=1)
-    held = f"held {100 * row.coverage:.0f} %"
-    return {"rmse": f"{row.rmse_pct:.1f}{about}", "more": f"mean {bias}, {held}, {undecided}"}
+    return {"rmse": f"{row.rmse_pct:.1f}{about}", "more": f"mean {bias}, {held}"}

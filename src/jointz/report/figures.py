@@ -1,5 +1,8 @@
 """All figures of an analysis, as SVG text."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 from jointz.core.analysis import StudyAnalysis
@@ -24,6 +27,19 @@ _DRAWN: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
     "onset_accuracy": draw_onset_accuracy,
     "strides": draw_strides,
 }
+#: Fonts for what the figures' own cannot write, as a name in Chinese; none of them comes along.
+_OTHER_FONTS: "Final" = (
+    "Noto Sans CJK SC",
+    "Noto Sans CJK JP",
+    "Noto Sans CJK KR",
+    "WenQuanYi Zen Hei",
+    "Microsoft YaHei",
+    "Yu Gothic",
+    "Malgun Gothic",
+    "Hiragino Sans",
+    "PingFang SC",
+    "Arial Unicode MS",
+)
 #: Names of all figures, in the order of the report.
 FIGURES = tuple(_DRAWN)
 
@@ -68,6 +84,23 @@ def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
     # The methods are compared by means, and those over unlike loads mean nothing.
     if name == "methods" and len(loads) > 1:
         return None
-    with figure_style():
+    with figure_style(), _any_script():
         figure = _DRAWN[name](analysis)
         return None if figure is None else to_svg(figure)
+
+
+@contextmanager
+def _any_script() -> Iterator[None]:
+    """Write what the usual font lacks in another where there is one, else as boxes in silence.
+
+    A letter that the usual font has is never taken from another: figures stay alike everywhere.
+    """
+    import matplotlib
+    from matplotlib.font_manager import fontManager
+
+    there = {font.name for font in fontManager.ttflist}
+    usual = matplotlib.rcParams["font.family"]
+    family = [*usual, *(name for name in _OTHER_FONTS if name in there)]
+    with matplotlib.rc_context({"font.family": family}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
+        yield

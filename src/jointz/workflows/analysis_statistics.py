@@ -64,6 +64,7 @@ def study_statistics(
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
+            *_side_notes(study, pulses),
             *_pulse_notes(study, pulses),
         ],
     }
@@ -237,6 +238,24 @@ def _mean_notes(study: Study) -> list[str]:
     """Say why a bench with several loads has no means."""
     loads = study.spec.kind == "bench" and len(study.spec.participants) > 1
     return [NO_MEANS_ON_A_BENCH] if loads else []
+
+
+def _side_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
+    """Say in whose estimates both sides are averaged."""
+    sides = {(r.participant, r.file): r.side for r in study.spec.recordings if r.side}
+    used: dict[str, set[str]] = {}
+    for p in pulses:
+        side = sides.get((p.participant, p.recording))
+        if side and not p.code:
+            used.setdefault(p.participant, set()).add(side)
+    people = [person for person, found in used.items() if len(found) > 1]
+    if not people:
+        return []
+    told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
+    return [
+        f"{told}: perturbed recordings are of both sides, and one row a timing point is their "
+        "average. To keep the sides apart name them as two participants in study.toml."
+    ]
 
 
 def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:

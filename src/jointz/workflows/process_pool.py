@@ -30,7 +30,14 @@ def workers_for(tasks: int) -> int:
         Of a second or so each.
     """
     few = tasks < _FEWEST or not hasattr(signal, "pthread_sigmask")
-    return 1 if few else min(os.cpu_count() or 1, tasks)
+    return 1 if few else min(_cores(), tasks)
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextmanager

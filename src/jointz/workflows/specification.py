@@ -34,7 +34,7 @@ def specification_curve(
     participant : str, optional
         The id; the first by default.
     windows_s : sequence of float, s
-        From the onset.
+        From the onset; the recommended method refuses those above 0.12 s.
     cutoffs_hz : sequence of float, Hz
         Of the dissertation's method, which filters.
     baselines : sequence of str
@@ -47,7 +47,8 @@ def specification_curve(
     Returns
     -------
     SpecificationCurve
-        K, B and J of every timing point under every set of choices.
+        K, B and J of every timing point under every set of choices; what cannot be estimated
+        has a status that says why.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def specification_curve(
     if who not in people:
         raise ValueError(f"participant: expected one of {', '.join(people)}; got {who!r}.")
     choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
-    total = len(choices.baselines) + len(choices.cutoffs_hz)
+    total = len(choices.windows_s) + len(choices.cutoffs_hz)
     done = iter(range(total))
 
     def tell(what: str) -> None:

@@ -61,6 +61,45 @@ def test_a_truth_of_zero_has_no_relative_error():
     assert rows.error("stiffness").undecided_pct == 0.0
 
 
+def test_a_truth_of_nearly_nothing_is_told_in_si_only():
+    """Off by 2 N*m/rad is no error of 20000 %."""
+    usual = [injected(100.0, 103.0), injected(80.0, 80.0), injected(60.0, 57.0)]
+    rows = certificate([*usual, injected(0.01, 2.01, point="ISW"), injected(9.0, 9.9, point="PSW")])
+
+    alone = rows.error("stiffness", "ISW")
+    assert (alone.bias_pct, alone.rmse_pct, alone.rmse_sd_pct, alone.width_pct) == (None,) * 4
+    assert (alone.rmse, alone.coverage, alone.n_small) == (pytest.approx(2.0), 1.0, 1)
+    # A tenth of 60, the median, and not of 100, the largest.
+    assert rows.error("stiffness", "PSW").rmse_pct == pytest.approx(10.0)
+    all_points = rows.error("stiffness")
+    assert all_points.n_small == 1
+    relative = np.array([0.03, 0.0, -0.05, 0.1])
+    assert all_points.bias_pct == pytest.approx(100.0 * relative.mean())
+    assert all_points.rmse_pct == pytest.approx(100.0 * np.sqrt((relative**2).mean()))
+    assert all_points.rmse == pytest.approx(np.sqrt((9.0 + 9.0 + 4.0 + 0.81) / 5))
+    assert "1 of 5 too small for errors in %" in rows.summary()
+
+
+def test_where_every_truth_is_small_beside_its_error_none_is_told_in_percent():
+    rows = certificate([injected(0.01, 2.01), injected(0.02, 1.52, point="ISW")])
+
+    found = rows.error("stiffness")
+
+    assert found.rmse_pct is None
+    assert found.n_small == 2
+    assert found.rmse == pytest.approx(np.sqrt((4.0 + 2.25) / 2))
+    assert "RMSE 1.77 N*m/rad, 95% intervals hold 100%" in rows.summary()
+    rows.plot().figure.clf()
+
+
+def test_a_certificate_that_did_not_count_small_truths_can_still_be_read():
+    data = certificate([injected(10.0, 11.0)]).to_dict()
+    for row in data["errors"]:
+        del row["n_small"]
+
+    assert Certificate.from_dict(data).error("stiffness").n_small == 0
+
+
 def test_timing_points_stand_beside_their_pool():
     rows = certificate([injected(10.0, 11.0), injected(10.0, 13.0, point="MST")])
 

@@ -1,6 +1,7 @@
 """Estimates under every set of choices: sorted, told, drawn."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -47,6 +48,17 @@ def test_the_summary_tells_how_far_choices_move_a_parameter():
     assert "4 sets of choices" in text
     assert "40 to 90 N*m/rad, median 60 (3 decided)" in text
     assert "damping    never decided" in text
+
+
+def test_the_summary_tells_how_many_rows_failed_and_why():
+    failed = replace(estimate(0.0, window_s=0.2, status="undecided"), status="failed:model_misfit")
+    told = replace(CURVE, estimates=(*CURVE.estimates, failed, failed)).summary()
+
+    assert told.splitlines()[-1] == (
+        "  2 of 6 rows failed:model_misfit: no joint behind a late sensor explains the response "
+        "within its noise"
+    )
+    assert "failed" not in CURVE.summary()
 
 
 def test_the_figure_has_estimates_above_and_their_choices_below():

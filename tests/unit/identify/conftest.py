@@ -140,11 +140,17 @@ def _lagged(values: np.ndarray, lag_s: float) -> np.ndarray:
     return out
 
 
-def analyze_walk(walker: Walker, *recordings: RecordingInput, **more: object) -> ParticipantResult:
+def analyze_walk(
+    walker: Walker,
+    *recordings: RecordingInput,
+    perturbations: PerturbationsSpec | None = None,
+    **more: object,
+) -> ParticipantResult:
     """Return what the recommended method makes of recordings."""
     settings = ParticipantSettings(
         walking=True,
-        perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
+        perturbations=perturbations
+        or PerturbationsSpec(timing_points=dict(walker.points), source="table"),
         group_edges=(),
         torque_model=None,
         methods=("recommended",),

@@ -128,7 +128,14 @@ def test_a_calibrated_lag_is_contradicted_by_more_than_hypotheses_disagree(
     priors = replace(Priors(), lag_s=(0.008, 0.0005))
     told = {"lag": 0.0005**2 - 0.00005**2, "model": apart_s**2}
     posterior = SimpleNamespace(lag_s=lambda: Moments(0.008 + moved_s, told))
-    assert instrument_failure(posterior, priors, longest_s=0.03) is expected
+    assert instrument_failure(posterior, priors, odds=1.0, longest_s=0.03) is expected
+
+
+@pytest.mark.parametrize(("odds", "expected"), [(9e3, None), (2e4, Failure.LAG_OUT_OF_RANGE)])
+def test_evidence_against_a_calibrated_lag_refuses_it_though_it_was_not_moved(odds, expected):
+    priors = replace(Priors(), lag_s=(0.008, 0.0005))
+    posterior = SimpleNamespace(lag_s=lambda: Moments(0.008, {"lag": 0.0005**2, "model": 0.0}))
+    assert instrument_failure(posterior, priors, odds=odds, longest_s=0.03) is expected
 
 
 @pytest.mark.parametrize(
@@ -137,7 +144,7 @@ def test_a_calibrated_lag_is_contradicted_by_more_than_hypotheses_disagree(
 )
 def test_a_lag_that_was_not_calibrated_may_be_anything_from_none_to_the_longest(lag_s, expected):
     posterior = SimpleNamespace(lag_s=lambda: Moments(lag_s, {"noise": 0.001**2, "model": 0.0}))
-    assert instrument_failure(posterior, Priors(), longest_s=0.03) is expected
+    assert instrument_failure(posterior, Priors(), odds=0.0, longest_s=0.03) is expected
 
 
 def test_a_fault_of_the_instruments_explains_misfits_and_signs_but_no_other_reason():

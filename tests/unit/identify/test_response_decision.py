@@ -122,3 +122,27 @@ def test_natural_sizes_are_those_that_alone_would_have_moved_as_far():
     assert size.stiffness == pytest.approx(9.0 / 0.2)
     assert size.damping == pytest.approx(size.stiffness * 0.05)
     assert size.inertia == pytest.approx(size.stiffness * 0.005)
+
+
+def test_a_limit_that_is_the_priors_decides_nothing():
+    @dataclass
+    class Assumed(Found):
+        def stiffness(self, _):
+            return Moments(8.0, {"noise": 20.0, "prior": 16.0})
+
+    assert rows(Assumed())["stiffness"].status == "undecided"
+    told = {"noise": 36.0 - 8.0, "prior": 8.0}
+
+    @dataclass
+    class Told(Found):
+        def stiffness(self, _):
+            return Moments(8.0, told)
+
+    assert rows(Told())["stiffness"].status == "at_bound"
+
+
+def test_a_value_below_zero_by_more_than_its_error_contradicts_the_calibration():
+    p = rows(intrinsic_stiffness=(90.0, 3.0))["stiffness"]
+    assert (p.status, p.value, p.unbounded) == ("failed:below_zero", None, -30.0)
+    p = rows(intrinsic_inertia=(0.3, 0.01))["inertia"]
+    assert (p.status, p.ci_high, p.unbounded) == ("failed:below_zero", None, pytest.approx(-0.24))

@@ -119,6 +119,17 @@ def test_a_shift_is_about_what_the_reflex_does_to_the_average():
     assert 0.5 * moved < contrast.shifts["A"][0] < 2.0 * moved
 
 
+def test_a_timing_point_with_too_few_pulses_of_a_direction_is_widened_like_the_others():
+    often = pushes((17.0,), (1.0, -1.0), n=40, noise_rad=0.001, reflex=2.0)
+    rare = replace(pushes((17.0,), (1.0, -1.0), n=8, reflex=2.0), label="B")
+    posterior, responses = explain_responses([often, rare], KNOWN, window_s=WINDOW_S)
+    (found,) = contrasts([often, rare], responses, posterior)
+    assert found.stands
+    assert set(found.shifts) == {"A", "B"}
+    # Its noise is four times as large: what it says of K gives way to the reflex more readily.
+    assert 0.4 < found.shifts["B"][0] / found.shifts["A"][0] < 2.5
+
+
 def test_which_direction_is_called_positive_does_not_matter():
     cell = pushes((17.0,), (1.0, -1.0), n=40, reflex=0.5)
     turned = replace(cell, candidates=[Pushed(Push(-c.pulse.sign)) for c in cell.candidates])

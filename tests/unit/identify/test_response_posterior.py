@@ -9,6 +9,7 @@ from jointz.identify.response_posterior import (
     SOURCES,
     compare_sensors,
     estimate_responses,
+    inertia_evidence,
 )
 
 PERIOD_S, WINDOW_S = 0.002, 0.1
@@ -108,3 +109,14 @@ def test_an_earlier_look_changes_where_searches_begin_not_where_they_end(walkers
     likelier = [max(s, key=lambda p: p.log_evidence) for s in (first, again)]
     assert likelier[1].point(0)[0] == pytest.approx(likelier[0].point(0)[0], rel=0.02)
     assert likelier[1].hypothesis == likelier[0].hypothesis
+
+
+def test_the_evidence_is_for_the_lag_that_is_true(walkers):
+    cells = made(walkers, inertias=(0.06, 0.06, 0.06), sd_rad=3e-4)
+    logs = {}
+    for lag_s in (0.008, 0.018):
+        known = Priors(lag_s=(lag_s, 0.0005))
+        best = estimated(cells, known).best
+        logs[lag_s] = inertia_evidence(cells, known, window_s=WINDOW_S, start=best)
+        logs["unknown"] = inertia_evidence(cells, Priors(), window_s=WINDOW_S, start=best)
+    assert logs[0.018] + 5.0 < logs["unknown"] < logs[0.008]

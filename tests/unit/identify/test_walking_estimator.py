@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from jointz.core.study import UserExclusion
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
+from jointz.identify.response_model import Priors
+from jointz.identify.walking_responses import known_together, priors_of
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 
@@ -357,6 +359,22 @@ def test_a_lag_unlike_its_calibration_is_told(walkers):
     result = walkers.analyze(walker, late)
     told = {"failed:lag_out_of_range", "failed:model_misfit"}
     assert statuses(result) <= told
+
+
+def test_a_window_in_which_k_may_do_anything_is_refused(walkers):
+    walker = walkers.Walker()
+    spec = PerturbationsSpec(timing_points=dict(walker.points), source="table", window_s=0.15)
+    result = walkers.analyze(walker, walkers.walk(walker), perturbations=spec)
+    assert statuses(result) == {"failed:window_too_long"}
+    assert result.model is None
+
+
+def test_a_lag_measured_in_one_of_two_sessions_is_not_perfect_in_the_other():
+    told = CalibrationSpec(angle_lag_s=Calibrated(value=0.006, sd=0.0005))
+    mean_s, sd_s = priors_of(known_together([told, CalibrationSpec()])).lag_s
+    assert mean_s == pytest.approx(0.5 * (0.006 + 0.012))
+    assert sd_s == pytest.approx(0.5 * np.hypot(0.0005, 0.010))
+    assert priors_of(known_together([CalibrationSpec()] * 2)).lag_s == Priors().lag_s
 
 
 def test_a_motor_at_its_limit_is_no_fault_where_the_table_says_so(walkers):

@@ -1,5 +1,6 @@
 import re
 import time
+import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -10,13 +11,14 @@ import pytest
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.events import PulseRecord
+from jointz.report import figures
 from jointz.report.budget_figure import draw_budget, mean_shares
 from jointz.report.event_figures import draw_onset_accuracy
 from jointz.report.figures import draw_figures
 from jointz.report.impedance_figures import draw_impedance_over_gait, timing_points
 from jointz.report.method_figures import draw_methods, draw_truth
 from jointz.report.response_figures import draw_responses
-from jointz.report.style import figure_style, to_svg
+from jointz.report.style import figure_style, new_figure, to_svg
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +62,30 @@ def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
     with matplotlib.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
         assert draw_figures(bench) == plain
         assert matplotlib.rcParams["font.size"] == 30.0
+
+
+def test_names_that_the_font_cannot_write_are_drawn_without_a_word(recommended):
+    """Warnings are errors here: none of a missing glyph may come."""
+    named = replace(
+        recommended,
+        cells=tuple(replace(c, participant=f"李{c.participant}") for c in recommended.cells),
+    )
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        drawn = draw_figures(named)
+    assert drawn
+    assert not [str(w.message) for w in told]
+
+
+def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
+    """A font that comes with matplotlib stands for one of Chinese."""
+    monkeypatch.setattr(figures, "_OTHER_FONTS", ("No Such Font", "DejaVu Sans Mono"))
+    with figure_style(), figures._any_script():
+        figure = new_figure(20.0)
+        figure.text(0.5, 0.5, "A\u2315B")  # a telephone recorder: in Mono only
+        svg = to_svg(figure)
+    fonts = re.findall(r'href="#(\w+)-', svg)
+    assert fonts == ["DejaVuSans", "DejaVuSansMono", "DejaVuSans"]
 
 
 def test_ten_people_and_six_timing_points_are_drawn_within_the_time_budget(walking):

@@ -186,6 +186,25 @@ def test_what_was_given_and_who_was_left_out_of_the_certificate_is_told(certific
     assert note.endswith("S03 was left out: no unperturbed strides.")
 
 
+def test_errors_of_what_is_nearly_nothing_are_told_in_si_units_only(certificate):
+    rows = [
+        replace(e, truth=0.01, value=0.51, ci_low=0.0, ci_high=1.0)
+        if (e.parameter, e.timing_point) == ("stiffness", "MSW")
+        else e
+        for e in certificate.estimates
+    ]
+    section = certificate_section(replace(certificate, errors=expected_errors(rows)))
+
+    assert "10 % in K" in section["sentence"]
+    assert "Errors are told in SI units only for K at 1 timing point (MSW)" in section["note"]
+    assert section["rows"][2]["cells"][0] == {
+        "rmse": "0.5 N·m/rad", "more": "held 100 %, undecided 0 %",
+    }  # fmt: skip
+    small = [e for e in rows if e.timing_point == "MSW"]
+    alone = certificate_section(replace(certificate, errors=expected_errors(small)))
+    assert "errors of 0.5 N·m/rad in K, 10 % in B, 10 % in J" in alone["sentence"]
+
+
 def test_a_certificate_that_decides_nothing_says_so(certificate):
     rows = [replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
             for e in certificate.estimates]  # fmt: skip

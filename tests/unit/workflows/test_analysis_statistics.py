@@ -1,10 +1,13 @@
 """Notes of an analysis, in plain words."""
 
 from dataclasses import replace
+from pathlib import Path
 
 from jointz.core.codes import Doubt
+from jointz.core.events import PulseRecord
 from jointz.core.participant_model import ParticipantModel
-from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes
+from jointz.core.study import ParticipantSpec, RecordingSpec, Study, StudySpec
+from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes, _side_notes
 
 
 def model(name, *, lag_s=0.006, resonance=0.02, inertia=0.95, curve=0.0, strides=900):
@@ -45,3 +48,46 @@ def test_who_is_doubted_is_named_with_what_may_be_why():
     assert note.startswith("responses_differ_with_direction in 1 of 2 (S02): pulses of the two")
     assert "reflex" in note
     assert _doubt_notes([model("S01")]) == []
+
+
+def study(recordings):
+    people = dict.fromkeys(person for person, _, _ in recordings)
+    spec = StudySpec(
+        jointz=1,
+        joint="knee",
+        kind="walking",
+        channels={},
+        participants=tuple(ParticipantSpec(id=person) for person in people),
+        recordings=tuple(
+            RecordingSpec(participant=person, file=file, condition="perturbed", side=side)
+            for person, file, side in recordings
+        ),
+    )
+    return Study(Path(), spec, "", {})
+
+
+def pulse(person, file, code=""):
+    return PulseRecord(person, file, 1.0, 0.1, 10.0, "LRE", code=code)
+
+
+def test_whose_sides_are_averaged_is_told_with_how_to_keep_them_apart():
+    both = study(
+        [
+            ("S01", "l.csv", "left"), ("S01", "r.csv", "right"),
+            ("S02", "l2.csv", "left"), ("S02", "l3.csv", "left"),
+            ("S03", "u.csv", None), ("S03", "r3.csv", "right"),
+        ]
+    )  # fmt: skip
+    pulses = [pulse(r.participant, r.file) for r in both.spec.recordings]
+
+    (note,) = _side_notes(both, pulses)
+
+    assert note.startswith("S01: perturbed recordings are of both sides, and one row a timing")
+    assert note.endswith("name them as two participants in study.toml.")
+
+
+def test_a_side_whose_pulses_are_all_left_out_is_averaged_with_nothing():
+    both = study([("S01", "l.csv", "left"), ("S01", "r.csv", "right")])
+
+    assert _side_notes(both, [pulse("S01", "l.csv"), pulse("S01", "r.csv", "gap")]) == []
+    assert _side_notes(study([("S01", "l.csv", "left")]), [pulse("S01", "l.csv")]) == []

@@ -80,4 +80,4 @@ def test_at_least_one_injection_is_wanted(small_study_source):
 
 
 def test_fifty_virtual_participants_in_all_are_usual():
-    assert [replicates_for(n) for n in (1, 10, 50, 400)] == [50, 5, 2, 2]
+    assert [replicates_for(n) for n in (1, 10, 50, 400)] == [50, 5, 1, 1]

@@ -31,7 +31,7 @@ def test_every_set_of_choices_is_there(curve):
 def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
     """Window 0.1 s, predicted baseline, pooled inertia: as analyze has it."""
     own = {
-        (c.timing_point, p.name): (p.status, p.value)
+        (c.timing_point, p.name): (p.status, p.value, p.ci_low, p.ci_high)
         for c in analyze(small_study_source, resamples=20).cells
         for p in c.parameters
         if c.participant == "S02"
@@ -45,9 +45,8 @@ def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
 
     assert len(rows) == 18
     for row in rows:
-        status, value = own[row.timing_point, row.parameter]
-        assert row.status == status
-        assert row.value == (None if value is None else pytest.approx(value, rel=1e-6))
+        found = (row.status, row.value, row.ci_low, row.ci_high)
+        assert found == own[row.timing_point, row.parameter]
 
 
 def test_the_dissertations_own_choice_is_one_of_them(curve, small_study_source):
@@ -63,6 +62,60 @@ def test_the_dissertations_own_choice_is_one_of_them(curve, small_study_source):
     }
 
     assert rows == wanted
+
+
+def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
+    table = specification_curve(
+        small_study_source, windows_s=(0.1, 0.2), cutoffs_hz=(20.0,), resamples=20
+    ).to_frame()
+    counts = table.groupby(["method", "window_s"])["status"].agg(["size", set])
+
+    assert counts.loc[("recommended", 0.2), "set"] == {"failed:window_too_long"}
+    assert counts.loc[("recommended", 0.1), "size"] == 3 * 3 * 18
+    assert "ok" in counts.loc[("recommended", 0.1), "set"]
+    assert "ok" in counts.loc[("dissertation", 0.2), "set"]
+
+
+def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
+    lines = small_study.toml.split("[[recordings]]")
+    kept = [part for part in lines if not ('"S02"' in part and '"perturbed"' in part)]
+    assert len(kept) < len(lines)
+    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+
+    table = specification_curve(small_study.root, participant="S02", resamples=20).to_frame()
+
+    assert set(table["status"]) == {"failed:no_perturbed_recording"}
+    assert set(table["timing_point"]) == {"LRE", "MST", "TST", "PSW", "ISW", "MSW"}
+    assert len(table) == 18 * (3 * 5 * 3 + 2 * 5 * 3)
+
+
+def test_a_perturbed_recording_without_a_pulse_leaves_no_row_out(small_study):
+    small_study.edit_table("S02_perturbed.csv", lambda samples: samples.assign(command=0.0))
+
+    table = specification_curve(
+        small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20
+    ).to_frame()
+
+    assert set(table["status"]) == {"failed:no_pulses"}
+    assert len(table) == 18 * (3 * 3 + 2)
+
+
+def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
+    lines = small_study.toml.split("[[recordings]]")
+    kept = [part for part in lines if not ('"S02"' in part and '"unperturbed"' in part)]
+    assert len(kept) < len(lines)
+    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+
+    table = specification_curve(
+        small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20
+    ).to_frame()
+
+    of_mean = table[table["baseline"] == "unperturbed_mean"]
+    assert len(of_mean) == 18 * (3 + 1)
+    assert set(of_mean[of_mean["method"] == "dissertation"]["status"]) == {
+        "failed:no_unperturbed_recording"
+    }
+    assert of_mean["status"].str.startswith("failed:").all()
 
 
 @pytest.mark.parametrize(
