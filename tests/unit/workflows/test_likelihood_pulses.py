@@ -84,9 +84,8 @@ def test_a_pulse_at_the_end_of_the_record_is_left_out():
 
 
 def statistics(cells, single, method="full_record"):
-    study = SimpleNamespace(
-        user_exclusions=(), spec=SimpleNamespace(kind="bench", participants=("case-1",))
-    )
+    spec = SimpleNamespace(kind="bench", participants=("case-1",), recordings=())
+    study = SimpleNamespace(user_exclusions=(), spec=spec)
     result = ParticipantResult({}, tuple(single), (), (), ())
     return study_statistics(study, method, cells, [result])
 
