@@ -73,15 +73,11 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
         )
         for _ in range(workers):  # a process is started when there is something to do
             pool.submit(_import, needs)
-    whole = False
     try:
         yield pool
-        whole = True
     finally:
-        if not whole:
-            open_end.close()  # nobody waits for what they are at
+        open_end.close()  # workers end: what they are at nobody waits for, the rest is done
         pool.shutdown(wait=True, cancel_futures=True)
-        open_end.close()
         until.close()
 
 
