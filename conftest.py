@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.identify.conditioning import torque_from_current
+from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.io.study import open_study

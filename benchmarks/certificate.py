@@ -19,10 +19,10 @@ from benchmarks.accuracy.people import cell_truth, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
 
 from jointz.core.certificate import VirtualEstimate
-from jointz.identify.certificate import own_estimates, virtual_estimates
-from jointz.identify.certificate_draws import Injection
-from jointz.identify.certificate_evidence import evidence_of
-from jointz.identify.sources import prepare_sources
+from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
+from jointz.identify.appraisal.certificate_draws import Injection
+from jointz.identify.appraisal.certificate_evidence import evidence_of
+from jointz.identify.preparation.sources import prepare_sources
 
 ROWS = ("nominal-lag-unknown", "nominal-lag-0.5ms", "hard-lag-0.5ms", "hard-lag-unknown")
 

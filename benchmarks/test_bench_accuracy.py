@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from jointz.identify.pulse_likelihood import NoiseLevels, fit_pulse
+from jointz.identify.bench.pulse_likelihood import NoiseLevels, fit_pulse
 
 LOADS = {1: (168.0, 0.0364), 2: (273.0, 0.0364), 3: (168.0, 0.07), 4: (273.0, 0.07)}
 DAMPING = 0.163  # the actuator's own

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from jointz.identify.bandwidth import identify_bandwidth
-from jointz.identify.frequency_response import identify_frequency_response
-from jointz.identify.impulse_response import identify_impulse_response
+from jointz.identify.actuators.bandwidth import identify_bandwidth
+from jointz.identify.series.frequency_response import identify_frequency_response
+from jointz.identify.series.impulse_response import identify_impulse_response
 
 RATE = 1000.0
 BUDGET_S = 0.05

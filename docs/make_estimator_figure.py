@@ -8,15 +8,15 @@ import numpy as np
 import jointz
 from jointz.core.estimates import CellEstimate
 from jointz.core.study import Study
-from jointz.identify.assignment import Candidate, assign_pulses
-from jointz.identify.raw_signals import RAW_ANGLE, raw_signals
-from jointz.identify.sources import (
+from jointz.identify.preparation.assignment import Candidate, assign_pulses
+from jointz.identify.preparation.raw_signals import RAW_ANGLE, raw_signals
+from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
     Source,
     prepare_sources,
 )
-from jointz.identify.unperturbed_prediction import UnperturbedPredictor
+from jointz.identify.recommended.unperturbed_prediction import UnperturbedPredictor
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.report.budget_figure import source_name
 from jointz.report.details import variance_shares

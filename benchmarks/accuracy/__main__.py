@@ -12,7 +12,7 @@ from benchmarks.accuracy.runs import Cache, Job, jobs_of, run_jobs
 from benchmarks.accuracy.summaries import read_summaries, summarise, verdicts, write_summary
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from jointz.identify.cells import BENCH_ONLY, METHODS
+from jointz.identify.methods.cells import BENCH_ONLY, METHODS
 
 _ROOT = Path(__file__).parents[2]
 _RESULTS = Path(__file__).with_name("results")

@@ -14,7 +14,7 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.devices.interface import Stretch
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
 from jointz.sim.people import Person, draw_person

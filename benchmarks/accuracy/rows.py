@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from math import radians
 from typing import Any, Literal
 
-from jointz.identify.sources import ParticipantSettings
+from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.sim.presets import ActuatorSettings, Preset, ReflexSettings, preset
 
 PARAMETERS = ("stiffness", "damping", "inertia")

@@ -8,14 +8,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jointz.identify.actuator import identify_actuator
-    from jointz.identify.bandwidth import identify_bandwidth
-    from jointz.identify.dither_stiffness import identify_dither_stiffness
-    from jointz.identify.joint import identify_joint
-    from jointz.identify.paired_runs import identify_paired_runs
-    from jointz.identify.phase_curve import phase_curve
-    from jointz.identify.static_stiffness import identify_static_stiffness
-    from jointz.identify.time_varying import identify_time_varying
+    from jointz.identify.actuators.actuator import identify_actuator
+    from jointz.identify.actuators.bandwidth import identify_bandwidth
+    from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
+    from jointz.identify.bench.paired_runs import identify_paired_runs
+    from jointz.identify.bench.static_stiffness import identify_static_stiffness
+    from jointz.identify.over_cycle.phase_curve import phase_curve
+    from jointz.identify.over_cycle.time_varying import identify_time_varying
+    from jointz.identify.series.joint import identify_joint
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
     from jointz.workflows.certificate import certify
@@ -27,15 +27,15 @@ __version__ = "0.1.0"
 _HOMES = {
     "analyze": "jointz.workflows.analysis",
     "certify": "jointz.workflows.certificate",
-    "identify_actuator": "jointz.identify.actuator",
-    "identify_bandwidth": "jointz.identify.bandwidth",
-    "identify_dither_stiffness": "jointz.identify.dither_stiffness",
-    "identify_joint": "jointz.identify.joint",
-    "identify_paired_runs": "jointz.identify.paired_runs",
-    "identify_static_stiffness": "jointz.identify.static_stiffness",
-    "identify_time_varying": "jointz.identify.time_varying",
+    "identify_actuator": "jointz.identify.actuators.actuator",
+    "identify_bandwidth": "jointz.identify.actuators.bandwidth",
+    "identify_dither_stiffness": "jointz.identify.bench.dither_stiffness",
+    "identify_joint": "jointz.identify.series.joint",
+    "identify_paired_runs": "jointz.identify.bench.paired_runs",
+    "identify_static_stiffness": "jointz.identify.bench.static_stiffness",
+    "identify_time_varying": "jointz.identify.over_cycle.time_varying",
     "open_study": "jointz.io.study",
-    "phase_curve": "jointz.identify.phase_curve",
+    "phase_curve": "jointz.identify.over_cycle.phase_curve",
     "run": "jointz.workflows.run",
     "specification_curve": "jointz.workflows.specification",
 }

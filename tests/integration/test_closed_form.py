@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 
 STRIDE_S = 1.1  # a whole number of samples at 500, 900 and 1000 Hz
 PULSE_S = 0.25

@@ -11,7 +11,7 @@ from jointz import analyze
 from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 
 METHODS = ("dissertation", "pre_pulse", "matched_strides")
 FEW = settings(

@@ -8,7 +8,7 @@ from jointz.core.codes import Doubt
 from jointz.core.recording import build_recording
 from jointz.core.study import PerturbationsSpec
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.people import draw_person

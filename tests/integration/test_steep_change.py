@@ -10,7 +10,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.participant import analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.people import draw_person

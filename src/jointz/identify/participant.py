@@ -8,15 +8,20 @@ from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
 from jointz.gait.timestamps import find_gaps
-from jointz.identify.assignment import assign_pulses
-from jointz.identify.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.bench_cells import FullRecordEstimator
-from jointz.identify.cell_estimator import CellEstimator
-from jointz.identify.cells import METHODS
-from jointz.identify.sources import ParticipantSettings, RecordingInput, Source, prepare_sources
-from jointz.identify.walking_estimator import METHOD as RECOMMENDED
-from jointz.identify.walking_estimator import WalkingEstimator
-from jointz.identify.walking_evidence import Evidence
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.bench.bench_cells import FullRecordEstimator
+from jointz.identify.methods.cell_estimator import CellEstimator
+from jointz.identify.methods.cells import METHODS
+from jointz.identify.preparation.assignment import assign_pulses
+from jointz.identify.preparation.sources import (
+    ParticipantSettings,
+    RecordingInput,
+    Source,
+    prepare_sources,
+)
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.recommended.walking_estimator import WalkingEstimator
+from jointz.identify.recommended.walking_evidence import Evidence
 
 
 @dataclass(frozen=True, slots=True)

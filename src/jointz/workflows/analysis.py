@@ -16,14 +16,14 @@ from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
-from jointz.identify.assignment import group_names
-from jointz.identify.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.cells import BENCH_ONLY, METHODS, failed_parameters
-from jointz.identify.certificate_draws import Injection
-from jointz.identify.certificate_study import assembled, replicates_for
+from jointz.identify.appraisal.certificate_draws import Injection
+from jointz.identify.appraisal.certificate_study import assembled, replicates_for
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.methods.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult
-from jointz.identify.walking_estimator import BASELINE as PREDICTED
-from jointz.identify.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.preparation.assignment import group_names
+from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
@@ -57,7 +57,7 @@ def analyze(
     study : Study or path
         An opened study, or its folder.
     method : str
-        ``recommended`` or a name of :data:`jointz.identify.cells.METHODS`.
+        ``recommended`` or a name of :data:`jointz.identify.methods.cells.METHODS`.
     resamples : int
         Bootstrap resamples a cell.
     seed : int

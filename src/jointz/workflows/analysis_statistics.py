@@ -12,9 +12,9 @@ from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
 from jointz.core.study import Study
-from jointz.identify.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult
-from jointz.identify.sources import SAME_TIME_S
+from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects

@@ -8,11 +8,15 @@ from jointz.core.certificate import Certificate, VirtualEstimate
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Study
-from jointz.identify.certificate_draws import Chosen, Injection
-from jointz.identify.certificate_evidence import evidence_of
-from jointz.identify.certificate_study import assembled, certify_participant, replicates_for
-from jointz.identify.sources import prepare_sources
-from jointz.identify.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.appraisal.certificate_draws import Chosen, Injection
+from jointz.identify.appraisal.certificate_evidence import evidence_of
+from jointz.identify.appraisal.certificate_study import (
+    assembled,
+    certify_participant,
+    replicates_for,
+)
+from jointz.identify.preparation.sources import prepare_sources
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress
 from jointz.workflows.participants import participant_settings, read_participant

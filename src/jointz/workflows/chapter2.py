@@ -9,11 +9,11 @@ import numpy as np
 import xarray as xr
 
 from jointz.core.reproduction import Compared, ComparedTable
-from jointz.identify.bandwidth import identify_bandwidth
-from jointz.identify.bench_records import BenchTrial
-from jointz.identify.frequency_response import identify_frequency_response
-from jointz.identify.full_record import fit_full_record
-from jointz.identify.joint import identify_joint
+from jointz.identify.actuators.bandwidth import identify_bandwidth
+from jointz.identify.bench.bench_records import BenchTrial
+from jointz.identify.bench.full_record import fit_full_record
+from jointz.identify.series.frequency_response import identify_frequency_response
+from jointz.identify.series.joint import identify_joint
 from jointz.io.recordings import read_recording
 from jointz.io.study import open_study
 from jointz.kernels.spectra import blackman_tukey

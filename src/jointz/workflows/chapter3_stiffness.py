@@ -13,10 +13,10 @@ from jointz.core.estimates import ParameterEstimate
 from jointz.core.paired_runs_fit import PairedPulse, PairedRunsFit
 from jointz.core.reproduction import Compared, ComparedTable
 from jointz.core.stiffness_fit import StiffnessFit
-from jointz.identify.conditioning import torque_from_current
-from jointz.identify.dither_stiffness import identify_dither_stiffness
-from jointz.identify.paired_runs import identify_paired_runs
-from jointz.identify.static_stiffness import identify_static_stiffness
+from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
+from jointz.identify.bench.paired_runs import identify_paired_runs
+from jointz.identify.bench.static_stiffness import identify_static_stiffness
+from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.io.study import open_study
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.reference import chapter3

@@ -18,9 +18,9 @@ from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import JointFit
 from jointz.core.reflex_fit import ReflexFit
 from jointz.core.study import FilesSpec
-from jointz.identify.actuator import identify_actuator
-from jointz.identify.bandwidth import identify_bandwidth
-from jointz.identify.joint import identify_joint
+from jointz.identify.actuators.actuator import identify_actuator
+from jointz.identify.actuators.bandwidth import identify_bandwidth
+from jointz.identify.series.joint import identify_joint
 from jointz.io.registry import list_columns, read_table
 from jointz.io.units import conversion
 

@@ -10,10 +10,10 @@ from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate
 from jointz.core.study import Calibrated, PerturbationsSpec, TorqueModelSpec
-from jointz.identify.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.conditioning import torque_from_current
-from jointz.identify.pulse_likelihood import fit_pulse
-from jointz.identify.sources import RecordingInput
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.bench.pulse_likelihood import fit_pulse
+from jointz.identify.preparation.conditioning import torque_from_current
+from jointz.identify.preparation.sources import RecordingInput
 
 #: Name of the method in ``single_pulses.csv``.
 METHOD = "pulse_likelihood"
@@ -63,7 +63,7 @@ def likelihood_pulses(
 
     Notes
     -----
-    :func:`jointz.identify.pulse_likelihood.fit_pulse` over 250 ms of the raw signals,
+    :func:`jointz.identify.bench.pulse_likelihood.fit_pulse` over 250 ms of the raw signals,
     their gains divided out, with what the case's whole trials say of the lag. The
     intrinsic impedance is not subtracted. It misleads with friction.
     """

@@ -16,12 +16,12 @@ from jointz.core.certificate import VirtualEstimate
 from jointz.core.errors import DataError, StudyError
 from jointz.core.recording import history_of
 from jointz.core.study import RecordingSpec, Study
-from jointz.identify.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.certificate_draws import Injection
-from jointz.identify.certificate_study import certify_participant
+from jointz.identify.appraisal.certificate_draws import Injection
+from jointz.identify.appraisal.certificate_study import certify_participant
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.pulse_tables import share_table
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.pulse_tables import share_table
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file
 from jointz.workflows.likelihood_pulses import likelihood_pulses

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from jointz.core.specification_curve import SpecificationCurve
 from jointz.core.study import Study
-from jointz.identify.specification import Choices, specification_estimates
-from jointz.identify.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.appraisal.specification import Choices, specification_estimates
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress
 from jointz.workflows.participants import participant_settings, read_participant

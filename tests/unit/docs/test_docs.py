@@ -20,8 +20,8 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.study import StudySpec
-from jointz.identify.cells import METHODS
-from jointz.identify.joint_estimators import ESTIMATORS
+from jointz.identify.methods.cells import METHODS
+from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.workflows.demo import run_demo
 
 ROOT = Path(__file__).parents[3]

@@ -86,7 +86,7 @@ COMMANDS = dict(commands("jointz", typer.main.get_command(app)))
 
 
 def test_the_walk_finds_the_package():
-    assert "jointz.identify.joint.identify_joint" in FUNCTIONS
+    assert "jointz.identify.series.joint.identify_joint" in FUNCTIONS
     assert "jointz.core.study.StudySpec.participant" in FUNCTIONS
     assert len(FUNCTIONS) > 100
 

@@ -10,7 +10,7 @@ import pytest
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 
 STRIDE_S, STEP_S, LONGEST_S = 1.1, 0.0005, 0.6
 

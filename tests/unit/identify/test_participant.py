@@ -6,7 +6,7 @@ import pytest
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
 from jointz.identify.participant import analyze_participant
-from jointz.identify.sources import ParticipantSettings, RecordingInput
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 
 RATE_HZ = 500.0
 TRUTH = np.array([50.0, 1.5, 0.05])

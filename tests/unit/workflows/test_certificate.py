@@ -2,7 +2,7 @@
 
 import pytest
 
-from jointz.identify.certificate_study import replicates_for
+from jointz.identify.appraisal.certificate_study import replicates_for
 from jointz.workflows.certificate import certify, checked_injection
 
 

@@ -11,7 +11,7 @@ from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import ParticipantResult
-from jointz.identify.sources import RecordingInput
+from jointz.identify.preparation.sources import RecordingInput
 from jointz.workflows.analysis_statistics import study_statistics
 from jointz.workflows.likelihood_pulses import METHOD, likelihood_pulses
 

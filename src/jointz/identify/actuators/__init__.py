@@ -1,0 +1,1 @@
+"""Torque models and bandwidth of actuators."""

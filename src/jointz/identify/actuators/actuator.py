@@ -1,0 +1,303 @@
+"""The torque model of an actuator out of a bench record with a torque sensor."""
+
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from jointz.core import provenance
+from jointz.core.actuator_fit import ActuatorFit, ActuatorSeries
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
+from jointz.core.estimates import ParameterEstimate
+from jointz.identify.actuators.actuator_notes import explains_nothing, notes
+from jointz.identify.actuators.actuator_record import ActuatorRecord, gather_actuator
+from jointz.identify.actuators.actuator_regression import Regression, regress
+from jointz.identify.actuators.actuator_terms import MODEL_TERMS, Terms, find_terms, is_constant
+from jointz.identify.series.joint_record import check_choice
+
+Model = Literal["current", "motor", "friction"]
+
+_SERIES_POINTS = 1500
+
+
+def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
+    recording: xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame | None = None,
+    *,
+    current: npt.ArrayLike | None = None,
+    velocity: npt.ArrayLike | None = None,
+    torque: npt.ArrayLike | None = None,
+    acceleration: npt.ArrayLike | None = None,
+    time: npt.ArrayLike | None = None,
+    rate_hz: float | None = None,
+    gear_ratio: float,
+    model: Model = "friction",
+    torque_sign: float = 1.0,
+    rotor_inertia: float | None = None,
+    smooth_velocity_rad_s: float | None = None,
+    ci_level: float = 0.95,
+) -> ActuatorFit:
+    """Fit a torque model (3.1, 3.2 or 3.3) to a bench record.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
+        Channels ``current``, ``torque`` and, where there are, ``velocity``,
+        ``acceleration`` and ``time``, in SI. Either this or the arrays.
+    current : (n,) float, A, optional
+        Q-axis current of the motor.
+    velocity : (n,) float, rad/s, optional
+        Of the output; ``current`` does without.
+    torque : (n,) float, N*m, optional
+        Of the torque sensor.
+    acceleration : (n,) float, rad/s^2, optional
+        Of the output. Without it, the central difference of the velocity where
+        time or rate is given.
+    time : (n,) float, s, optional
+        Time stamps. Jitter is resampled linearly; a gap is an error.
+    rate_hz : float, optional
+        Sampling rate, where there are no time stamps. Neither is needed but for
+        the acceleration.
+    gear_ratio : float
+        Motor turns a turn of the output.
+    model : str
+        ``current``: torque = bias + G kt I (3.1). ``motor``: less viscous
+        friction * velocity and rotor inertia * acceleration (3.2).
+        ``friction``: less (Coulomb + gear friction * abs(I)) * sign(velocity)
+        and rotor inertia * acceleration (3.3).
+    torque_sign : float
+        -1 where the sensor's torque counts against the motor's; it is turned.
+    rotor_inertia : float, kg*m^2, optional
+        Referred to the output (G^2 times the motor's); given, it is not fitted.
+    smooth_velocity_rad_s : float, optional
+        s: tanh(velocity / s) takes the place of sign(velocity).
+    ci_level : float
+        Level of the intervals.
+
+    Returns
+    -------
+    ActuatorFit
+        Parameters with intervals, RMS error, warnings. A parameter that the
+        record does not support is None with status ``undecided``.
+
+    Raises
+    ------
+    DataError
+        When the samples cannot be trusted: missing channel, unequal lengths,
+        NaN, changing rate, gap, values that no actuator reaches; settings that
+        contradict each other.
+    EstimationError
+        ``constant_current`` or ``constant_torque``.
+    ValueError
+        Unknown model; the message lists the choices.
+
+    Notes
+    -----
+    Ordinary least squares; intervals from a block sandwich
+    (:func:`jointz.kernels.block_sandwich.block_sandwich`), Student's t. They do not
+    know the sensor's gain or lag, nor that the true friction may have another
+    shape: the residual of such a shape is part of ``rms_error_nm``.
+
+    A term stays out, with a warning, where the record cannot decide it: Coulomb
+    friction where less than 1 % of the samples lie on the rarer side of a dead
+    band (5 % of the 95th percentile of the speed); any term of whose regressor
+    the others explain all but 0.1 %; the inertia where over 10 % of the
+    variance of a differenced velocity is noise (from its third differences), or
+    where its interval does not lie above zero. Up to that the inertia reads low by
+    the share of noise. A late torque record, and a spring between motor and
+    sensor, read as inertia and friction too.
+
+    Examples
+    --------
+    >>> t = np.arange(20_000) / 1000.0
+    >>> current = 5 * np.sin(2 * np.pi * 0.31 * t)
+    >>> velocity = 3 * np.cos(2 * np.pi * 0.77 * t)
+    >>> torque = 9 * 0.11 * current - 0.38 * np.sign(velocity)
+    >>> fit = identify_actuator(current=current, velocity=velocity, torque=torque, gear_ratio=9)
+    >>> round(fit.parameter("torque_constant").value, 4)
+    0.11
+    """
+    check_choice("model", model, get_args(Model))
+    _check_settings(model, gear_ratio, torque_sign, rotor_inertia, smooth_velocity_rad_s)
+    if not 0.0 < ci_level < 1.0:
+        raise DataError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
+    channels = {"current": current, "velocity": velocity, "torque": torque}
+    record = gather_actuator(
+        recording,
+        channels | {"acceleration": acceleration, "time": time},
+        rate_hz=rate_hz,
+        needs_velocity=model != "current",
+        torque_sign=torque_sign,
+    )
+    _check_moves(record)
+    known_torque = _known_torque(record, rotor_inertia)
+    skip: tuple[str, ...] = () if rotor_inertia is None else ("rotor_inertia",)
+    options: dict[str, Any] = {
+        "gear_ratio": float(gear_ratio),
+        "smooth_velocity_rad_s": smooth_velocity_rad_s,
+    }
+    terms = find_terms(record, model, **options, skip=skip)
+    regression = regress(record.torque - known_torque, terms.columns, record.rate_hz, ci_level)
+    raw: dict[str, float] = {}
+    if (why := _inertia_doubt(regression)) is not None:
+        raw["rotor_inertia"] = regression.value("rotor_inertia")
+        kept = {n: c for n, c in terms.columns.items() if n != "rotor_inertia"}
+        terms = Terms(kept, {**terms.left_out, "rotor_inertia": why})
+        regression = regress(record.torque - known_torque, kept, record.rate_hz, ci_level)
+    settings = {
+        **options,
+        "torque_sign": torque_sign,
+        "rotor_inertia_given": rotor_inertia,
+        "acceleration_from": record.acceleration_from,
+        "acceleration_noise_share": record.acceleration_noise_share,
+        "ci_level": ci_level,
+        "sha256": record.sha256,
+        "jointz": provenance.software()["jointz"],
+    }
+    return _report(record, terms, regression, model=model, raw=raw, settings=settings)
+
+
+def _check_settings(
+    model: str,
+    gear_ratio: float,
+    torque_sign: float,
+    rotor_inertia: float | None,
+    smooth: float | None,
+) -> None:
+    """Refuse settings out of range, all in one message."""
+    problems = []
+    if not 0.0 < gear_ratio < np.inf:
+        problems.append(
+            f"gear_ratio: expected > 0 (motor turns a turn of the output), got {gear_ratio:g}. "
+            "Give the direction with torque_sign."
+        )
+    if torque_sign not in (1.0, -1.0):
+        problems.append(f"torque_sign: expected 1 or -1, got {torque_sign:g}.")
+    if rotor_inertia is not None and not 0.0 <= rotor_inertia < np.inf:
+        problems.append(f"rotor_inertia: expected >= 0 kg*m^2, got {rotor_inertia:g}.")
+    if rotor_inertia is not None and "rotor_inertia" not in MODEL_TERMS[model]:
+        problems.append(f"rotor_inertia: model {model} has no inertia. Take motor or friction.")
+    if smooth is not None and not 0.0 < smooth < np.inf:
+        problems.append(f"smooth_velocity_rad_s: expected > 0 rad/s, got {smooth:g}.")
+    if smooth is not None and model != "friction":
+        problems.append(f"smooth_velocity_rad_s: model {model} has no sign. Take friction.")
+    if problems:
+        raise DataError("identify_actuator: " + " ".join(problems))
+
+
+def _check_moves(record: ActuatorRecord) -> None:
+    for name, values, code in (
+        ("current", record.current, Failure.CONSTANT_CURRENT.value),
+        ("torque", record.torque, Failure.CONSTANT_TORQUE.value),
+    ):
+        if is_constant(values):
+            raise EstimationError(
+                code,
+                f"the {name} is constant ({values[0]:.6g}): no torque constant can be found. "
+                "Check the column, or record several levels.",
+            )
+
+
+def _known_torque(record: ActuatorRecord, rotor_inertia: float | None) -> np.ndarray:
+    """Return what a given inertia takes from the torque."""
+    if rotor_inertia is None:
+        return np.zeros_like(record.torque)
+    if record.acceleration is None:
+        raise DataError(
+            "identify_actuator: rotor_inertia is given, but no acceleration to multiply it with. "
+            "Give acceleration, or time or rate to difference the velocity."
+        )
+    return -rotor_inertia * record.acceleration
+
+
+def _inertia_doubt(regression: Regression) -> str | None:
+    """Say why a fitted inertia is none."""
+    if "rotor_inertia" not in regression.names or regression.doubt:
+        return None
+    low, high = regression.interval("rotor_inertia")
+    if low > 0.0:
+        return None
+    reason = (
+        "a sign of acceleration, speed or torque is turned"
+        if high < 0.0
+        else "the record hardly accelerates, or the torque record is late"
+    )
+    return (
+        f"acceleration cannot be fitted: the interval of the inertia, {low:.2g} to {high:.2g} "
+        f"kg*m^2, does not lie above zero: {reason}. The inertia itself can be given"
+    )
+
+
+def _report(
+    record: ActuatorRecord,
+    terms: Terms,
+    regression: Regression,
+    *,
+    model: str,
+    raw: Mapping[str, float],
+    settings: dict[str, Any],
+) -> ActuatorFit:
+    """Put the numbers together and say what is doubtful about them."""
+    residual = regression.residual
+    centred = record.torque - record.torque.mean()
+    parameters = tuple(_parameter(name, regression, raw, settings) for name in MODEL_TERMS[model])
+    measurable = [
+        p
+        for p in parameters
+        if not (p.name == "rotor_inertia" and record.acceleration_from == "none")
+    ]
+    return ActuatorFit(
+        model=model,
+        parameters=parameters,
+        rms_error_nm=float(np.sqrt(np.mean(residual**2))),
+        vaf_pct=100.0 * (1.0 - float(np.sum(residual**2) / np.sum(centred**2))),
+        status="undecided" if any(not p.stands for p in measurable) else "ok",
+        gear_ratio=settings["gear_ratio"],
+        torque_sign=settings["torque_sign"],
+        n_samples=record.torque.size,
+        rate_hz=record.rate_hz,
+        condition_number=regression.condition_number,
+        covariance=tuple(tuple(row) for row in regression.covariance.tolist()),
+        fitted=regression.names,
+        ci_method=regression.ci_method,
+        settings=settings,
+        warnings=notes(record, terms, regression, gear_ratio=settings["gear_ratio"]),
+        series=_series(record, record.torque - residual),
+    )
+
+
+def _parameter(
+    name: str, regression: Regression, raw: Mapping[str, float], settings: Mapping[str, Any]
+) -> ParameterEstimate:
+    level = settings["ci_level"]
+    given = settings["rotor_inertia_given"]
+    if name == "rotor_inertia" and given is not None:
+        return ParameterEstimate(name, given, None, None, "ok", level, "given, not fitted")
+    if name not in regression.names:
+        return ParameterEstimate(
+            name, None, None, None, "undecided", level, "none", unbounded=raw.get(name)
+        )
+    value = regression.value(name)
+    if regression.doubt or (name == "torque_constant" and explains_nothing(regression)):
+        return ParameterEstimate(
+            name, None, None, None, "undecided", level, regression.ci_method, unbounded=value
+        )
+    low, high = regression.interval(name)
+    return ParameterEstimate(name, value, low, high, "ok", level, regression.ci_method)
+
+
+def _series(record: ActuatorRecord, modelled: np.ndarray) -> ActuatorSeries:
+    """Thin the record for a figure."""
+    step = max(1, -(-record.torque.size // _SERIES_POINTS))
+    shown = slice(None, None, step)
+    velocity = () if record.velocity is None else tuple(record.velocity[shown].tolist())
+    return ActuatorSeries(
+        position=tuple(record.time[shown].tolist()),
+        measured=tuple(record.torque[shown].tolist()),
+        modelled=tuple(modelled[shown].tolist()),
+        velocity=velocity,
+        in_seconds=record.rate_hz is not None,
+    )

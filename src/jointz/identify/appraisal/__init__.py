@@ -1,0 +1,1 @@
+"""How far a study's numbers can be trusted: certificate and specification curve."""

@@ -1,0 +1,189 @@
+"""Known responses injected into a participant's own unperturbed strides, and estimated.
+
+At virtual onsets nothing happened: what the prediction misses there is what it misses at a
+pulse. The angle by which an injected joint and sensor answer the study's own torque is added to
+it, and estimated as if it were a pulse. The error is then known.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointz.core.certificate import PARAMETERS, VirtualEstimate
+from jointz.core.estimates import ParameterEstimate
+from jointz.identify.appraisal.certificate_draws import Injection, Truth, drawn_truth
+from jointz.identify.appraisal.certificate_joint import InjectedResponse, injected_response
+from jointz.identify.recommended.response_decision import Decision, NaturalSize, decided_parameters
+from jointz.identify.recommended.response_model import CellResponse
+from jointz.identify.recommended.response_posterior import JointPosterior
+from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
+from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.recommended.walking_responses import (
+    UNLIKE_SD,
+    PredictedCell,
+    explain_responses,
+    priors_of,
+)
+from jointz.kernels.robust_spread import robust_moments
+
+
+def virtual_estimates(
+    evidence: Evidence, injection: Injection, *, replicates: int, rng: np.random.Generator
+) -> Iterator[list[VirtualEstimate]]:
+    """Inject and estimate, one replicate at a time.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the study knows of a participant.
+    injection : Injection
+        What is injected.
+    replicates : int
+        How often.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Yields
+    ------
+    list of VirtualEstimate
+        K, B and J of every timing point.
+
+    Notes
+    -----
+    The participant's own torque drives the injected joint, and misses at virtual onsets bring
+    the noise of angle and torque with all its correlations. Misleads where the study is
+    outside the estimator's models - a reflex, a second tissue: what no hypothesis holds cannot
+    be drawn from them. What a pulse changes in the strides after it is not in it either.
+    """
+    for replicate in range(replicates):
+        truth = drawn_truth(evidence, injection, rng)
+        yield _estimated(evidence, truth, replicate, rng)
+
+
+def _estimated(
+    evidence: Evidence, truth: Truth, replicate: int, rng: np.random.Generator
+) -> list[VirtualEstimate]:
+    cells, injected = [], []
+    for i, cell in enumerate(evidence.cells):
+        response = _injected(evidence, truth, i)
+        cells.append(virtual_cell(cell, response.shown, rng))
+        injected.append(response)
+    posterior, responses = explain_responses(
+        cells, priors_of(evidence.known), window_s=evidence.window_s
+    )
+    found = _rows(evidence, posterior, responses)
+    return [
+        VirtualEstimate(
+            participant=evidence.participant,
+            replicate=replicate,
+            timing_point=label,
+            parameter=row.name,
+            truth=_true_value(row.name, truth, injected[i], i),
+            value=row.value,
+            ci_low=row.ci_low,
+            ci_high=row.ci_high,
+            status=row.status,
+        )
+        for i, (label, rows) in enumerate(found.items())
+        for row in rows
+    ]
+
+
+def own_estimates(evidence: Evidence) -> dict[str, tuple[ParameterEstimate, ...]]:
+    """Return K, B and J of every timing point, as the study's own pulses tell them.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the study knows of a participant.
+    """
+    return _rows(evidence, evidence.posterior, evidence.responses)
+
+
+def _rows(
+    evidence: Evidence, posterior: JointPosterior, responses: Sequence[CellResponse]
+) -> dict[str, tuple[ParameterEstimate, ...]]:
+    found = {}
+    for i, response in enumerate(responses):
+        decision = Decision(
+            known=evidence.known,
+            subtract_intrinsic=evidence.subtract_intrinsic[i],
+            mass_kg=None,
+            natural=NaturalSize.of(response),
+        )
+        rows = {row.name: row for row in decided_parameters(i, posterior, decision)}
+        found[response.label] = tuple(rows[name] for name in PARAMETERS)
+    return found
+
+
+def _injected(evidence: Evidence, truth: Truth, i: int) -> InjectedResponse:
+    """Let the injected joint answer the torque that was measured at its timing point."""
+    cell = evidence.cells[i]
+    average = cell.predicted.responses[cell.kept].mean(axis=0)
+    torque = truth.torque_gain * (average[1] + truth.friction_gain * average[2])
+    return injected_response(
+        torque,
+        truth.joints[i],
+        period_s=cell.period_s,
+        window_s=evidence.window_s + LEAD_SAMPLES * cell.period_s,
+    )
+
+
+def _true_value(name: str, truth: Truth, response: InjectedResponse, i: int) -> float:
+    value = truth.joints[i].inertia if name == "inertia" else getattr(response, name)
+    return float(value) - truth.intrinsic[name][i]
+
+
+def virtual_cell(cell: PredictedCell, angle: np.ndarray, rng: np.random.Generator) -> PredictedCell:
+    """Return a timing point of virtual pulses: as many as there were, at unperturbed strides.
+
+    Parameters
+    ----------
+    cell : PredictedCell
+        The timing point.
+    angle : (n,) float, rad
+        What is injected.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Notes
+    -----
+    No stride serves twice, unless there are fewer than two a pulse. The average of n strides
+    drawn from N without replacement varies less than that of n pulses against a baseline
+    learned from N: by 1/n - 1/N instead of 1/n + 1/N. Deviations are scaled by the root of
+    the ratio.
+    """
+    used = cell.used
+    misses, strides = _usual(cell.predicted)
+    places = _one_a_stride(strides, rng)
+    n, there = len(used), places.size
+    again = 2 * n > there
+    chosen = rng.choice(places, size=n, replace=again)
+    wanted = 1.0 / n + 1.0 / there
+    scale = np.sqrt(wanted / (1.0 / n if again else 1.0 / n - 1.0 / there))
+    responses = scale * (misses[chosen] - misses.mean(axis=0))
+    average = cell.predicted.responses[cell.kept].mean(axis=0)
+    responses[:, 0] += angle
+    responses[:, 1:] += average[1:]
+    return replace(
+        cell,
+        candidates=used,
+        predicted=replace(cell.predicted, responses=responses, codes=("",) * n),
+        kept=np.ones(n, dtype=bool),
+    )
+
+
+def _usual(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
+    """Return misses that a pulse would not have been left out for, and their strides."""
+    angles = predicted.misses[:, 0]
+    middle, sd = robust_moments(angles)
+    fine = (np.abs(angles - middle) <= UNLIKE_SD * sd + 1e-9).all(axis=1)
+    return predicted.misses[fine], predicted.strides[fine]
+
+
+def _one_a_stride(strides: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the place of one virtual onset of each stride."""
+    mixed = rng.permutation(strides.size)
+    _, first = np.unique(strides[mixed], return_index=True)
+    return np.asarray(mixed[first])

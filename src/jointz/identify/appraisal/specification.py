@@ -1,0 +1,328 @@
+"""One participant analysed under every defensible set of choices."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.estimates import CellEstimate
+from jointz.core.specification_curve import SpecificationEstimate
+from jointz.identify.appraisal.specification_baselines import with_baseline
+from jointz.identify.methods.cell_estimator import CellEstimator
+from jointz.identify.methods.cells import METHODS
+from jointz.identify.preparation.assignment import Candidate, assign_pulses, group_names
+from jointz.identify.preparation.sources import (
+    ParticipantSettings,
+    RecordingInput,
+    Source,
+    prepare_sources,
+)
+from jointz.identify.recommended.response_checks import (
+    fit_failure,
+    instrument_failure,
+    shared_failure,
+)
+from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.recommended.walking_estimator import WalkingEstimator
+from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, PredictedCell, priors_of
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+PREDICTED = "predicted"
+#: How the inertia of the timing points is bound together.
+INERTIA_MODELS = ("one", "free", "pooled")
+#: The method that filters: what its cut-off does is the dissertation's question.
+FILTERED = "dissertation"
+
+#: Called with what comes next.
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """What is combined.
+
+    Parameters
+    ----------
+    windows_s : tuple of float, s
+        From the onset.
+    cutoffs_hz : tuple of float, Hz
+        Of the method that filters.
+    baselines : tuple of str
+        Subtracted: ``predicted``, ``matched_strides``, ``unperturbed_mean``.
+    inertia_models : tuple of str
+        Of :data:`INERTIA_MODELS`; for the recommended method.
+
+    Raises
+    ------
+    ValueError
+        When a window or cut-off is not positive, a name unknown, or a list empty.
+    """
+
+    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)
+    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)
+    baselines: tuple[str, ...] = (PREDICTED, "matched_strides", "unperturbed_mean")
+    inertia_models: tuple[str, ...] = INERTIA_MODELS
+
+    def __post_init__(self) -> None:
+        known = {"baselines": (PREDICTED, "matched_strides", "unperturbed_mean")}
+        known["inertia_models"] = INERTIA_MODELS
+        for name in self.__slots__:
+            values = getattr(self, name)
+            if name in known:
+                fine = all(v in known[name] for v in values)
+                expected = f"names among {', '.join(known[name])}"
+            else:
+                fine = all(0.0 < v < np.inf for v in values)
+                expected = "positive numbers"
+            if not values or not fine:
+                raise ValueError(f"{name}: expected one or more {expected}, got {values!r}.")
+
+
+def specification_estimates(
+    participant: str,
+    recordings: Sequence[RecordingInput],
+    settings: ParticipantSettings,
+    choices: Choices,
+    *,
+    tell: Tell | None = None,
+) -> tuple[SpecificationEstimate, ...]:
+    """Estimate K, B and J of a participant under every set of choices.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    recordings : sequence of RecordingInput
+        All recordings of this participant.
+    settings : ParticipantSettings
+        What the study asks for; its own window, cut-off and baseline are not used.
+    choices : Choices
+        What is combined.
+    tell : callable, optional
+        Called with what comes next.
+
+    Returns
+    -------
+    tuple of SpecificationEstimate
+        A row a parameter, timing point and set of choices; one that cannot be estimated has the
+        status that says why.
+
+    Notes
+    -----
+    The recommended method is run with every baseline, window and model of the inertia, and
+    refuses, widens and withholds under each as it does by itself. The dissertation's is run with
+    its two baselines and every cut-off and window. Misleads when it is read as a vote: many sets
+    of choices that share an error agree. It shows which choice matters, not which is right.
+    """
+    told = tell or _silent
+    sources = prepare_sources(recordings, settings)
+    found: list[_Found] = []
+    for window_s in choices.windows_s:
+        told(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
+        asked = _asked(settings, window_s=window_s)
+        found += _recommended(participant, sources, asked, choices)
+    for cutoff_hz in choices.cutoffs_hz:
+        told(f"{FILTERED}, {cutoff_hz:g} Hz")
+        found += _filtered(participant, recordings, settings, choices, cutoff_hz)
+    labels = _labels(settings, [cell.timing_point for f in found for cell in f.cells])
+    return tuple(row for f in found for row in f.rows(labels))
+
+
+def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
+    """Return the hypotheses that hold one model of the inertia, weighted among themselves.
+
+    Parameters
+    ----------
+    posterior : JointPosterior
+        All hypotheses.
+    model : str
+        ``one`` for all timing points, ``free`` at each, or ``pooled``: all hypotheses.
+    """
+    if model == "pooled":
+        return posterior
+    free = max(p.hypothesis.inertia_sd for p in posterior.posteriors)
+    wanted = CONSTANT_INERTIA_SD if model == "one" else free
+    kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == wanted]
+    return JointPosterior.weighed(kept)
+
+
+class _SpecifiedEstimator(WalkingEstimator):
+    """The recommended method with another baseline, and some models of the inertia only.
+
+    It refuses, widens and withholds as its base does. What choices have in common is done once.
+    """
+
+    def __init__(
+        self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
+    ) -> None:
+        super().__init__(participant, sources, settings)
+        self._chosen = (PREDICTED, "pooled")
+        self._cells: dict[tuple[str, str], tuple[PredictedCell | CellEstimate, list[str]]] = {}
+        self._pooled: dict[str, tuple[Evidence | None, float, dict[str, Failure | None]]] = {}
+
+    def under(
+        self, candidates: Sequence[Candidate], *, baseline: str, inertia_model: str
+    ) -> tuple[CellEstimate, ...]:
+        """Return the timing points under two choices.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            Every pulse; the same in every call.
+        baseline, inertia_model : str
+            Of :class:`Choices`.
+        """
+        self._chosen = (baseline, inertia_model)
+        return self.run(candidates)[0]
+
+    def _prepared(
+        self, label: str, candidates: Sequence[Candidate]
+    ) -> tuple[PredictedCell | CellEstimate, list[str]]:
+        baseline = self._chosen[0]
+        if (PREDICTED, label) not in self._cells:
+            self._cells[PREDICTED, label] = super()._prepared(label, candidates)
+        if (baseline, label) not in self._cells:
+            cell, codes = self._cells[PREDICTED, label]
+            if isinstance(cell, PredictedCell):
+                other = with_baseline(cell, self._sources, self._settings, baseline)
+                cell = other or self._without_baseline(label, len(codes))
+            self._cells[baseline, label] = cell, codes
+        return self._cells[baseline, label]
+
+    def _without_baseline(self, label: str, n_pulses: int) -> CellEstimate:
+        failure = Failure.NO_UNPERTURBED_STRIDES
+        conditions = {source.given.condition for source in self._sources}
+        if self._chosen[0] == "unperturbed_mean" and "unperturbed" not in conditions:
+            failure = Failure.NO_UNPERTURBED_RECORDING
+        return self._without_value(label, failure, onset=None, counts=(0, n_pulses))
+
+    def _explained(
+        self, cells: Sequence[PredictedCell], failures: dict[str, Failure | None]
+    ) -> tuple[Evidence | None, float]:
+        baseline, inertia_model = self._chosen
+        if baseline not in self._pooled:
+            self._pooled[baseline] = (*super()._explained(cells, failures), dict(failures))
+        evidence, odds, found = self._pooled[baseline]
+        failures.update(found)
+        if evidence is None or inertia_model == "pooled":
+            return evidence, odds
+        posterior = of_inertia_model(evidence.posterior, inertia_model)
+        priors = priors_of(evidence.known).scaled(self._settings.prior_scale)
+        late = instrument_failure(posterior, priors, odds=odds, longest_s=LONGEST_LAG_S)
+        if late:
+            failures.update(shared_failure(failures, late))
+            return None, odds
+        # All stay in the evidence, whose posterior is that of all.
+        for i, (cell, response) in enumerate(zip(evidence.cells, evidence.responses, strict=True)):
+            failures[cell.label] = fit_failure(i, posterior, response)
+        return replace(evidence, posterior=posterior), odds
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What came out under one set of choices; missing timing points have the failure given."""
+
+    choice: Mapping[str, Any]
+    cells: Sequence[CellEstimate]
+    missing: Failure
+
+    def rows(self, labels: Sequence[str]) -> Iterator[SpecificationEstimate]:
+        """Yield K, B and J of every timing point."""
+        there = {cell.timing_point: cell for cell in self.cells}
+        for label in labels:
+            for name in PARAMETERS:
+                p = there[label].parameter(name) if label in there else None
+                yield SpecificationEstimate(
+                    timing_point=label,
+                    parameter=name,
+                    **self.choice,
+                    value=p.value if p else None,
+                    ci_low=p.ci_low if p else None,
+                    ci_high=p.ci_high if p else None,
+                    status=p.status if p else self.missing.status,
+                )
+
+
+def _recommended(
+    participant: str,
+    sources: Sequence[Source],
+    settings: ParticipantSettings,
+    choices: Choices,
+) -> Iterator[_Found]:
+    estimator = _SpecifiedEstimator(participant, sources, settings)
+    candidates = assign_pulses(
+        participant, sources, settings, baseline=estimator.baseline, alone=True
+    )
+    missing = _why_missing(sources, candidates)
+    for baseline in choices.baselines:
+        for model in choices.inertia_models:
+            choice = {
+                "method": RECOMMENDED,
+                "baseline": baseline,
+                "window_s": settings.perturbations.window_s,
+                "cutoff_hz": None,
+                "inertia_model": model,
+            }
+            cells = estimator.under(candidates, baseline=baseline, inertia_model=model)
+            yield _Found(choice, cells, missing)
+
+
+def _filtered(
+    participant: str,
+    recordings: Sequence[RecordingInput],
+    settings: ParticipantSettings,
+    choices: Choices,
+    cutoff_hz: float,
+) -> Iterator[_Found]:
+    conditioned = prepare_sources(recordings, _asked(settings, cutoff_hz=cutoff_hz))
+    for baseline in choices.baselines:
+        if baseline == PREDICTED:
+            continue
+        for window_s in choices.windows_s:
+            asked = _asked(settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline)
+            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, asked)
+            candidates = assign_pulses(participant, conditioned, asked, baseline=baseline)
+            choice = {
+                "method": FILTERED,
+                "baseline": baseline,
+                "window_s": window_s,
+                "cutoff_hz": cutoff_hz,
+                "inertia_model": "free",
+            }
+            missing = _why_missing(conditioned, candidates)
+            yield _Found(choice, estimator.run(candidates)[0], missing)
+
+
+def _labels(settings: ParticipantSettings, seen: Sequence[str]) -> list[str]:
+    """Return the timing points that the study names, or has pulses at, in the order of the cycle.
+
+    Of the usual ones that no study named, those without a pulse are left out, unless all are.
+    """
+    group = settings.perturbations.group
+    if group is not None:
+        return group_names(group)
+    points = settings.timing_points
+    ordered = sorted(points, key=lambda name: points[name])
+    if settings.perturbations.timing_points is None and seen:
+        ordered = [name for name in ordered if name in seen]
+    return list(dict.fromkeys([*ordered, *seen]))
+
+
+def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:
+    """Return why a timing point has no pulse."""
+    if any(c.record.code == Exclusion.NO_HEEL_STRIKES for c in candidates):
+        return Failure.NO_HEEL_STRIKES
+    perturbed = any(source.given.condition == "perturbed" for source in sources)
+    return Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
+
+
+def _asked(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
+    return replace(settings, perturbations=settings.perturbations.model_copy(update=changes))
+
+
+def _silent(what: str) -> None:
+    del what

@@ -1,0 +1,1 @@
+"""Known loads on a bench: whole trials, single pulses, stiffness tests."""

@@ -1,0 +1,120 @@
+"""A bench trial inside one frequency band, and where friction may hold its load.
+
+Both records pass the same Gaussian low-pass; the friction's sign passes it too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_opening
+
+from jointz.identify.bench.bench_records import EvenRecord
+
+#: Standard deviation of the Gaussian low-pass in frequency, Hz (-3 dB at 0.83 of it), and the
+#: largest share of the sampling rate it may take.
+BAND_HZ = 40.0
+_BAND_SHARE = 0.1
+#: The direction of motion is read from a wider band: a reversal is sharp.
+_SPEED_BAND = 2.25
+#: Below this share of the RMS speed friction may hold the load: its torque is then unknown.
+_SLOW_SHARE = 0.08
+#: The direction must be this many sds of the speed's noise above it.
+_SLOW_NOISE = 6.0
+_SIGN_SHARE = 0.25  # of the slow speed: width of the smoothed sign
+#: A fast reversal is slow for less than this, s, and its friction is known.
+_SHORTEST_STICK_S = 0.003
+#: Reach of the filter, in sds of its kernel: beside a stick, and at an end of the record.
+_REACH = 4.0
+_EDGE_REACH = 8.0
+_EDGE_S = 0.01  # for the lag
+
+
+@dataclass(frozen=True, slots=True)
+class BandRecord:
+    """A trial inside the band, ready for the regression.
+
+    Parameters
+    ----------
+    omega : (m,) float, rad/s
+        Angular frequencies of the spectra.
+    window : (m,) float
+        The low-pass.
+    angle, direction : (m,) complex
+        Spectra of the angle and of the sign of the velocity; direction unfiltered.
+    torque : (n,) float, N*m
+        Measured torque, filtered.
+    inside, keep : (n,) bool
+        Samples away from the ends; of them those where friction does not hold the load.
+    angle_noise_sd : float, rad
+        White noise on the angle.
+    torque_noise_nm2 : float, N^2*m^2
+        Power of the torque's white noise that passes the filter.
+    step_s : float
+        Time between samples.
+    """
+
+    omega: np.ndarray
+    window: np.ndarray
+    angle: np.ndarray
+    direction: np.ndarray
+    torque: np.ndarray
+    inside: np.ndarray
+    keep: np.ndarray
+    angle_noise_sd: float
+    torque_noise_nm2: float
+    step_s: float
+
+
+def band_hz(step_s: float) -> float:
+    """Return the standard deviation of the Gaussian low-pass, Hz.
+
+    Parameters
+    ----------
+    step_s : float
+        Time between samples.
+    """
+    return min(BAND_HZ, _BAND_SHARE / step_s)
+
+
+def band_record(record: EvenRecord, *, friction: bool) -> BandRecord:
+    """Return a trial's spectra, filtered torque and usable samples.
+
+    Parameters
+    ----------
+    record : EvenRecord
+        The trial.
+    friction : bool
+        Whether friction may hold the load at low speed.
+    """
+    n, band = record.angle.size, band_hz(record.step_s)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(n, record.step_s)
+    window = np.exp(-0.5 * (omega / (2.0 * np.pi * band)) ** 2)
+    angle = np.fft.rfft(record.angle - record.angle.mean())
+    torque = np.fft.irfft(window * np.fft.rfft(record.torque - record.torque.mean()), n)
+    noise = record.noise_sd(record.angle)
+    kernel_s = 1.0 / (2.0 * np.pi * band)
+    inside = np.zeros(n, dtype=bool)
+    edge = int(np.ceil((_EDGE_REACH * kernel_s + _EDGE_S) / record.step_s))
+    inside[edge : n - edge] = True
+    keep = inside.copy()
+    direction = np.zeros_like(angle)
+    if friction:
+        speed_window = np.exp(-0.5 * (omega / (2.0 * np.pi * band * _SPEED_BAND)) ** 2)
+        velocity = np.fft.irfft(1j * omega * speed_window * angle, n)
+        noise_gain = np.sqrt(np.mean((omega * speed_window) ** 2))
+        slow = max(_SLOW_SHARE * float(np.std(velocity)), _SLOW_NOISE * noise * float(noise_gain))
+        direction = np.fft.rfft(np.tanh(velocity / (_SIGN_SHARE * slow)))
+        keep &= ~_may_stick(np.abs(velocity) < slow, record.step_s, kernel_s)
+    passed = float(np.mean(window**2)) * record.noise_sd(record.torque) ** 2
+    return BandRecord(
+        omega, window, angle, direction, torque, inside, keep, noise, passed, record.step_s
+    )
+
+
+def _may_stick(slow: np.ndarray, step_s: float, kernel_s: float) -> np.ndarray:
+    """Return where a stick, which is slow for long, reaches through the filter."""
+    shortest = max(1, round(_SHORTEST_STICK_S / step_s))
+    reach = int(np.ceil(_REACH * kernel_s / step_s))
+    sticks = binary_opening(slow, np.ones(shortest, dtype=bool))
+    reached: np.ndarray = binary_dilation(sticks, np.ones(2 * reach + 1, dtype=bool))
+    return reached

@@ -1,0 +1,206 @@
+"""Loads on a bench from whole trials: the recommended way where a trial is one case."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointz.core.bench_fits import FullRecordFit
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.errors import EstimationError
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.gait.timestamps import find_gaps
+from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
+from jointz.identify.bench.full_record import Impedance, fit_full_record
+from jointz.identify.methods.cell_estimator import CellEstimator
+from jointz.identify.methods.cells import METHODS, PARAMETERS, failed_parameters
+from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.preparation.calibration import pooled_calibration, relative_sd, value_of
+from jointz.identify.preparation.sources import ParticipantSettings, Source
+
+METHOD = "full_record"
+#: A torque that one linear load explains less of is not that of one: a joint moves by itself,
+#: or the unperturbed motion has a torque of its own.
+_LEAST_VAF_PCT = 95.0
+
+
+class FullRecordEstimator:
+    """Estimates every case of a bench from its whole trials.
+
+    A recording whose pulses belong to several cases or groups has no one answer, and one
+    whose torque a single linear load does not explain is no such load: those are
+    estimated from the responses to their pulses, by the method ``dissertation``.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    sources : sequence of Source
+        The participant's recordings, made ready.
+    settings : ParticipantSettings
+        What the study and the caller ask for.
+    """
+
+    def __init__(
+        self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
+    ) -> None:
+        self._participant = participant
+        self._sources = sources
+        self._settings = settings
+        self._by_pulse = CellEstimator(participant, METHODS["dissertation"], sources, settings)
+
+    @property
+    def baseline(self) -> str:
+        """What pulses are assigned with: that of the method for mixed recordings."""
+        return self._by_pulse.baseline
+
+    @property
+    def single(self) -> tuple[PulseEstimate, ...]:
+        """Pulses of mixed recordings, each estimated by itself."""
+        return self._by_pulse.single
+
+    def run(
+        self, candidates: Sequence[Candidate]
+    ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
+        """Return the cells and the pulses with their final codes.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            Every pulse of the participant's perturbed recordings.
+        """
+        cases: dict[int, set[str]] = {}
+        for candidate in candidates:
+            cases.setdefault(candidate.source, set()).add(candidate.record.timing_point)
+        mixed = {label for labels in cases.values() if len(labels) > 1 for label in labels}
+        cells: list[CellEstimate] = []
+        coded: dict[int, PulseRecord] = {}
+        by_pulse = []
+        for label in dict.fromkeys(c.record.timing_point for c in candidates):
+            mine = [c for c in candidates if c.record.timing_point == label]
+            found = None if label in mixed else self._case(label, mine)
+            if found is None:
+                by_pulse += mine
+            else:
+                cells.append(found[0])
+                coded |= found[1]
+        others, records = self._by_pulse.run(by_pulse)
+        coded |= {id(c): r for c, r in zip(by_pulse, records, strict=True)}
+        return (*cells, *others), [coded[id(c)] for c in candidates]
+
+    def _case(
+        self, label: str, candidates: Sequence[Candidate]
+    ) -> tuple[CellEstimate, dict[int, PulseRecord]] | None:
+        """Return a case and its pulses with their codes; None where it is not one linear load."""
+        why = {index: self._why_not(index, candidates) for index in {c.source for c in candidates}}
+        records = {id(c): replace(c.record, code=_code(c, why[c.source])) for c in candidates}
+        used = sorted(index for index, code in why.items() if not code)
+        n_used = sum(not r.code for r in records.values())
+        if not used:
+            return self._cell(label, Failure.ALL_PULSES_EXCLUDED, records, n_used=0), records
+        trials = [self._trial(index) for index in used]
+        known = pooled_calibration([self._sources[i].given.calibration for i in used])
+        try:
+            fit = fit_full_record(
+                trials,
+                intrinsic=_intrinsic(known),
+                torque_gain_sd=relative_sd(known.torque_gain),
+                angle_gain_sd=relative_sd(known.angle_gain),
+                lag_s=_lag(known),
+            )
+        except EstimationError as exc:
+            return self._cell(label, Failure(exc.code), records, n_used=n_used), records
+        if fit.vaf_pct < _LEAST_VAF_PCT:
+            return None
+        return self._cell(label, fit, records, n_used=n_used), records
+
+    def _cell(
+        self,
+        label: str,
+        found: FullRecordFit | Failure,
+        records: dict[int, PulseRecord],
+        *,
+        n_used: int,
+    ) -> CellEstimate:
+        settings = self._settings
+        parameters: tuple[ParameterEstimate, ...]
+        if isinstance(found, FullRecordFit):
+            fit, parameters = found, tuple(found.parameter(name) for name in PARAMETERS)
+        else:
+            fit, parameters = (
+                None,
+                failed_parameters(found, mass_kg=settings.mass_kg, wants_per_mass=settings.walking),
+            )
+        return CellEstimate(
+            participant=self._participant,
+            timing_point=label,
+            onset_gait_pct=None,
+            parameters=parameters,
+            vaf_pct=fit.vaf_pct if fit else None,
+            n_used=n_used,
+            n_excluded=len(records) - n_used,
+            method=METHOD,
+            baseline="none",
+            condition_number=fit.condition_number if fit else None,
+            nuisance=tuple(p for p in fit.parameters if p.name not in PARAMETERS) if fit else (),
+        )
+
+    def _why_not(self, index: int, candidates: Sequence[Candidate]) -> str:
+        """Return why a trial cannot be used as a whole, "" where it can."""
+        source = self._sources[index]
+        recording = source.given.recording
+        time = recording["time"].to_numpy()
+        user = Exclusion.USER.value
+        if any(c.source == index and c.record.code == user for c in candidates):
+            return user
+        if time.size < FEWEST_SAMPLES:
+            return Exclusion.EDGE_OF_RECORD.value
+        if find_gaps(time).size:
+            return Exclusion.GAP.value
+        signals = [self._angle(source), recording["torque"].to_numpy()]
+        if not all(np.isfinite(values).all() for values in signals):
+            return Exclusion.NOT_FINITE.value
+        codes = (Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value)
+        still = (code for values, code in zip(signals, codes, strict=True) if not np.ptp(values))
+        return next(still, "")
+
+    def _trial(self, index: int) -> BenchTrial:
+        source = self._sources[index]
+        recording, known = source.given.recording, source.given.calibration
+        return BenchTrial(
+            time_s=recording["time"].to_numpy(),
+            angle=self._angle(source) / value_of(known.angle_gain, 1.0),
+            torque=recording["torque"].to_numpy() / value_of(known.torque_gain, 1.0),
+        )
+
+    @staticmethod
+    def _angle(source: Source) -> np.ndarray:
+        """Return the deflection of the load: against the far side, where that is recorded."""
+        recording = source.given.recording
+        angle = recording["angle"].to_numpy()
+        return angle - recording["position"].to_numpy() if "position" in recording else angle
+
+
+def _code(candidate: Candidate, why: str) -> str:
+    """Return a pulse's code: its trial's, or none, whatever its own window would say."""
+    return candidate.record.code if candidate.record.code == Exclusion.USER.value else why
+
+
+def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
+    """Return the known lag of the torque behind the angle, and its sd."""
+    torque, angle = known.torque_lag_s, known.angle_lag_s
+    if torque is None:
+        return None
+    late = angle or Calibrated(value=0.0, sd=0.0)
+    return torque.value - late.value, float(np.hypot(torque.sd, late.sd))
+
+
+def _intrinsic(known: CalibrationSpec) -> Impedance:
+    entries = {name: getattr(known, f"intrinsic_{name}") for name in PARAMETERS}
+    given = {name: entry for name, entry in entries.items() if entry is not None}
+    return Impedance(
+        **{name: entry.value for name, entry in given.items()},
+        **{f"{name}_sd": entry.sd for name, entry in given.items()},
+    )

@@ -1,0 +1,394 @@
+"""From replicates or a jackknife to the parameters of a cell: intervals, bounds, values per kg."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from jointz.core.codes import Failure
+from jointz.core.errors import EstimationError
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.study import Calibrated
+from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, calibration_sd
+
+_PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
+_LEVEL = 0.95
+_ONE_SIDED_Z = 1.6448536269514722
+
+
+@dataclass(frozen=True, slots=True)
+class Replicates:
+    """Estimates of resamples, one row each.
+
+    Parameters
+    ----------
+    bounded, unbounded : (R, 3) float
+        K, B, J; NaN where singular.
+    active : (R,) uint8
+        Bit i is set where parameter i is held at zero.
+    """
+
+    bounded: np.ndarray
+    unbounded: np.ndarray
+    active: np.ndarray
+
+    def decided(self) -> "Replicates":
+        """Leave out resamples that were singular.
+
+        Raises
+        ------
+        EstimationError
+            ``ill_conditioned`` when none is left.
+        """
+        fine = np.isfinite(self.bounded).all(axis=1)
+        if not fine.any():
+            raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
+        return Replicates(self.bounded[fine], self.unbounded[fine], self.active[fine])
+
+    def freed(self) -> "Replicates":
+        """Forget the bounds."""
+        return Replicates(self.unbounded, self.unbounded, np.zeros_like(self.active))
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An estimate before its interval.
+
+    Parameters
+    ----------
+    value : (3,) float
+        K, B, J as reported.
+    unbounded : (3,) float
+        Without bounds.
+    held : int
+        Bit i is set where parameter i is held at zero.
+    """
+
+    value: np.ndarray
+    unbounded: np.ndarray
+    held: int
+
+
+class Spread(ABC):
+    """How far an estimate may be off; one interval a parameter.
+
+    Parameters
+    ----------
+    active : (R,) uint8
+        Of each replicate: bit i is set where parameter i stood at the bound.
+    """
+
+    def __init__(self, active: np.ndarray) -> None:
+        self._active = active
+
+    def share_at_bound(self, i: int) -> float:
+        """Return the share of replicates of parameter i that stood at the bound.
+
+        Parameters
+        ----------
+        i : int
+            Which of K, B, J.
+        """
+        return float((self._active >> i & 1).mean())
+
+    @abstractmethod
+    def interval(
+        self, i: int, point: Point, *, bound: float, at_bound: bool
+    ) -> tuple[float, float]:
+        """Return both ends, the intrinsic impedance subtracted; one-sided at the bound.
+
+        Parameters
+        ----------
+        i : int
+            Which of K, B, J.
+        point : Point
+            The estimate.
+        bound : float
+            Where the bound is, the intrinsic impedance subtracted.
+        at_bound : bool
+            Whether it is active.
+        """
+
+    @abstractmethod
+    def method(self, *, at_bound: bool) -> str:
+        """Say in words how the interval was made.
+
+        Parameters
+        ----------
+        at_bound : bool
+            Whether the bound is active.
+        """
+
+
+class BootstrapSpread(Spread):
+    """Percentiles of the replicates.
+
+    Parameters
+    ----------
+    replicates : Replicates
+        All of them decided.
+    settings : FitSettings
+        Gains and intrinsic impedance are drawn for each replicate.
+    what : str
+        What was resampled.
+    rng : numpy.random.Generator
+        Source of the draws.
+    """
+
+    def __init__(
+        self,
+        replicates: Replicates,
+        settings: FitSettings,
+        *,
+        what: str,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(replicates.active)
+        scale, intrinsic = _calibration_draws(settings, len(replicates.bounded), rng)
+        self._bounded = scale[:, None] * replicates.bounded - intrinsic
+        self._free = scale[:, None] * replicates.unbounded - intrinsic
+        self._made = f"of {settings.n_resamples} bootstrap resamples of {what}"
+
+    def interval(
+        self, i: int, point: Point, *, bound: float, at_bound: bool
+    ) -> tuple[float, float]:
+        """Return the percentile interval, one-sided where the bound is active.
+
+        Where all replicates stand at the bound their percentile would be a
+        zero-width interval; the limit is then what the spread of the unbounded
+        replicates allows above the bound.
+
+        Parameters
+        ----------
+        i : int
+            Which of K, B, J.
+        point : Point
+            The estimate.
+        bound : float
+            Where the bound is, the intrinsic impedance subtracted.
+        at_bound : bool
+            Whether it is active.
+        """
+        del point  # percentiles need no centre
+        draws = self._bounded[:, i]
+        if not at_bound:
+            low, high = np.quantile(draws, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
+            return float(low), float(high)
+        limit = float(np.quantile(draws, _LEVEL))
+        reach = bound + _ONE_SIDED_Z * float(self._free[:, i].std())
+        return bound, max(limit, reach)
+
+    def method(self, *, at_bound: bool) -> str:
+        """Say in words how the interval was made.
+
+        Parameters
+        ----------
+        at_bound : bool
+            Whether the bound is active.
+        """
+        return f"{_kind('percentile interval', at_bound=at_bound)} {self._made}"
+
+
+class JackknifeSpread(Spread):
+    """Student's t over the estimates that leave one pulse out.
+
+    Parameters
+    ----------
+    left_out : Replicates
+        One row a pulse left out.
+    lag_shift : (3,) float
+        How far one sd of the lag moves K, B and J.
+    settings : FitSettings
+        Calibration.
+
+    Notes
+    -----
+    B. Efron, "The jackknife, the bootstrap and other resampling plans" (1982),
+    chapter 3; n - 1 degrees of freedom. Errors of the calibration are added in square.
+    """
+
+    def __init__(self, left_out: Replicates, lag_shift: np.ndarray, settings: FitSettings) -> None:
+        super().__init__(left_out.active)
+        self._sd = [_jackknife_sd(v) for v in (left_out.bounded, left_out.unbounded)]
+        self._n = len(left_out.bounded)
+        self._lag_shift = lag_shift
+        self._settings = settings
+
+    def interval(
+        self, i: int, point: Point, *, bound: float, at_bound: bool
+    ) -> tuple[float, float]:
+        """Return estimate and quantile of t times its sd, one-sided where the bound is active.
+
+        Parameters
+        ----------
+        i : int
+            Which of K, B, J.
+        point : Point
+            The estimate.
+        bound : float
+            Where the bound is, the intrinsic impedance subtracted.
+        at_bound : bool
+            Whether it is active.
+        """
+        bounded, free = (self._total(sd[i], i, point) for sd in self._sd)
+        value = float(point.value[i]) + bound
+        if not at_bound:
+            reach = float(student_t.ppf((1 + _LEVEL) / 2, self._n - 1)) * bounded
+            return value - reach, value + reach
+        one_sided = float(student_t.ppf(_LEVEL, self._n - 1))
+        return bound, max(value + one_sided * bounded, bound + one_sided * free)
+
+    def method(self, *, at_bound: bool) -> str:
+        """Say in words how the interval was made.
+
+        Parameters
+        ----------
+        at_bound : bool
+            Whether the bound is active.
+        """
+        kind = _kind("Student's t interval", at_bound=at_bound)
+        return f"{kind} of the delete-one jackknife over {self._n} pulses"
+
+    def _total(self, sd: float, i: int, point: Point) -> float:
+        known = self._settings.calibration
+        gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
+        intrinsic = calibration_sd(getattr(known, f"intrinsic_{PARAMETERS[i]}"))
+        parts = [sd, self._lag_shift[i], gain * point.value[i], intrinsic]
+        return float(np.linalg.norm(parts))
+
+
+def parameter_estimates(
+    point: Point, spread: Spread, settings: FitSettings
+) -> tuple[ParameterEstimate, ...]:
+    """Return K, B, J and the values per kg with intervals and statuses.
+
+    Parameters
+    ----------
+    point : Point
+        The estimate.
+    spread : Spread
+        How far it may be off.
+    settings : FitSettings
+        Intrinsic impedance and mass.
+    """
+    entries = [getattr(settings.calibration, f"intrinsic_{name}") for name in PARAMETERS]
+    estimates = []
+    for i, name in enumerate(PARAMETERS):
+        entry = entries[i]
+        known = 0.0 if entry is None else entry.value
+        share = spread.share_at_bound(i)
+        at_bound = bool(point.held >> i & 1) or share >= 0.5 or point.value[i] == 0.0
+        low, high = spread.interval(i, point, bound=float(0.0 - known), at_bound=at_bound)
+        estimates.append(
+            ParameterEstimate(
+                name=name,
+                value=float(point.value[i] - known),
+                ci_low=low,
+                ci_high=high,
+                status="at_bound" if at_bound else "ok",
+                ci_level=_LEVEL,
+                ci_method=spread.method(at_bound=at_bound),
+                share_at_bound=share,
+                unbounded=float(point.unbounded[i] - known),
+            )
+        )
+    mass_unknown = settings.mass_kg is None and not settings.wants_per_mass
+    return tuple(estimates) + (() if mass_unknown else per_mass(estimates, settings.mass_kg))
+
+
+def failed_parameters(
+    failure: Failure, *, mass_kg: float | None, wants_per_mass: bool
+) -> tuple[ParameterEstimate, ...]:
+    """Return the rows of a cell without an estimate.
+
+    Parameters
+    ----------
+    failure : Failure
+        Why.
+    mass_kg : float or None
+        The participant's mass.
+    wants_per_mass : bool
+        Whether values per kg are expected.
+    """
+    return _empty(failure.status, per_mass=mass_kg is not None or wants_per_mass)
+
+
+def undecided_parameters(settings: FitSettings) -> tuple[ParameterEstimate, ...]:
+    """Return the rows of a cell that its data do not decide.
+
+    Parameters
+    ----------
+    settings : FitSettings
+        Mass, and whether values per kg are expected.
+    """
+    wanted = settings.mass_kg is not None or settings.wants_per_mass
+    return _empty("undecided", per_mass=wanted)
+
+
+def _empty(status: str, *, per_mass: bool) -> tuple[ParameterEstimate, ...]:
+    names = [*PARAMETERS, *(_PER_MASS.values() if per_mass else ())]
+    return tuple(ParameterEstimate(name, None, None, None, status) for name in names)
+
+
+def _kind(two_sided: str, *, at_bound: bool) -> str:
+    return "one-sided upper limit" if at_bound else two_sided
+
+
+def _jackknife_sd(left_out: np.ndarray) -> np.ndarray:
+    n = len(left_out)
+    return np.asarray(np.sqrt((n - 1) / n * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def _calibration_draws(
+    settings: FitSettings, n: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the gain left over (n,) and the intrinsic impedance (n, 3)."""
+    calibration = settings.calibration
+    scale = _gain_draws(calibration.angle_gain, n, rng) / _gain_draws(
+        calibration.torque_gain, n, rng
+    )
+    entries = [getattr(calibration, f"intrinsic_{name}") for name in PARAMETERS]
+    known = np.array([0.0 if e is None else e.value for e in entries])
+    spread = np.array([calibration_sd(e) for e in entries])
+    return scale, known + spread * rng.standard_normal((n, len(PARAMETERS)))
+
+
+def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> np.ndarray:
+    if entry is None or entry.sd == 0.0:
+        return np.ones(n)
+    return np.asarray(1.0 + relative_sd(entry) * rng.standard_normal(n))
+
+
+def per_mass(
+    estimates: Sequence[ParameterEstimate], mass_kg: float | None
+) -> tuple[ParameterEstimate, ...]:
+    """Return the values per kg; failed ones where the mass is missing.
+
+    Parameters
+    ----------
+    estimates : sequence of ParameterEstimate
+        K, B and J.
+    mass_kg : float or None
+        The participant's mass.
+    """
+    return tuple(_divided(e, _PER_MASS[e.name], mass_kg) for e in estimates if e.name in _PER_MASS)
+
+
+def _divided(estimate: ParameterEstimate, name: str, mass: float | None) -> ParameterEstimate:
+    if mass is None:
+        return ParameterEstimate(name, None, None, None, Failure.MASS_MISSING.status)
+
+    def per_kg(value: float | None) -> float | None:
+        return None if value is None else value / mass
+
+    return replace(
+        estimate,
+        name=name,
+        value=per_kg(estimate.value),
+        ci_low=per_kg(estimate.ci_low),
+        ci_high=per_kg(estimate.ci_high),
+        unbounded=per_kg(estimate.unbounded),
+    )

@@ -1,0 +1,152 @@
+"""Averages of a cell under resampled pulses, unperturbed strides and lags."""
+
+import numpy as np
+from scipy.signal import savgol_filter
+from scipy.stats import norm
+from scipy.stats import t as student_t
+
+from jointz.identify.preparation.cell_data import RAW_TORQUE, FitSettings, Windows, lag_sd
+from jointz.identify.preparation.conditioning import TORQUE
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.resampling import resample_weights
+
+#: Half-width of the local cubic that an unfiltered torque is differentiated with, s.
+_SMOOTH_S = 0.01
+_LEAST_FREEDOM = 4
+
+
+def redrawn_averages(
+    windows: Windows, settings: FitSettings, rng: np.random.Generator, weights: np.ndarray
+) -> np.ndarray:
+    """Return the averages of filtered responses under resampling, each drawn to the letter.
+
+    Parameters
+    ----------
+    windows : Windows
+        Filtered.
+    settings : FitSettings
+        To the letter of 4.2.3 only pulses are drawn, otherwise strides too.
+    rng : numpy.random.Generator
+        Source of randomness.
+    weights : (n_resamples, n_pulse) float
+        What is left of each pulse in a resample.
+
+    Returns
+    -------
+    (n_resamples, 4, n) float
+        Averages; the torque is shifted by a draw of the lag that may be left over.
+    """
+    baseline, responses = windows.baseline, windows.responses()
+    averages = np.asarray(weights @ responses.reshape(len(responses), -1))
+    if not (settings.letter or baseline.own):
+        n_strides = baseline.n_sources
+        draws = resample_weights(n_strides, settings.n_resamples, rng, block=baseline.block)
+        # The mean that was subtracted gives way to the mean of the strides drawn.
+        change = baseline.weights(draws) - baseline.weights(np.ones((1, n_strides)))
+        change *= (weights * windows.turned[:, 0, 0])[:, :, None]
+        strides = baseline.windows.reshape(-1, averages.shape[1])
+        averages -= change.reshape(len(weights), -1) @ strides
+    averages = averages.reshape(len(weights), *responses.shape[1:])
+    return _lagged(averages, settings, rng)
+
+
+def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
+    """Return the averages under resampling, to first order in what each stride adds.
+
+    Parameters
+    ----------
+    windows : Windows
+        Filtered or raw.
+    settings : FitSettings
+        Resamples, seed and calibration.
+
+    Returns
+    -------
+    (n_resamples, 4, n) float
+        Averages; the torque (of raw windows, where they have a lead) is shifted by a draw of
+        the lag that may be left over.
+
+    Notes
+    -----
+    A resample's average is that of its pulses minus the sum of what its strides change, as if
+    the pulses were all there: the product of both changes, one over the number of pulses
+    smaller, is left out. That takes a hundredth of the time. Deviations of n pulses are drawn
+    larger by ``sqrt(n / (n - 1))``, which a bootstrap lacks, and by the quantile of Student's t
+    over the normal one; below five pulses no more than for five, or averages would be none.
+    """
+    rng = np.random.default_rng(settings.seed)
+    responses, baseline = windows.responses(), windows.baseline
+    n = len(responses)
+    flat = responses.reshape(n, -1)
+    weights = resample_weights(n, settings.n_resamples, rng) - 1.0 / n
+    averages = flat.mean(axis=0) + _widening(n) * (weights @ flat)
+    if not baseline.own:
+        count = baseline.n_sources
+        draws = resample_weights(count, settings.n_resamples, rng, block=baseline.block)
+        averages -= (draws * count - 1.0) @ _stride_influence(windows)
+    averages = averages.reshape(len(weights), *responses.shape[1:])
+    if windows.lead:
+        return _raw_lagged(averages, settings, rng)
+    return _lagged(averages, settings, rng)
+
+
+def _widening(n: int) -> float:
+    """Return how much larger than in a bootstrap the deviations of n pulses are drawn."""
+    freedom = max(n - 1, _LEAST_FREEDOM)
+    return float(np.sqrt(n / (n - 1)) * student_t.ppf(0.975, freedom) / norm.ppf(0.975))
+
+
+def _stride_influence(windows: Windows) -> np.ndarray:
+    """Return what one stride more adds to the average baseline, (n_sources, 4 * n)."""
+    baseline = windows.baseline
+    counts = np.maximum(baseline.valid.sum(axis=1), 1)
+    share = windows.signs / (len(windows.signs) * counts)
+    away = baseline.windows - baseline.mean()[:, None]
+    away *= (share[:, None] * baseline.valid)[:, :, None, None]
+    influence = np.zeros((baseline.n_sources, away.shape[2] * away.shape[3]))
+    np.add.at(influence, baseline.sources.ravel(), away.reshape(-1, influence.shape[1]))
+    return influence
+
+
+def _lagged(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
+    """Shift each resample's torque by a draw of the lag that may be left over."""
+    sd = lag_sd(settings.calibration)
+    if not sd:
+        return averages
+    late = rng.normal(0.0, sd, size=(len(averages), 1))
+    averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=settings.rate_hz)
+    return averages
+
+
+def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
+    """Return a low-passed torque later by a small time, to second order.
+
+    Parameters
+    ----------
+    torque : (..., n) float, N*m
+        The torque.
+    late_s : (..., 1) float, s
+        How much later.
+    rate_hz : float
+        Sampling rate.
+    """
+    rate = derivative(torque, rate_hz=rate_hz)
+    curvature = derivative(rate, rate_hz=rate_hz)
+    return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
+
+
+def _raw_lagged(
+    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
+) -> np.ndarray:
+    """Do the same to an unfiltered torque, by the derivatives of its local cubic."""
+    sd = lag_sd(settings.calibration)
+    if not sd:
+        return averages
+    late = rng.normal(0.0, sd, size=(len(averages), 1))
+    mean = averages[:, RAW_TORQUE].mean(axis=0)
+    width = 2 * max(2, round(_SMOOTH_S * settings.rate_hz)) + 1
+    rate, curvature = (
+        savgol_filter(mean, width, 3, deriv=order, delta=1.0 / settings.rate_hz) for order in (1, 2)
+    )
+    averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
+    return averages

@@ -1,0 +1,236 @@
+"""Windows of the pulses of a cell and of the unperturbed strides to subtract."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from jointz.core.study import Calibrated
+from jointz.gait.timestamps import resample_stretch
+from jointz.identify.preparation import baselines
+from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.preparation.baselines import Baseline, StridePool
+from jointz.identify.preparation.conditioning import ANGLE, Stretch
+from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+
+
+class WindowCutter:
+    """Cuts windows out of a participant's recordings.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The participant's recordings.
+    settings : ParticipantSettings
+        Window, and whether it is walking.
+    baseline : str
+        What is subtracted.
+    window_s : float, s
+        Length of the windows.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        settings: ParticipantSettings,
+        *,
+        baseline: str,
+        window_s: float,
+    ) -> None:
+        self._sources = sources
+        self._settings = settings
+        self._baseline = baseline
+        self._window_s = window_s
+        self._pools: dict[tuple[int, ...], StridePool] = {}
+
+    def cut(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
+        """Cut the pulses' windows and their baselines, recording by recording.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            The pulses.
+
+        Returns
+        -------
+        windows : (n_pulse, 4, n) float
+            As recorded.
+        baseline : Baseline
+            Unperturbed windows of each.
+        """
+        order = [c.source for c in candidates]
+        parts = []
+        for index in dict.fromkeys(order):
+            mine = [c for c in candidates if c.source == index]
+            parts.append((index, *self._of_source(index, mine)))
+        windows = np.concatenate([w for _, w, _ in parts])
+        baseline = _stacked([(self._home(index), b) for index, _, b in parts])
+        # Back into the order of the candidates.
+        placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
+        back = np.argsort(placed)
+        return windows[back], baseline.take(back)
+
+    def _of_source(
+        self, index: int, candidates: Sequence[Candidate]
+    ) -> tuple[np.ndarray, Baseline]:
+        signals = self._sources[index].signals
+        window_s = self._window_s
+        onsets = np.array([c.pulse.onset_s for c in candidates])
+        elapsed = [c.elapsed_s for c in candidates]
+        windows, _ = signals.cut(onsets, before_s=0.0, after_s=window_s)
+        if self._baseline == "pre_pulse":
+            before, _ = signals.cut(onsets, before_s=baselines.PRE_PULSE_S, after_s=0.0)
+            return windows, baselines.pre_pulse(before, n_samples=windows.shape[2])
+        pool = self._pool(self._home(index))
+        if pool.size == 0 or np.isnan(elapsed).any():
+            return windows, _no_baseline(windows)
+        if self._baseline == "unperturbed_mean":
+            return windows, baselines.unperturbed_mean(pool, elapsed, window_s=window_s)
+        before, _ = signals.cut(onsets, before_s=baselines.MATCH_S, after_s=0.0)
+        angle = np.nan_to_num(before[:, ANGLE])
+        return windows, baselines.matched_strides(pool, onsets, elapsed, angle, window_s=window_s)
+
+    def _home(self, index: int) -> tuple[int, ...]:
+        """Return which recordings make the baseline of the pulses of one."""
+        if self._baseline != "unperturbed_mean":
+            return (index,)
+        unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
+        # A new donning moves the sensor; on a bench every trial has a reference of its own.
+        keys = ("session", "side") if self._settings.walking else ("session", "side", "trial")
+        alike = most_alike(self._sources[index].given, unperturbed, keys=keys)
+        return tuple(k for k, s in enumerate(self._sources) if any(s.given is a for a in alike))
+
+    def _pool(self, home: tuple[int, ...]) -> StridePool:
+        if home not in self._pools:
+            sources = [self._sources[k] for k in home]
+            own = self._baseline == "matched_strides"
+            self._pools[home] = (
+                _own_pool(sources[0])
+                if own
+                else _unperturbed_pool(sources, walking=self._settings.walking)
+            )
+        return self._pools[home]
+
+
+def _no_baseline(windows: np.ndarray) -> Baseline:
+    n = len(windows)
+    return Baseline(
+        np.zeros((n, 1, *windows.shape[1:])), np.zeros((n, 1), dtype=int), np.zeros((n, 1), bool)
+    )
+
+
+def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
+    """Join baselines of several recordings; strides are shared where their home is."""
+    widest = max(b.windows.shape[1] for _, b in parts)
+    windows, sources, valid = [], [], []
+    first: dict[tuple[int, ...], int] = {}
+    total = 0
+    for home, part in parts:
+        if home not in first:
+            first[home] = total
+            total += part.n_sources
+        pad = widest - part.windows.shape[1]
+        windows.append(np.pad(part.windows, ((0, 0), (0, pad), (0, 0), (0, 0))))
+        sources.append(np.pad(part.sources + first[home], ((0, 0), (0, pad)), mode="edge"))
+        valid.append(np.pad(part.valid, ((0, 0), (0, pad))))
+    return Baseline(np.concatenate(windows), np.concatenate(sources), np.concatenate(valid))
+
+
+def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
+    """Collect the strides of the unperturbed condition; a bench trial is one stride."""
+    recordings, starts, onsets = [], [], []
+    for source in sources:
+        if walking and source.strides is None:
+            continue
+        recordings.append(source.signals)
+        onsets.append(_onsets(source))
+        if source.strides is None:
+            starts.append(source.given.recording["time"].to_numpy()[:1])
+        else:
+            starts.append(source.strides.start_s[source.undisturbed])
+    return StridePool(tuple(recordings), tuple(starts), tuple(onsets))
+
+
+def _own_pool(source: Source) -> StridePool:
+    """Collect the strides of a perturbed recording that neither hold nor follow a pulse."""
+    if source.strides is None:
+        return StridePool((), (), ())
+    after_one = np.concatenate([[False], source.undisturbed[:-1]])
+    start = source.strides.start_s[source.undisturbed & after_one]
+    return StridePool((source.signals,), (start,), (_onsets(source),))
+
+
+def _onsets(source: Source) -> np.ndarray:
+    return np.array([p.onset_s for p in source.pulses])
+
+
+def unfiltered_source(source: Source, *, lead_s: float) -> Source:
+    """Return a recording whose rows are those of unfiltered windows, a lead earlier.
+
+    Parameters
+    ----------
+    source : Source
+        The recording, made ready.
+    lead_s : float, s
+        A window cut at an onset begins so much before it.
+
+    Returns
+    -------
+    Source
+        Its rows are the filtered angle, by which strides are matched, then angle, torque and
+        commanded torque as sampled, ``lead_s`` late.
+    """
+    signals = source.signals
+    lead = round(lead_s * signals.rate_hz)
+    runs = tuple(_unfiltered(stretch, source, lead) for stretch in signals.stretches)
+    return replace(source, signals=replace(signals, stretches=runs, guard_s=0.0))
+
+
+def _unfiltered(stretch: Stretch, source: Source, lead: int) -> Stretch:
+    recording, known = source.given.recording, source.given.calibration
+    time = recording["time"].to_numpy()
+    half_a_step = 0.5 * float(np.median(np.diff(time[:1000])))
+    part = slice(
+        int(np.searchsorted(time, stretch.time[0] - half_a_step)),
+        int(np.searchsorted(time, stretch.time[-1] + half_a_step)),
+    )
+    rows = [stretch.signals[ANGLE]]
+    for name, gain, lag in (
+        ("angle", known.angle_gain, known.angle_lag_s),
+        ("torque", known.torque_gain, known.torque_lag_s),
+        ("command", None, None),
+    ):
+        row = np.zeros(stretch.time.size)
+        if name in recording:
+            values = recording[name].to_numpy()[part] / (1.0 if gain is None else gain.value)
+            if name == "command":
+                values = _held(values)
+            row = _at(stretch.time, time[part], values, lag)
+        rows.append(np.concatenate([np.full(lead, row[0]), row[: row.size - lead]]))
+    return Stretch(time=stretch.time, signals=np.stack(rows))
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Return a record with missing samples as the last known one, zero before the first.
+
+    Gaps of angle or torque end a stretch; those of the command need not, for it is no data but
+    an instrument.
+    """
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(values.size), -1))
+    return np.asarray(np.where(last >= 0, values[last], 0.0))
+
+
+def _at(
+    wanted: np.ndarray, time: np.ndarray, values: np.ndarray, lag: Calibrated | None
+) -> np.ndarray:
+    """Return a record at other times, its lag shifted out."""
+    late_s = 0.0 if lag is None else lag.value
+    if not late_s and wanted.size == time.size and np.array_equal(wanted, time):
+        return values
+    rate = (time.size - 1) / (time[-1] - time[0])
+    uniform, even = resample_stretch(time, values, step_s=1.0 / rate)
+    step = (uniform[-1] - uniform[0]) / (uniform.size - 1)
+    where = (wanted + late_s - uniform[0]) / step
+    return np.asarray(map_coordinates(even, [where], order=3, mode="nearest"))

@@ -1,0 +1,1 @@
+"""Impedance as a curve over the gait cycle."""

@@ -1,0 +1,262 @@
+"""Impedance of a joint over the gait cycle, from continuous random perturbation."""
+
+from dataclasses import asdict
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from jointz.core import provenance
+from jointz.core.codes import Failure
+from jointz.core.errors import EstimationError
+from jointz.core.time_varying_fit import TimeVaryingFit
+from jointz.identify.over_cycle.time_varying_curves import (
+    curve_warnings,
+    parameter_curves,
+    phase_responses,
+)
+from jointz.identify.over_cycle.time_varying_segments import (
+    CycleSignals,
+    PhaseEstimate,
+    SegmentLayout,
+    estimate_phase,
+    filter_signals,
+)
+from jointz.identify.over_cycle.time_varying_strides import (
+    ChosenStrides,
+    TimeVaryingSettings,
+    choose_strides,
+    default_length_s,
+    lay_out,
+    locate_strikes,
+)
+from jointz.identify.series.frequency_response_spectra import Input, TorqueSide, prepare_record
+from jointz.identify.series.joint_record import JointRecord, Samples, check_choice, gather_record
+from jointz.kernels.resampling import resample_weights
+
+_WHERE = "identify_time_varying"
+#: Share of the input's power that must be left without what all strides have in common.
+_REPEATED = 1e-3
+
+
+def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, and the strides
+    recording: Samples | None = None,
+    *,
+    angle: npt.ArrayLike | None = None,
+    torque: npt.ArrayLike | None = None,
+    command: npt.ArrayLike | None = None,
+    time: npt.ArrayLike | None = None,
+    rate_hz: float | None = None,
+    heel_strikes: npt.ArrayLike | None = None,
+    input: Input = "torque",
+    torque_acts_on: TorqueSide = "joint",
+    segment_s: float = 0.1,
+    n_phases: int = 50,
+    cutoff_hz: float = 20.0,
+    length_s: float | None = None,
+    resamples: int = 1000,
+    ci_level: float = 0.95,
+    seed: int = 0,
+) -> TimeVaryingFit:
+    """Estimate impulse response, K, B, J at phases of the gait cycle.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
+        Channels ``angle``, ``torque`` and, where there are, ``command``,
+        ``time`` and ``contact``, in SI. Either this or the arrays.
+    angle : (n,) float, rad, optional
+        Joint angle.
+    torque : (n,) float, N*m, optional
+        Measured torque.
+    command : (n,) float, N*m, optional
+        Commanded random perturbation: the instrument of K, B, J, and needed where
+        the device reacts to the joint.
+    time : (n,) float, s, optional
+        Time stamps. Jitter is resampled linearly; a gap is an error.
+    rate_hz : float, optional
+        Sampling rate, where there are no time stamps.
+    heel_strikes : (k,) float, s, optional
+        Times of the heel strikes, on the clock of ``time`` (from 0 with
+        ``rate_hz``). Otherwise found in the recording's channel ``contact`` (in
+        a dataset also ``ground_reaction_force`` or ``cycle``).
+    input : str
+        What was perturbed. ``torque``: instrumental variables, with the
+        command, else the measured torque. ``angle``: least squares of torque on
+        angle, or the command as instrument where there is one.
+    torque_acts_on : str
+        ``joint``, or ``device``: the sign of the torque is turned.
+    segment_s : float
+        Length of the segments about each phase; K varies linearly inside.
+    n_phases : int
+        Phases, evenly over the cycle: (i + 1/2) / n_phases.
+    cutoff_hz : float
+        Low-pass filter on every signal, zero phase.
+    length_s : float, optional
+        Longest lag of the impulse response: by default 0.3 s for ``torque``,
+        0.04 s to each side for ``angle``.
+    resamples : int
+        Bootstrap resamples of the strides.
+    ci_level : float
+        Level of the pointwise intervals.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    TimeVaryingFit
+        Curves with bands, a phase without a decision ``undecided`` and None.
+
+    Raises
+    ------
+    DataError
+        When the samples or the strides cannot be trusted: missing channel,
+        unequal lengths, NaN, gap, heel strikes out of order, fewer than 30 strides
+        inside the accepted band of durations.
+    EstimationError
+        ``no_heel_strikes``, ``constant_angle``, ``constant_torque``, or
+        ``constant_command`` where the perturbation repeats with the stride.
+    ValueError
+        A setting outside its range; the message states it.
+
+    Notes
+    -----
+    Ensemble and short-segment method: at every phase, the segments of all strides
+    are taken in real time about it, their mean over strides is removed, and the
+    rest is one sample of a joint whose stiffness is K + K'(t - centre):
+    :mod:`jointz.kernels.ensemble_response` has the sources. Samples are weighed
+    by the inverse covariance of the residual over a segment, so the slow
+    variation of the movement from stride to stride hardly counts. Bands
+    resample strides and hold noise only: not the lag between sensors (T reads as B +
+    K T and J + B T), not the torque's gain, and not what happens faster than a
+    segment. A value is the mean over its segment, weighed by information.
+
+    With torque inside the joint, of muscle or of varying movement, least
+    squares of torque on angle reads K far too low; see the page on time-varying
+    impedance for figures.
+
+    Examples
+    --------
+    >>> from scipy.signal import lfilter
+    >>> rng = np.random.default_rng(0)
+    >>> torque = lfilter([0.1], [1.0, -0.9], rng.standard_normal(20_000))
+    >>> angle = lfilter([3e-5], [1.0, -1.95, 0.953], torque)
+    >>> fit = identify_time_varying(
+    ...     angle=angle, torque=torque, rate_hz=500.0, heel_strikes=np.arange(0.0, 40.0, 1.0),
+    ...     n_phases=4, resamples=200,
+    ... )
+    >>> fit.parameter("stiffness").n_decided, fit.n_used
+    (4, 38)
+    """
+    check_choice("input", input, get_args(Input))
+    check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
+    settings = TimeVaryingSettings(
+        input=input,
+        torque_acts_on=torque_acts_on,
+        segment_s=segment_s,
+        length_s=default_length_s(input) if length_s is None else length_s,
+        n_phases=n_phases,
+        cutoff_hz=cutoff_hz,
+        resamples=resamples,
+        seed=seed,
+        ci_level=ci_level,
+    )
+    given = {"angle": angle, "torque": torque, "command": command, "time": time}
+    raw = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
+    settings.check(raw.rate_hz)
+    record = prepare_record(raw, torque_acts_on)
+    strikes = locate_strikes(recording, heel_strikes, record)
+    return _estimate_cycle(record, choose_strides(record, strikes, settings), settings)
+
+
+def _estimate_cycle(
+    record: JointRecord, used: ChosenStrides, settings: TimeVaryingSettings
+) -> TimeVaryingFit:
+    """Estimate all phases and put them together."""
+    gait = (np.arange(settings.n_phases) + 0.5) / settings.n_phases
+    instrument = _instrument(record, settings.input)
+    layout = lay_out(record, used, gait, settings)
+    signals = filter_signals(
+        record.channels,
+        rate_hz=record.rate_hz,
+        cutoff_hz=settings.cutoff_hz,
+        instrument=instrument,
+    )
+    _check_varies(signals, layout, instrument or "angle")
+    weights = resample_weights(
+        used.start_s.size, settings.resamples, np.random.default_rng(settings.seed)
+    )
+    found = [
+        _estimate(signals, layout, phase, settings.input, weights)
+        for phase in range(settings.n_phases)
+    ]
+    curves = parameter_curves(found, ci_level=settings.ci_level)
+    n_used, n_excluded = used.start_s.size, sum(used.excluded.values())
+    return TimeVaryingFit(
+        estimator="least_squares" if instrument is None else "instrumental_variable",
+        input=settings.input,
+        gait_pct=tuple((100.0 * gait).tolist()),
+        parameters=curves,
+        response_of="admittance" if settings.input == "torque" else "impedance",
+        responses=phase_responses(found, layout.response_lags, record.rate_hz),
+        vaf_pct=tuple(one.response.vaf_pct if one else None for one in found),
+        second_order_vaf_pct=tuple(one.fit.vaf_pct if one else None for one in found),
+        status="ok" if all(c.n_decided == settings.n_phases for c in curves) else "undecided",
+        n_used=n_used,
+        n_excluded=n_excluded,
+        excluded=used.excluded,
+        stride_s=float(used.duration_s.mean()),
+        segment_s=float(layout.offsets[-1] - layout.offsets[0]) / record.rate_hz,
+        cutoff_hz=settings.cutoff_hz,
+        rate_hz=record.rate_hz,
+        ci_level=settings.ci_level,
+        ci_method=f"percentiles of {settings.resamples} resamples of the strides",
+        settings=asdict(settings)
+        | {
+            "instrument": instrument,
+            "sha256": record.sha256,
+            "jointz": provenance.software()["jointz"],
+        },
+        warnings=curve_warnings(
+            curves, instrument=instrument, n_excluded=n_excluded, n_used=n_used
+        ),
+    )
+
+
+def _instrument(record: JointRecord, perturbed: str) -> str | None:
+    """Return the channel that moved the joint and is free of what the joint did."""
+    if "command" in record.channels:
+        return "command"
+    return "torque" if perturbed == "torque" else None
+
+
+def _check_varies(signals: CycleSignals, layout: SegmentLayout, name: str) -> None:
+    """Refuse a perturbation that repeats with the stride: nothing is left without the mean."""
+    source = signals.angle if signals.instrument is None else signals.instrument
+    cut = source[layout.centres]
+    if float(np.sum((cut - cut.mean(axis=0)) ** 2)) > _REPEATED * float(np.sum(cut**2)):
+        return
+    code = {
+        "command": Failure.CONSTANT_COMMAND,
+        "torque": Failure.CONSTANT_TORQUE,
+        "angle": Failure.CONSTANT_ANGLE,
+    }[name]
+    raise EstimationError(
+        code.value,
+        f"{_WHERE}: the {name} is the same in every stride, so nothing is left of it without the "
+        "mean over strides. Perturb at random, independently of the stride.",
+    )
+
+
+def _estimate(
+    signals: CycleSignals,
+    layout: SegmentLayout,
+    phase: int,
+    perturbed: str,
+    weights: np.ndarray,
+) -> PhaseEstimate | None:
+    """Return the estimate of a phase, None where its equations have no solution."""
+    try:
+        return estimate_phase(signals, layout, phase, perturbed=perturbed, resampling=weights)
+    except (ValueError, np.linalg.LinAlgError):
+        return None

@@ -1,0 +1,261 @@
+"""Which strides a time-varying estimate uses, and where its segments lie in the record."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import xarray as xr
+
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.errors import DataError, EstimationError
+from jointz.gait.heel_strikes import find_heel_strikes
+from jointz.gait.strides import find_strides
+from jointz.identify.over_cycle.time_varying_segments import SegmentLayout
+from jointz.identify.series.joint_record import JointRecord
+
+_WHERE = "identify_time_varying"
+#: Samples of a segment in one period of the highest frequency.
+_SAMPLES_PER_PERIOD = 5.0
+#: Reach of the filter, in periods of its corner: kept free at the ends of the record.
+_GUARD_PERIODS = 2.0
+#: Longest lag of the admittance and of the instrument; of the two-sided impedance to each side,
+#: before any reflex.
+_ADMITTANCE_S, _IMPEDANCE_S = 0.3, 0.04
+_FEWEST_STRIDES, _FEWEST_SAMPLES = 30, 5
+#: Longest segment, as a share of the stride.
+_LONGEST_SEGMENT = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class TimeVaryingSettings:
+    """What was chosen; see :func:`jointz.identify.over_cycle.time_varying.identify_time_varying`.
+
+    Parameters
+    ----------
+    input, torque_acts_on : str
+        What was perturbed; which side the torque acts on.
+    segment_s, length_s : float
+        Length of a segment; longest lag of the impulse response.
+    n_phases : int
+        Phases.
+    cutoff_hz : float
+        Low-pass filter.
+    resamples, seed : int
+        Of the bootstrap.
+    ci_level : float
+        Level of the intervals.
+    """
+
+    input: str
+    torque_acts_on: str
+    segment_s: float
+    length_s: float
+    n_phases: int
+    cutoff_hz: float
+    resamples: int
+    seed: int
+    ci_level: float
+
+    def check(self, rate_hz: float) -> None:
+        """Raise ValueError for a setting outside its range.
+
+        Parameters
+        ----------
+        rate_hz : float
+            Sampling rate of the record.
+
+        Raises
+        ------
+        ValueError
+            The message names the setting and its range.
+        """
+        highest = rate_hz / _SAMPLES_PER_PERIOD
+        if not 0.0 < self.cutoff_hz <= highest:
+            raise ValueError(
+                f"cutoff_hz: expected 0 < cutoff_hz <= {highest:g} Hz (five samples a period at "
+                f"{rate_hz:g} Hz), got {self.cutoff_hz:g}"
+            )
+        shortest = (_FEWEST_SAMPLES - 1) / (_SAMPLES_PER_PERIOD * self.cutoff_hz)
+        ranges = {
+            "segment_s": (self.segment_s, shortest, 1.0),
+            "length_s": (self.length_s, 0.25 / self.cutoff_hz, 2.0),
+            "n_phases": (self.n_phases, 1, 1000),
+            "resamples": (self.resamples, 100, 100_000),
+            "ci_level": (self.ci_level, 0.5, 0.999),
+        }
+        for name, (value, low, high) in ranges.items():
+            if not low <= value <= high:
+                raise ValueError(f"{name}: expected {low:.4g} <= {name} <= {high:g}, got {value:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenStrides:
+    """Strides that are used, and why the others are not.
+
+    Parameters
+    ----------
+    start_s, duration_s : (n,) float, s
+        Of the strides used.
+    excluded : dict of str to int
+        How many were left out, by code.
+    """
+
+    start_s: np.ndarray
+    duration_s: np.ndarray
+    excluded: dict[str, int]
+
+
+def default_length_s(perturbed: str) -> float:
+    """Return the longest lag of the impulse response that is taken by default, s.
+
+    Parameters
+    ----------
+    perturbed : str
+        ``torque`` or ``angle``.
+    """
+    return _ADMITTANCE_S if perturbed == "torque" else _IMPEDANCE_S
+
+
+def locate_strikes(
+    recording: xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame | None,
+    given_s: npt.ArrayLike | None,
+    record: JointRecord,
+) -> np.ndarray:
+    """Return the heel strikes: those given, else those of the recording's contact.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset, mapping, pandas.DataFrame or None
+        What the user gave.
+    given_s : (k,) float, s, optional
+        Heel strikes that the user gave.
+    record : JointRecord
+        The record, for its time.
+
+    Returns
+    -------
+    (k,) float, s
+        Heel strikes.
+
+    Raises
+    ------
+    DataError
+        When those given are not a list of numbers.
+    EstimationError
+        ``no_heel_strikes``.
+    """
+    if given_s is not None:
+        strikes = np.asarray(given_s, dtype=float)
+        if strikes.ndim != 1 or not np.all(np.isfinite(strikes)):
+            raise DataError(
+                f"{_WHERE}: heel_strikes must be a list of times in s, got shape {strikes.shape} "
+                f"with {np.count_nonzero(~np.isfinite(strikes))} value(s) without a number."
+            )
+        return strikes
+    if isinstance(recording, xr.Dataset):
+        return find_heel_strikes(recording).time_s
+    if recording is None or "contact" not in recording:
+        raise EstimationError(
+            Failure.NO_HEEL_STRIKES.value,
+            f"{_WHERE}: the gait cycle needs heel strikes, found none. Give heel_strikes= (times "
+            "in s) or a channel 'contact'.",
+        )
+    time = recording.get("time", record.time)
+    contact = xr.Dataset(
+        {"contact": ("time", np.asarray(recording["contact"], dtype=float))},
+        coords={"time": np.asarray(time, dtype=float)},
+    )
+    return find_heel_strikes(contact).time_s
+
+
+def choose_strides(
+    record: JointRecord, strikes: np.ndarray, settings: TimeVaryingSettings
+) -> ChosenStrides:
+    """Return the strides inside the accepted band whose segments lie inside the record.
+
+    Parameters
+    ----------
+    record : JointRecord
+        The record.
+    strikes : (k,) float, s
+        Heel strikes.
+    settings : TimeVaryingSettings
+        How far a segment reaches.
+
+    Returns
+    -------
+    ChosenStrides
+        At least 30.
+
+    Raises
+    ------
+    DataError
+        When there are fewer, or a segment is longer than half a stride.
+    """
+    strides = find_strides(strikes, np.empty((0, 2)))
+    longest = max(settings.length_s, _ADMITTANCE_S)
+    reach = 0.5 * settings.segment_s + longest + _GUARD_PERIODS / settings.cutoff_hz
+    inside = (strides.start_s - reach >= record.time[0]) & (
+        strides.end_s + reach <= record.time[-1]
+    )
+    good = strides.accepted & inside
+    codes = [
+        code or Exclusion.EDGE_OF_RECORD.value
+        for code, kept in zip(strides.code, good, strict=True)
+        if not kept
+    ]
+    excluded = dict(sorted(Counter(codes).items()))
+    count = int(np.count_nonzero(good))
+    if count < _FEWEST_STRIDES:
+        why = ", ".join(f"{n} {code}" for code, n in excluded.items()) or "none left out"
+        raise DataError(
+            f"{_WHERE}: expected at least {_FEWEST_STRIDES} strides, found {count} of "
+            f"{strides.start_s.size} ({why}). Record more strides; a stride must last 0.75 to 1.33 "
+            "times the usual one, on the clock of the record."
+        )
+    duration = strides.duration_s[good]
+    if settings.segment_s > _LONGEST_SEGMENT * duration.min():
+        raise DataError(
+            f"{_WHERE}: segment_s of {settings.segment_s:g} s is over half of the shortest stride "
+            f"({duration.min():.3g} s): nothing of the cycle would be resolved. Shorten it."
+        )
+    return ChosenStrides(strides.start_s[good], duration, excluded)
+
+
+def lay_out(
+    record: JointRecord, used: ChosenStrides, gait: np.ndarray, settings: TimeVaryingSettings
+) -> SegmentLayout:
+    """Return where the segments of all strides lie.
+
+    Parameters
+    ----------
+    record : JointRecord
+        The record.
+    used : ChosenStrides
+        Strides.
+    gait : (n_phase,) float
+        Phases, 0 to 1.
+    settings : TimeVaryingSettings
+        Lengths.
+
+    Returns
+    -------
+    SegmentLayout
+        Segments keep real time about a phase: the joint's dynamics do not stretch
+        with the stride.
+    """
+    rate = record.rate_hz
+    step = max(1, round(rate / (_SAMPLES_PER_PERIOD * settings.cutoff_hz)))
+    at = used.start_s[:, np.newaxis] + gait * used.duration_s[:, np.newaxis] - record.time[0]
+    half = max(_FEWEST_SAMPLES // 2, round(0.5 * settings.segment_s * rate / step))
+    last = round(settings.length_s * rate / step)
+    first = -last if settings.input == "angle" else 0
+    return SegmentLayout(
+        centres=np.rint(at * rate).astype(int),
+        offsets=step * np.arange(-half, half + 1),
+        response_lags=step * np.arange(first, last + 1),
+        instrument_lags=step * np.arange(round(_ADMITTANCE_S * rate / step) + 1),
+    )

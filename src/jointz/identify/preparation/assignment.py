@@ -1,0 +1,230 @@
+"""Which pulse belongs to which timing point or group, and which must be left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from jointz.core.codes import Exclusion
+from jointz.core.events import PulseRecord
+from jointz.core.gait_phases import nearest_timing_point
+from jointz.core.study import GroupSpec
+from jointz.gait.phase import gait_phase
+from jointz.identify.preparation.pulses import Pulse
+from jointz.identify.preparation.sources import ParticipantSettings, Source
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A pulse on its way into a cell.
+
+    Parameters
+    ----------
+    source : int
+        Index of its recording among the sources.
+    pulse : Pulse
+        The pulse.
+    record : PulseRecord
+        What will be reported of it.
+    elapsed_s : float, s
+        Time since the last heel strike, or since the start of a bench trial.
+    """
+
+    source: int
+    pulse: Pulse
+    record: PulseRecord
+    elapsed_s: float
+
+    def coded(self, code: str) -> "Candidate":
+        """Return the candidate, left out with a code.
+
+        Parameters
+        ----------
+        code : str
+            Why.
+        """
+        return replace(self, record=replace(self.record, code=str(code)))
+
+
+def assign_pulses(
+    participant: str,
+    sources: Sequence[Source],
+    settings: ParticipantSettings,
+    *,
+    baseline: str,
+    alone: bool = False,
+) -> list[Candidate]:
+    """Give every pulse its timing point or group, and a code where it cannot be used.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    sources : sequence of Source
+        The participant's recordings.
+    settings : ParticipantSettings
+        Timing points, groups, window.
+    baseline : str
+        What will be subtracted; ``pre_pulse`` asks nothing of the gait.
+    alone : bool
+        Whether the only pulse at a timing point can be used.
+
+    Returns
+    -------
+    list of Candidate
+        Every pulse of the perturbed recordings.
+
+    Notes
+    -----
+    A pulse's timing point is the one its table names; without it, the time
+    since the last heel strike over the mean of the last three accepted
+    strides, modulo one, takes the nearest timing point (DESIGN section 4). A phase
+    that cannot be trusted leaves a pulse out only where its timing point or its
+    baseline is made of the gait.
+    """
+    found = []
+    for index, source in enumerate(sources):
+        if source.given.condition == "perturbed" and source.pulses:
+            found += _of_source(participant, index, source, settings, baseline=baseline)
+    if alone:
+        return found
+    usable = [c.record.timing_point for c in found if not c.record.code]
+    return [
+        c.coded(Exclusion.LONE_PULSE)
+        if not c.record.code and usable.count(c.record.timing_point) == 1
+        else c
+        for c in found
+    ]
+
+
+def _of_source(
+    participant: str,
+    index: int,
+    source: Source,
+    settings: ParticipantSettings,
+    *,
+    baseline: str,
+) -> list[Candidate]:
+    onsets = np.array([p.onset_s for p in source.pulses])
+    asked = np.array([baseline != "pre_pulse" or _by_phase(p, settings) for p in source.pulses])
+    phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings, asked)
+    labels = _labels(source, phase_pct, settings)
+    overlap_codes = _overlaps(source.pulses, settings.perturbations.window_s)
+    _, window_codes = source.signals.cut(
+        onsets, before_s=0.0, after_s=settings.perturbations.window_s
+    )
+    grouped = settings.perturbations.group is not None
+    nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
+    outside = _outside(onsets, source)
+    found = []
+    for k, pulse in enumerate(source.pulses):
+        user = settings.leaves_out(source.given.file, pulse.onset_s)
+        edge = Exclusion.EDGE_OF_RECORD.value if outside[k] else ""
+        no_group = "" if labels[k] else nameless.value
+        codes = (edge, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
+        record = PulseRecord(
+            participant=participant,
+            recording=source.given.file,
+            onset_s=pulse.onset_s,
+            duration_s=_known(pulse.duration_s),
+            amplitude=_known(pulse.amplitude),
+            timing_point=labels[k],
+            target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
+            measured_pct=None if outside[k] else _known(phase_pct[k]),
+            code=Exclusion.USER.value if user else next(filter(None, codes), ""),
+            detail="its onset lies outside the perturbed samples" if outside[k] else "",
+        )
+        found.append(Candidate(index, pulse, record, float(elapsed_s[k])))
+    return found
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
+    """Tell whether a pulse takes its timing point from the gait, not from a name or group."""
+    grouped = settings.perturbations.group is not None
+    return settings.walking and not grouped and not pulse.timing_point
+
+
+def _outside(onsets: np.ndarray, source: Source) -> np.ndarray:
+    time = source.given.recording["time"].to_numpy()
+    return np.asarray((onsets < time[0]) | (onsets > time[-1]))
+
+
+def _phases(
+    onsets: np.ndarray, source: Source, settings: ParticipantSettings, asked: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return measured phase (%), time since the last strike (s) and codes of each onset.
+
+    Where nobody asked, what cannot be trusted is unknown instead of coded.
+    """
+    unknown = np.full(onsets.size, np.nan)
+    if not settings.walking and source.strides is None:
+        return unknown, onsets - source.given.recording["time"].to_numpy()[0], [""] * onsets.size
+    if source.strides is None:
+        return unknown, unknown, [""] * onsets.size
+    if source.strides.start_s.size == 0:
+        silent = np.where(asked, Exclusion.NO_HEEL_STRIKES.value, "")
+        return unknown, unknown, silent.tolist()
+    phase = gait_phase(onsets, source.strides)
+    known = asked | (np.array(phase.code) == "")
+    codes = np.where(known, phase.code, "")
+    return np.where(known, phase.pct, np.nan), phase.elapsed_s, codes.tolist()
+
+
+def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings) -> list[str]:
+    """Return each pulse's timing point, group, trial or case; "" where it has none."""
+    group = settings.perturbations.group
+    if group is not None:
+        return _group_labels(source, group, settings)
+    attrs = source.given.recording.attrs
+    # Trials of one session are repetitions of one case.
+    case = attrs["session"] or attrs["trial"] or "all_pulses"
+    labels = []
+    for pulse, pct in zip(source.pulses, phase_pct, strict=True):
+        measured = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
+        labels.append(pulse.timing_point or (measured if settings.walking else case))
+    return labels
+
+
+def _group_labels(source: Source, group: GroupSpec, settings: ParticipantSettings) -> list[str]:
+    recording = source.given.recording
+    time, values = recording["time"].to_numpy(), recording[group.channel].to_numpy()
+    onsets = [p.onset_s for p in source.pulses]
+    at_onset = values[np.clip(np.searchsorted(time, onsets), 0, time.size - 1)]
+    index = np.digitize(at_onset, settings.group_edges) - 1
+    names = group_names(group)
+    return [
+        names[i] if 0 <= i < len(names) and np.isfinite(x) else ""
+        for i, x in zip(index, at_onset, strict=True)
+    ]
+
+
+def group_names(group: GroupSpec) -> list[str]:
+    """Return the names of the groups, with the study's own edges and unit.
+
+    Parameters
+    ----------
+    group : GroupSpec
+        The groups.
+
+    Examples
+    --------
+    >>> group_names(GroupSpec(channel="ankle_position", edges=(-0.45, -0.15, 0.0), unit="rad"))
+    ['-0.45..-0.15 rad', '-0.15..0 rad']
+    """
+    unit = f" {group.unit}" if group.unit else ""
+    return [f"{a:g}..{b:g}{unit}" for a, b in pairwise(group.edges)]
+
+
+def _overlaps(pulses: Sequence[Pulse], window_s: float) -> list[str]:
+    codes = [""] * len(pulses)
+    for i, (pulse, following) in enumerate(pairwise(pulses)):
+        if following.onset_s < pulse.onset_s + window_s:
+            codes[i] = Exclusion.OVERLAPPING_PULSE.value
+        if following.onset_s < pulse.onset_s + pulse.duration_s:
+            codes[i + 1] = Exclusion.OVERLAPPING_PULSE.value
+    return codes

@@ -1,0 +1,301 @@
+"""What goes into the fit of a cell and what comes out of it, whatever the method."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.errors import EstimationError
+from jointz.core.estimates import ParameterEstimate, Response
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.preparation.baselines import Baseline
+from jointz.identify.preparation.conditioning import ANGLE, TORQUE
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+#: Rows of the windows that methods for unfiltered signals take.
+MATCHED_ANGLE, RAW_ANGLE, RAW_TORQUE, RAW_COMMAND = range(4)
+#: Below this motion a response is numerical dust, not a movement.
+_DUST_RAD = 1e-9
+_DUST_NM = 1e-9
+#: Regressors this alike cannot be told apart from rounding.
+_WORST_CONDITION = 1e6
+#: A value below this share of its natural scale is zero.
+_DUST_SHARE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class FitSettings:
+    """Settings of a fit.
+
+    Parameters
+    ----------
+    n_resamples : int
+        Bootstrap resamples.
+    seed : int
+        Every cell starts its generator from this seed, so that a result does
+        not depend on which other cells there are.
+    rate_hz : float
+        Sampling rate of the responses.
+    letter : bool
+        To the letter of 4.2.3: the unperturbed mean is held fixed and the mean
+        over replicates is reported. Otherwise unperturbed strides are
+        resampled too and the plug-in estimate is reported.
+    calibration : CalibrationSpec
+        Standard deviations go into the intervals, intrinsic impedance is
+        subtracted.
+    mass_kg : float or None
+        For values per kg.
+    wants_per_mass : bool
+        Whether values per kg are expected even when the mass is missing.
+    bounded : bool
+        Whether K, B, J >= 0 is asked for, as in 4.2.3; 2.2.3 does not.
+    cutoff_hz : float
+        Of the low-pass that the responses went through.
+    """
+
+    n_resamples: int
+    seed: int
+    rate_hz: float
+    letter: bool
+    calibration: CalibrationSpec
+    mass_kg: float | None = None
+    wants_per_mass: bool = True
+    bounded: bool = True
+    cutoff_hz: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Windows of the pulses of a cell, and what they would have been without a pulse.
+
+    Parameters
+    ----------
+    recorded : (n_pulse, 4, n) float
+        With the baseline still in them.
+    signs : (n_pulse,) float
+        Direction of each pulse; responses are turned by it before averaging.
+    baseline : Baseline
+        Unperturbed windows of each pulse.
+    lead : int
+        Samples before the onset, the same behind the end of the window.
+    """
+
+    recorded: np.ndarray
+    signs: np.ndarray
+    baseline: Baseline
+    lead: int = 0
+
+    @property
+    def turned(self) -> np.ndarray:
+        """The signs, (n_pulse, 1, 1)."""
+        return np.asarray(self.signs[:, None, None])
+
+    def responses(self) -> np.ndarray:
+        """Return windows minus baseline, turned by the sign, (n_pulse, 4, n)."""
+        return np.asarray(self.turned * (self.recorded - self.baseline.mean()))
+
+
+@dataclass(frozen=True, slots=True)
+class CellData:
+    """All that a method may use of a cell.
+
+    Parameters
+    ----------
+    filtered : Windows
+        Angle (rad), velocity, acceleration and torque (N*m) from each onset, low-passed.
+    raw : Windows or None
+        Angle for matching strides, angle, torque and commanded torque as sampled, from
+        ``lead`` samples before each onset; None where the method does not ask for it.
+    """
+
+    filtered: Windows
+    raw: Windows | None = None
+
+    def unfiltered(self) -> Windows:
+        """Return the raw windows; a method that takes them says so in its entry."""
+        if self.raw is None:
+            raise ValueError(
+                "CellData: this method takes unfiltered windows, found none. Cut them too "
+                "(Method.raw)."
+            )
+        return self.raw
+
+
+@dataclass(frozen=True, slots=True)
+class CellFit:
+    """The fit of one cell.
+
+    Parameters
+    ----------
+    parameters : tuple of ParameterEstimate
+        K, B, J and values per kg.
+    vaf_pct : float or None
+        Of the torque of the average filtered response (2.7), %; None where undecided.
+    condition_number : float or None
+        Of the scaled regressors; None where undecided.
+    displacement_rad : float
+        Largest angle of the average response.
+    response : Response or None
+        The average response; None where undecided.
+    nuisance : tuple of ParameterEstimate
+        What had to be estimated beside the impedance.
+    """
+
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float | None
+    condition_number: float | None
+    displacement_rad: float
+    response: Response | None
+    nuisance: tuple[ParameterEstimate, ...] = ()
+
+
+Fit = Callable[[CellData, FitSettings], CellFit]
+
+
+def check_average(average: np.ndarray, condition: float) -> None:
+    """Refuse an average response that has no answer.
+
+    Parameters
+    ----------
+    average : (4, n) float
+        Angle, velocity, acceleration, torque.
+    condition : float
+        Condition number of the scaled regressors.
+
+    Raises
+    ------
+    EstimationError
+        ``constant_angle``, ``constant_torque`` or ``ill_conditioned``.
+    """
+    for row, dust, failure in (
+        (ANGLE, _DUST_RAD, Failure.CONSTANT_ANGLE),
+        (TORQUE, _DUST_NM, Failure.CONSTANT_TORQUE),
+    ):
+        if np.ptp(average[row]) < dust:
+            raise EstimationError(failure, failure.meaning)
+    if not condition < _WORST_CONDITION:
+        raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
+
+
+def check_samples(n: int, fewest: int, *, method: str) -> None:
+    """Refuse windows of too few samples.
+
+    Parameters
+    ----------
+    n : int
+        Samples of a window.
+    fewest : int
+        What the method needs.
+    method : str
+        Its name.
+
+    Raises
+    ------
+    EstimationError
+        ``too_few_samples``.
+    """
+    if n < fewest:
+        raise EstimationError(
+            Failure.TOO_FEW_SAMPLES,
+            f"{method}: expected at least {fewest} samples in a window, got {n}. Record faster, "
+            "or take another method.",
+        )
+
+
+def without_dust(point: np.ndarray, average: np.ndarray) -> np.ndarray:
+    """Return K, B, J with zero for values that are rounding beside torque over motion.
+
+    Parameters
+    ----------
+    point : (3,) float
+        K, B, J.
+    average : (4, n) float
+        Angle, velocity, acceleration, torque.
+    """
+    motion = np.abs(average[:TORQUE]).max(axis=1)
+    dust = _DUST_SHARE * np.abs(average[TORQUE]).max() / motion
+    return np.where(np.abs(point) < dust, 0.0, point)
+
+
+def response_of(average: np.ndarray, fitted: np.ndarray, *, rate_hz: float) -> Response:
+    """Return the average response with the torque fitted to it.
+
+    Parameters
+    ----------
+    average : (4, n) float
+        Angle, velocity, acceleration, torque.
+    fitted : (n,) float, N*m
+        Torque of the model.
+    rate_hz : float
+        Sampling rate.
+    """
+    return Response(
+        time_s=np.arange(average.shape[1]) / rate_hz,
+        angle=average[ANGLE],
+        torque=average[TORQUE],
+        fitted_torque=fitted,
+    )
+
+
+def vaf_pct(average: np.ndarray, fitted: np.ndarray) -> float:
+    """Return the share of the torque's second moment that a fit explains (2.7), %.
+
+    Parameters
+    ----------
+    average : (4, n) float
+        Angle, velocity, acceleration, torque.
+    fitted : (n,) float, N*m
+        Torque of the model.
+    """
+    power = (average[TORQUE] ** 2).sum()
+    return float(100.0 * (1.0 - ((fitted - average[TORQUE]) ** 2).sum() / power))
+
+
+def calibration_sd(entry: Calibrated | None) -> float:
+    """Return the sd of a calibration's entry, zero without one.
+
+    Parameters
+    ----------
+    entry : Calibrated or None
+        The entry.
+    """
+    return 0.0 if entry is None else entry.sd
+
+
+def lag_sd(calibration: CalibrationSpec) -> float:
+    """Return the sd of the lag between angle and torque, s; only their difference matters.
+
+    Parameters
+    ----------
+    calibration : CalibrationSpec
+        What is known of the instruments.
+    """
+    lags = (calibration.angle_lag_s, calibration.torque_lag_s)
+    angle, torque = (calibration_sd(lag) for lag in lags)
+    return float(np.hypot(angle, torque))
+
+
+def dead_signals(windows: np.ndarray) -> list[str]:
+    """Name the signal that stands still in each window, before anything is subtracted.
+
+    What is subtracted moves: a dead sensor minus a baseline looks like a response.
+
+    Parameters
+    ----------
+    windows : (n, 4, T) float
+        Angle, velocity, acceleration, torque as measured; NaN where missing.
+
+    Returns
+    -------
+    list of str
+        ``constant_angle``, ``constant_torque``, or ``""``.
+    """
+    angle = np.ptp(windows[:, ANGLE], axis=1) < _DUST_RAD
+    torque = np.ptp(windows[:, TORQUE], axis=1) < _DUST_NM
+    codes = np.select(
+        [angle, torque],
+        [Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value],
+        default="",
+    )
+    return [str(code) for code in codes]

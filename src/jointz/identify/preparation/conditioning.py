@@ -1,0 +1,313 @@
+"""From a recording to filtered signals on a uniform clock, calibrated.
+
+Angle and torque go through the same zero-phase filter, derivatives are taken
+of the filtered angle, and only then is anything cut (SCIENCE trap 5): the
+second-order model then holds for the filtered signals exactly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import map_coordinates
+
+from jointz.core.codes import Exclusion
+from jointz.core.errors import DataError
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.identify.preparation.calibration import value_of
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+
+#: Rows of a stretch's signals.
+ANGLE, VELOCITY, ACCELERATION, TORQUE = range(4)
+_RATE_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A run of filtered samples without a gap.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Time stamps; kept, because a clock may drift against its nominal rate.
+    signals : (4, n) float
+        Angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m).
+    """
+
+    time: np.ndarray
+    signals: np.ndarray
+
+    def nearest(self, times_s: np.ndarray) -> np.ndarray:
+        """Return the index of the sample nearest to each time.
+
+        Parameters
+        ----------
+        times_s : (k,) float, s
+            Times inside the stretch.
+        """
+        after = np.clip(np.searchsorted(self.time, times_s), 1, self.time.size - 1)
+        earlier = times_s - self.time[after - 1] < self.time[after] - times_s
+        return np.asarray(after - earlier)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditioned:
+    """A recording ready for cutting windows.
+
+    Parameters
+    ----------
+    stretches : tuple of Stretch
+        In order of time.
+    rate_hz : float
+        Samples a second, the same in all stretches.
+    guard_s : float, s
+        What the filter smears: a window keeps this far from a stretch's ends.
+    start_s, end_s : float, s
+        First and last time stamp of the recording.
+    gaps : (k, 2) float, s
+        Holes in the time stamps.
+    """
+
+    stretches: tuple[Stretch, ...]
+    rate_hz: float
+    guard_s: float
+    start_s: float
+    end_s: float
+    gaps: np.ndarray
+
+    def cut(
+        self,
+        starts_s: np.ndarray,
+        *,
+        before_s: float,
+        after_s: float,
+        rows: slice = slice(None),
+        every: int = 1,
+    ) -> tuple[np.ndarray, list[str]]:
+        """Cut one window a start.
+
+        Parameters
+        ----------
+        starts_s : (k,) float, s
+            Where the windows begin; the nearest sample is taken.
+        before_s, after_s : float, s
+            How far the window reaches before and after its start.
+        rows : slice
+            Which of the four signals.
+        every : int
+            Take every so-manieth sample: the signals are low-passed.
+
+        Returns
+        -------
+        windows : (k, 4, n) float
+            NaN where a window could not be cut.
+        codes : list of str
+            ``""``, or why not: a code of :class:`jointz.core.codes.Exclusion`.
+        """
+        starts = np.asarray(starts_s, dtype=float)
+        n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
+        n_rows = len(range(4)[rows])
+        offsets = np.arange(-n_before, n_after, every)
+        windows = np.full((starts.size, n_rows, offsets.size), np.nan)
+        codes = [""] * starts.size
+        home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
+        for index in np.unique(home[home >= 0]):
+            chosen = np.flatnonzero(home == index)
+            stretch = self.stretches[index]
+            columns = stretch.nearest(starts[chosen])[:, None] + offsets
+            windows[chosen] = stretch.signals[rows][:, columns].transpose(1, 0, 2)
+        for k in np.flatnonzero(home < 0):
+            codes[k] = self._why_not(starts[k] - before_s, starts[k] + after_s)
+        return windows, codes
+
+    def _home(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return the index of the stretch that holds each window whole, else -1."""
+        if not self.stretches:
+            return np.full(begins.size, -1)
+        first = np.array([s.time[0] for s in self.stretches])
+        last = np.array([s.time[-1] for s in self.stretches])
+        half_a_sample = 0.5 / self.rate_hz
+        index = np.searchsorted(first, begins + half_a_sample, side="right") - 1
+        inside = (index >= 0) & (ends <= last[np.maximum(index, 0)] + half_a_sample)
+        return np.where(inside, index, -1)
+
+    def _why_not(self, begin: float, end: float) -> str:
+        if begin - self.guard_s < self.start_s or end + self.guard_s > self.end_s:
+            return Exclusion.EDGE_OF_RECORD.value
+        near = (self.gaps[:, 0] < end + self.guard_s) & (self.gaps[:, 1] > begin - self.guard_s)
+        return Exclusion.GAP.value if near.any() else Exclusion.NOT_FINITE.value
+
+
+def condition(
+    recording: xr.Dataset,
+    *,
+    cutoff_hz: float,
+    calibration: CalibrationSpec,
+    target_rate_hz: float | None = None,
+) -> Conditioned:
+    """Filter, differentiate and calibrate a recording.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``angle`` and ``torque``; without a device the torque is zero.
+    cutoff_hz : float
+        Of the fourth-order zero-phase Butterworth low-pass on both sides.
+    calibration : CalibrationSpec
+        Gains are divided out, lags are shifted out, each by its own value.
+    target_rate_hz : float, optional
+        Rate the signals are wanted at; the recording's own by default.
+
+    Returns
+    -------
+    Conditioned
+        Signals of every stretch that is long enough for the filter.
+
+    Raises
+    ------
+    DataError
+        When the cut-off lies above half the sampling rate.
+    """
+    time = recording["time"].to_numpy()
+    raw = _calibrated(recording, calibration)
+    own_rate = rate_hz(time)
+    if cutoff_hz >= own_rate / 2:
+        raise DataError(
+            f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
+            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. Lower cutoff_hz.",
+            path=str(recording.attrs.get("file")),
+        )
+    lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
+    finite = np.isfinite(raw[0]) & np.isfinite(raw[1])
+    runs = [
+        _stretch(
+            time[part],
+            (raw[0][part], raw[1][part]),
+            cutoff_hz=cutoff_hz,
+            lags_s=lags,
+            rates_hz=(own_rate, target_rate_hz or own_rate),
+        )
+        for part in stretches(time, finite)
+        if part.stop - part.start > shortest_record()
+    ]
+    return Conditioned(
+        stretches=tuple(runs),
+        rate_hz=target_rate_hz or own_rate,
+        guard_s=1.0 / cutoff_hz,
+        start_s=float(time[0]),
+        end_s=float(time[-1]),
+        gaps=find_gaps(time),
+    )
+
+
+def torque_from_current(
+    recording: xr.Dataset, model: TorqueModelSpec, *, cutoff_hz: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        With ``current`` and any of ``motor_velocity``, ``motor_angle``,
+        ``velocity`` or ``angle``; all of the output, after the gear.
+    model : TorqueModelSpec
+        Constants of the actuator.
+    cutoff_hz : float
+        Low-pass of a velocity or acceleration that has to be differentiated.
+
+    Returns
+    -------
+    torque : (n,) float, N*m
+        NaN where current or motion are missing.
+    friction : (n,) float, N*m
+        The part of it that friction makes: it is known worse than the rest.
+    """
+    current = recording["current"].to_numpy()
+    velocity, acceleration = _motor_motion(recording, cutoff_hz)
+    size = model.coulomb_friction + model.gear_friction * np.abs(current)
+    friction = -size * np.sign(velocity) - model.viscous_friction * velocity
+    driving = model.bias + model.gear_ratio * model.torque_constant * current
+    return driving + friction - model.rotor_inertia * acceleration, friction
+
+
+def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return velocity and acceleration of the output, as measured as possible.
+
+    The sign of a differentiated velocity is taken after the low-pass; the
+    acceleration is left as it is: the torque it goes into is low-passed later,
+    with the angle and only once.
+    """
+    measured = ("motor_velocity", "motor_angle", "velocity", "angle")
+    name = next(n for n in measured if n in recording)
+    values = recording[name].to_numpy()
+    if name.endswith("velocity"):
+        velocity, acceleration = values, _derivative(recording, values)
+    else:
+        velocity = _derivative(recording, values, cutoff_hz=cutoff_hz)
+        acceleration = _derivative(recording, _derivative(recording, values))
+    if "motor_acceleration" in recording:
+        acceleration = recording["motor_acceleration"].to_numpy()
+    return velocity, acceleration
+
+
+def _derivative(
+    recording: xr.Dataset, values: np.ndarray, *, cutoff_hz: float | None = None
+) -> np.ndarray:
+    time = recording["time"].to_numpy()
+    rate = rate_hz(time)
+    result = np.full_like(values, np.nan)
+    for part in stretches(time, np.isfinite(values)):
+        if part.stop - part.start > shortest_record():
+            run = values[part]
+            if cutoff_hz is not None:
+                run = lowpass_zero_phase(run, cutoff_hz=cutoff_hz, rate_hz=rate)
+            result[part] = derivative(run, rate_hz=rate)
+    return result
+
+
+def _stretch(
+    time: np.ndarray,
+    raw: tuple[np.ndarray, np.ndarray],
+    *,
+    cutoff_hz: float,
+    lags_s: Sequence[float],
+    rates_hz: tuple[float, float],
+) -> Stretch:
+    own_rate, rate = rates_hz
+    signals = np.empty((4, 0))
+    uniform = time
+    for row, values in ((ANGLE, raw[0]), (TORQUE, raw[1])):
+        uniform, even = resample_stretch(time, values, step_s=1.0 / own_rate)
+        signals = signals if signals.shape[1] else np.empty((4, uniform.size))
+        signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
+    signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)
+    signals[ACCELERATION] = derivative(signals[VELOCITY], rate_hz=own_rate)
+    wanted = uniform
+    if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
+        wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
+    late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
+    if wanted is not uniform or late_s.any():
+        # A cubic spline: the signals are low-passed, and a straight line would damp them.
+        where = (wanted - uniform[0] + late_s[:, None]) * own_rate
+        signals = np.stack(
+            [
+                map_coordinates(row, [place], order=3, mode="nearest")
+                for row, place in zip(signals, where, strict=True)
+            ]
+        )
+    return Stretch(time=wanted, signals=signals)
+
+
+def _calibrated(
+    recording: xr.Dataset, calibration: CalibrationSpec
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and torque with their gains divided out; no torque is zero torque."""
+    angle = recording["angle"].to_numpy()
+    torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(angle.size)
+    gains = [value_of(gain, 1.0) for gain in (calibration.angle_gain, calibration.torque_gain)]
+    if gains == [1.0, 1.0]:
+        return angle, torque
+    return angle / gains[0], torque / gains[1]

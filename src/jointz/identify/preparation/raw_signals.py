@@ -1,0 +1,154 @@
+"""A recording as it was sampled, on an even clock, for estimators that model sensors and noise."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.identify.preparation.calibration import value_of
+from jointz.identify.preparation.conditioning import Conditioned, Stretch
+from jointz.identify.preparation.sources import Source
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.filtering import shortest_record
+
+#: Rows of the signals: angle, torque without friction, what friction adds, commanded torque.
+RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
+#: Faster recordings are averaged down to about this: a leg has nothing to say above.
+_RATE_HZ = 500.0
+_SAME_RATE = 1e-3
+_MOTOR_MOTION = ("motor_velocity", "motor_angle")
+_INTRINSIC = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
+
+
+def common_rate_hz(sources: Sequence[Source]) -> float:
+    """Return the rate that all perturbed recordings of a participant can be brought to.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The participant's recordings.
+    """
+    perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
+    rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
+    return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
+
+
+def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditioned:
+    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
+
+    Parameters
+    ----------
+    source : Source
+        A recording made ready.
+    target_hz : float, optional
+        Rate that is wanted; by default the recording's own, or 500 Hz where that is more.
+
+    Returns
+    -------
+    Conditioned
+        Rows: angle (rad), torque on the joint without friction (N*m), what the friction of the
+        actuator adds to it (N*m; zero where torque was measured), commanded torque (N*m). The
+        device's intrinsic impedance is taken out of the torque where the motion of its motor
+        was recorded: behind a soft strap it moves otherwise than the joint.
+    """
+    recording = source.given.recording
+    time = recording["time"].to_numpy()
+    rate = rate_hz(time)
+    rows = _rows(source)
+    wanted = target_hz or rate / max(1, round(rate / _RATE_HZ))
+    every = max(1, round(rate / wanted))
+    runs = []
+    for part in stretches(time, np.isfinite(rows[:COMMAND]).all(axis=0)):
+        if part.stop - part.start < max(2 * every, shortest_record()):
+            continue
+        even, signals = resample_stretch(time[part], rows[:, part], step_s=1.0 / rate)
+        runs.append(_at_rate(_averaged(even, signals, every), rate / every, wanted))
+    return Conditioned(
+        stretches=tuple(runs),
+        rate_hz=wanted,
+        guard_s=0.0,
+        start_s=float(time[0]),
+        end_s=float(time[-1]),
+        gaps=find_gaps(time),
+    )
+
+
+def takes_out_intrinsic(recording: xr.Dataset) -> bool:
+    """Tell whether the intrinsic impedance is taken out of the torque already.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording.
+    """
+    return any(name in recording for name in _MOTOR_MOTION)
+
+
+def _rows(source: Source) -> np.ndarray:
+    recording, known = source.given.recording, source.given.calibration
+    angle = recording["angle"].to_numpy()
+    torque = _channel(recording, "torque", angle.size)
+    friction = _channel(recording, "friction", angle.size)
+    driving = torque - friction
+    if takes_out_intrinsic(recording):
+        driving = driving - _intrinsic_torque(source)
+    torque_gain, angle_gain = value_of(known.torque_gain, 1.0), value_of(known.angle_gain, 1.0)
+    return np.stack(
+        [
+            angle / angle_gain,
+            driving / torque_gain,
+            friction / torque_gain,
+            np.nan_to_num(_channel(recording, "command", angle.size)),
+        ]
+    )
+
+
+def _intrinsic_torque(source: Source) -> np.ndarray:
+    """Return the torque that moves the device itself, N*m."""
+    recording, known = source.given.recording, source.given.calibration
+    stiffness, damping, inertia = (value_of(getattr(known, name), 0.0) for name in _INTRINSIC)
+    time = recording["time"].to_numpy()
+    torque = np.zeros(time.size)
+    if not (stiffness or damping or inertia):
+        return torque
+    name = next(n for n in _MOTOR_MOTION if n in recording)
+    values = recording[name].to_numpy()
+    for part in stretches(time, np.isfinite(values)):
+        if part.stop - part.start < shortest_record():
+            torque[part] = np.nan
+            continue
+        rate = rate_hz(time[part])
+        velocity = values[part]
+        if name == "motor_angle":
+            torque[part] += stiffness * values[part]
+            velocity = derivative(values[part], rate_hz=rate)
+        elif "motor_angle" in recording:
+            torque[part] += stiffness * recording["motor_angle"].to_numpy()[part]
+        torque[part] += damping * velocity + inertia * derivative(velocity, rate_hz=rate)
+    torque[~np.isfinite(values)] = np.nan
+    return torque
+
+
+def _channel(recording: xr.Dataset, name: str, n: int) -> np.ndarray:
+    return recording[name].to_numpy() if name in recording else np.zeros(n)
+
+
+def _averaged(time: np.ndarray, signals: np.ndarray, every: int) -> Stretch:
+    """Average so many samples to one: angle and torque pass the same filter."""
+    if every == 1:
+        return Stretch(time, signals)
+    n = time.size // every
+    blocks = signals[:, : n * every].reshape(len(signals), n, every)
+    return Stretch(time[: n * every].reshape(n, every).mean(axis=1), blocks.mean(axis=2))
+
+
+def _at_rate(stretch: Stretch, rate: float, wanted: float) -> Stretch:
+    """Bring signals to another rate, straight between samples, where it differs enough to matter.
+
+    Windows are counted in samples: 1 ms late at the end of a long one is a rate 0.5 % off.
+    """
+    if abs(rate / wanted - 1.0) < _SAME_RATE:
+        return stretch
+    time = np.arange(stretch.time[0], stretch.time[-1], 1.0 / wanted)
+    return Stretch(time, np.stack([np.interp(time, stretch.time, row) for row in stretch.signals]))

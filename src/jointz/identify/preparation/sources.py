@@ -1,0 +1,331 @@
+"""A participant's recordings made ready: torque, strides, pulses, filtered signals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.study import (
+    CalibrationSpec,
+    DeviceSpec,
+    ParticipantSpec,
+    PerturbationsSpec,
+    TorqueModelSpec,
+    UserExclusion,
+)
+from jointz.gait.heel_strikes import find_heel_strikes
+from jointz.gait.strides import Strides, find_strides
+from jointz.gait.timestamps import find_gaps, rate_hz
+from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
+from jointz.identify.preparation.pulses import (
+    Pulse,
+    pulses_from_angle,
+    pulses_from_command,
+    pulses_from_reference,
+    pulses_from_table,
+    with_measured_amplitudes,
+)
+
+_STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
+#: A line of exclusions.csv means the event this near.
+SAME_TIME_S = 2e-3
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingInput:
+    """A recording with what the study says about it.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording.
+    calibration : CalibrationSpec
+        What is known of the instruments in it.
+    pulse_table : pandas.DataFrame or None
+        Its pulse table.
+    """
+
+    recording: xr.Dataset
+    calibration: CalibrationSpec
+    pulse_table: pd.DataFrame | None = None
+
+    @property
+    def condition(self) -> str:
+        """The recording's condition."""
+        return str(self.recording.attrs["condition"])
+
+    @property
+    def file(self) -> str:
+        """The recording's file, as the study names it."""
+        return str(self.recording.attrs["file"])
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantSettings:
+    """What the study and the caller ask for.
+
+    Parameters
+    ----------
+    walking : bool
+        Walking or bench.
+    perturbations : PerturbationsSpec
+        Of the study.
+    group_edges : tuple of float
+        Edges of the groups, SI.
+    torque_model : TorqueModelSpec or None
+        Torque out of current.
+    methods : tuple of str
+        The chosen method, then those to compare it with.
+    n_resamples, seed : int
+        Of the bootstrap.
+    mass_kg : float or None
+        The participant's mass.
+    user_exclusions : tuple of UserExclusion
+        The user's own, of this participant.
+    joint, positive : str
+        Which joint, and its positive direction.
+    person : ParticipantSpec or None
+        Who it is: for the mass of the limb.
+    device : DeviceSpec or None
+        What hangs on the limb.
+    prior_scale : float
+        Multiplies what the recommended method expects of K, B and J before the data: results
+        that follow it are not decided by the data.
+    """
+
+    walking: bool
+    perturbations: PerturbationsSpec
+    group_edges: tuple[float, ...]
+    torque_model: TorqueModelSpec | None
+    methods: tuple[str, ...]
+    n_resamples: int
+    seed: int
+    mass_kg: float | None
+    user_exclusions: tuple[UserExclusion, ...] = ()
+    joint: str = "knee"
+    positive: str = "flexion"
+    person: ParticipantSpec | None = None
+    device: DeviceSpec | None = None
+    prior_scale: float = 1.0
+
+    @property
+    def timing_points(self) -> Mapping[str, float]:
+        """Timing point -> % of the gait cycle."""
+        return self.perturbations.timing_points or TIMING_POINTS
+
+    def leaves_out(self, file: str, moment_s: float) -> bool:
+        """Tell whether the user left out the pulse or stride that begins then.
+
+        The last line about it in ``exclusions.csv`` counts.
+
+        Parameters
+        ----------
+        file : str
+            The recording, as the study names it.
+        moment_s : float, s
+            Onset of the pulse, or heel strike.
+        """
+        actions = [
+            e.action
+            for e in self.user_exclusions
+            if e.recording == file and abs(e.onset_s - moment_s) < SAME_TIME_S
+        ]
+        return bool(actions) and actions[-1] == "exclude"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A recording with its strides, pulses and filtered signals.
+
+    Parameters
+    ----------
+    given : RecordingInput
+        The recording; its torque is there.
+    strides : Strides or None
+        None where it has no channel to find strikes in.
+    pulses : tuple of Pulse
+        In order of time.
+    signals : Conditioned
+        Filtered signals; without a stretch for a recording without device.
+    undisturbed : (n_stride,) bool
+        Strides that are accepted, hold no pulse and were not left out by the user.
+    """
+
+    given: RecordingInput
+    strides: Strides | None
+    pulses: tuple[Pulse, ...]
+    signals: Conditioned
+    undisturbed: np.ndarray
+
+
+def prepare_sources(
+    recordings: Sequence[RecordingInput], settings: ParticipantSettings
+) -> list[Source]:
+    """Make every recording of a participant ready.
+
+    All are brought to the rate of the first perturbed one.
+
+    Parameters
+    ----------
+    recordings : sequence of RecordingInput
+        All recordings of one participant.
+    settings : ParticipantSettings
+        What to do.
+
+    Raises
+    ------
+    DataError
+        When torque or the source of pulses is missing, or the filter does not
+        fit the sampling rate.
+    """
+    if not recordings:
+        return []
+    unperturbed = [r for r in recordings if r.condition == "unperturbed"]
+    ordered = sorted(recordings, key=lambda r: r.condition != "perturbed")
+    target_hz = rate_hz(ordered[0].recording["time"].to_numpy())
+    return [_source(given, unperturbed, settings, target_hz=target_hz) for given in ordered]
+
+
+def _source(
+    given: RecordingInput,
+    unperturbed: Sequence[RecordingInput],
+    settings: ParticipantSettings,
+    *,
+    target_hz: float,
+) -> Source:
+    given = _with_torque(given, settings)
+    strides = _strides(given.recording)
+    pulses = _pulses(given, unperturbed, settings)
+    signals = condition(
+        given.recording,
+        cutoff_hz=settings.perturbations.cutoff_hz,
+        calibration=given.calibration,
+        target_rate_hz=target_hz,
+    )
+    undisturbed = _undisturbed(given, strides, pulses, settings)
+    return Source(given, strides, pulses, signals, undisturbed)
+
+
+def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
+    recording, model = given.recording, settings.torque_model
+    if "torque" in recording or given.condition == "no_device":
+        return given
+    if model is None or "current" not in recording:
+        raise DataError(
+            f"{given.file}: no torque. Give channels.torque, or channels.current and "
+            "[torque_model].",
+            path=given.file,
+            channel="torque",
+        )
+    cutoff_hz = settings.perturbations.cutoff_hz
+    torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
+    gain = given.calibration.friction_gain
+    if gain is not None and gain.value != 1.0:
+        torque, friction = torque + (gain.value - 1.0) * friction, gain.value * friction
+    units = {"units": "N*m"}
+    with_torque = recording.assign(
+        torque=("time", torque, units), friction=("time", friction, units)
+    )
+    return replace(given, recording=with_torque)
+
+
+def _strides(recording: xr.Dataset) -> Strides | None:
+    """Return the strides, None where the recording has no channel to find them in."""
+    if not any(name in recording for name in _STRIKE_CHANNELS):
+        return None
+    strikes = find_heel_strikes(recording)
+    return find_strides(strikes.time_s, find_gaps(recording["time"].to_numpy()))
+
+
+def _pulses(
+    given: RecordingInput, unperturbed: Sequence[RecordingInput], settings: ParticipantSettings
+) -> tuple[Pulse, ...]:
+    if given.condition == "no_device":
+        return ()
+    source = settings.perturbations.source or _usual_source(given)
+    if given.condition == "unperturbed":
+        # A pulse in the unperturbed condition spoils its stride; only a command can show it.
+        return pulses_from_command(given.recording) if "command" in given.recording else ()
+    if source == "table":
+        if given.pulse_table is None:
+            raise DataError(f'{given.file}: perturbations.source is "table" but it has none.')
+        pulses = with_measured_amplitudes(pulses_from_table(given.pulse_table), given.recording)
+        _check_names(pulses, given.file, settings)
+        return pulses
+    if source == "angle":
+        cutoff_hz = settings.perturbations.cutoff_hz
+        return pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
+    if source == "command":
+        return pulses_from_command(given.recording)
+    partners = most_alike(given, unperturbed, keys=("session", "side", "trial"))
+    if not partners:
+        raise DataError(
+            f"{given.file}: pulses are to be read off the difference of references, which needs "
+            "an unperturbed recording of the same participant. Add it, or a pulse table."
+        )
+    return pulses_from_reference(given.recording, partners[0].recording)
+
+
+def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
+    """Refuse a timing point that the study's own list does not have: most likely a slip."""
+    known = settings.perturbations.timing_points
+    unknown = {p.timing_point for p in pulses if p.timing_point} - set(known or ())
+    if settings.walking and known and unknown:
+        raise DataError(
+            f"{file}: its pulse table names the timing point(s) {', '.join(sorted(unknown))}, "
+            f"perturbations.timing_points has {', '.join(known)}. Correct one of them.",
+            path=file,
+        )
+
+
+def _usual_source(given: RecordingInput) -> str:
+    if given.pulse_table is not None:
+        return "table"
+    return "command" if "command" in given.recording else "reference"
+
+
+def most_alike(
+    given: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
+) -> list[RecordingInput]:
+    """Return the recordings that share most with one: its session, side or trial.
+
+    Parameters
+    ----------
+    given : RecordingInput
+        The recording.
+    others : sequence of RecordingInput
+        Where to choose from.
+    keys : sequence of str
+        Attributes to compare; an earlier one counts more than all later ones.
+
+    Returns
+    -------
+    list of RecordingInput
+        All that are equally alike; without anything in common, all others.
+    """
+
+    def shared(other: RecordingInput) -> tuple[bool, ...]:
+        return tuple(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)
+
+    best = max(map(shared, others), default=())
+    return [other for other in others if shared(other) == best]
+
+
+def _undisturbed(
+    given: RecordingInput,
+    strides: Strides | None,
+    pulses: Sequence[Pulse],
+    settings: ParticipantSettings,
+) -> np.ndarray:
+    """Return which strides are accepted, hold no pulse and were not left out by the user."""
+    if strides is None:
+        return np.zeros(0, dtype=bool)
+    onsets = np.array([p.onset_s for p in pulses])
+    first = np.searchsorted(onsets, strides.start_s)
+    last = np.searchsorted(onsets, strides.start_s + strides.duration_s)
+    left_out = [settings.leaves_out(given.file, start) for start in strides.start_s]
+    return np.asarray(strides.accepted & (first == last) & ~np.array(left_out, dtype=bool))

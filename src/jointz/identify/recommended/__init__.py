@@ -1,0 +1,1 @@
+"""The recommended estimator of walking: prediction, joint and sensor together, refusals."""

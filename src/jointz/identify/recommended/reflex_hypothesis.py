@@ -1,0 +1,152 @@
+"""What if the muscles answered the stretch, besides: a hypothesis beside every other one.
+
+In the window of a pulse a reflex is late stiffness and less damping: pulses of one direction and
+size hardly tell it from K and B. The joint is not simulated anew; its answer to the torque of a
+reflex is one more linear term beside the parameters that were found.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
+from jointz.kernels.response_search import K
+
+#: When a reflex of leg muscles begins after the stretch.
+LATENCIES_S = (0.03, 0.06)
+#: Reflex stiffness over K: as likely below zero (muscles that let go) as above.
+_GAIN_SD = 0.3
+#: Time to the peak of a twitch; velocity that counts as a displacement.
+_TWITCH_S = 0.04
+#: A joint without stiffness may have a reflex: of this share of torque over motion.
+_LEAST_SIZE = 0.2
+
+
+def reflex_shape(
+    i: int, response: CellResponse, posterior: Posterior, *, latency_s: float
+) -> np.ndarray:
+    """Return what a reflex as large as K would add to the angle of a timing point, (n,) rad.
+
+    Parameters
+    ----------
+    i : int
+        Which.
+    response : CellResponse
+        Of the timing point.
+    posterior : Posterior
+        Of the joint and its sensor; the motion is taken as the sensor shows it.
+    latency_s : float, s
+        From stretch to the beginning of the torque.
+
+    Notes
+    -----
+    Velocity of stretch, half-wave rectified, delayed, through a critically damped twitch
+    (Kearney, Stein & Parameswaran 1997, IEEE Transactions on Biomedical Engineering 44, 493).
+    """
+    shown, period_s = posterior.fitted[i], response.period_s
+    n = shown.size
+    times = np.arange(n) * period_s
+    twitch = times / _TWITCH_S * np.exp(-times / _TWITCH_S)
+    late = round(latency_s / period_s)
+    stretch = np.concatenate([np.zeros(late), np.gradient(shown, period_s).clip(0.0)])[:n]
+    return moved_by(i, response, posterior, pull=np.convolve(stretch, twitch)[:n] * period_s)
+
+
+def moved_by(
+    i: int, response: CellResponse, posterior: Posterior, *, pull: np.ndarray
+) -> np.ndarray:
+    """Return the change of the shown angle where the joint is held back besides, (n,) rad.
+
+    Parameters
+    ----------
+    i : int
+        Which timing point.
+    response : CellResponse
+        Its response.
+    posterior : Posterior
+        Of the joint and its sensor.
+    pull : (n,) float, rad
+        Torque that holds back, over K.
+    """
+    shown = posterior.fitted[i]
+    kick = response_to_kick(posterior, i, period_s=response.period_s, n=shown.size)
+    met = float(np.abs(response.torque.sum(axis=0)).max() / np.abs(shown).max())
+    size = max(float(posterior.point(i)[K]), _LEAST_SIZE * met)
+    return np.asarray(-size * np.convolve(kick, pull)[: shown.size])
+
+
+def with_reflexes(
+    posteriors: Sequence[Posterior], cells: Sequence[CellResponse]
+) -> list[Posterior]:
+    """Return posteriors without a reflex, and with one of every latency, even chances.
+
+    Parameters
+    ----------
+    posteriors : sequence of Posterior
+        Hypotheses without a reflex.
+    cells : sequence of CellResponse
+        The responses of the timing points.
+
+    Notes
+    -----
+    One gain for all timing points, reflex torque over K, joins the parameters. To first order
+    about the mode that is exact elimination of one more column of a regression, whose prior is
+    that of the gain.
+    """
+    likeliest = max(posteriors, key=lambda p: p.log_evidence)
+    weights = [cell.weights() for cell in cells]
+    found = [_less_likely(p, 0.5) for p in posteriors]
+    for latency_s in LATENCIES_S:
+        shapes = [
+            reflex_shape(i, cell, likeliest, latency_s=latency_s) for i, cell in enumerate(cells)
+        ]
+        others = [_joined(p, cells, weights, shapes) for p in posteriors]
+        hypotheses = [replace(p.hypothesis, reflex_s=latency_s) for p in posteriors]
+        found += [
+            _less_likely(replace(p, hypothesis=h), 0.5 / len(LATENCIES_S))
+            for p, h in zip(others, hypotheses, strict=True)
+        ]
+    return found
+
+
+def _less_likely(posterior: Posterior, chance: float) -> Posterior:
+    return replace(posterior, log_evidence=posterior.log_evidence + float(np.log(chance)))
+
+
+def _joined(
+    posterior: Posterior,
+    cells: Sequence[CellResponse],
+    weights: Sequence[np.ndarray],
+    shapes: Sequence[np.ndarray],
+) -> Posterior:
+    """Return the posterior with the gain of a reflex among what was fitted."""
+    p = posterior
+    along = sum(gain @ s for gain, s in zip(p.gains, shapes, strict=True))
+    slope = np.linalg.solve(p.bread, along)
+    told = [s @ w for s, w in zip(shapes, weights, strict=True)]
+    curvature = sum(t @ s for t, s in zip(told, shapes, strict=True)) - slope @ along
+    curvature += _GAIN_SD**-2
+    left = [c.angle - f for c, f in zip(cells, p.fitted, strict=True)]
+    gain = float(sum(t @ r for t, r in zip(told, left, strict=True)) / curvature)
+    gains = tuple(
+        g - np.outer(along, (t - slope @ g) / curvature) for g, t in zip(p.gains, told, strict=True)
+    )
+    bread = p.bread + np.outer(along, along) / curvature
+    reach = along / (_GAIN_SD * curvature)
+    covariance = bread @ p.prior_precision @ bread + np.outer(reach, reach)
+    covariance += sum(g @ c.noise @ g.T for g, c in zip(gains, cells, strict=True))
+    # What the other parameters take back: their Jacobian times the change.
+    taken = [np.linalg.solve(w, g.T @ slope) for w, g in zip(weights, p.gains, strict=True)]
+    return replace(
+        p,
+        values=p.values - gain * along,
+        bread=bread,
+        gains=gains,
+        covariance=covariance,
+        reflex_reach=reach,
+        fitted=tuple(f + gain * (s - t) for f, s, t in zip(p.fitted, shapes, taken, strict=True)),
+        log_evidence=p.log_evidence
+        + 0.5 * gain**2 * curvature
+        - 0.5 * float(np.log(curvature * _GAIN_SD**2)),
+    )

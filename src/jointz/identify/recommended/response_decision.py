@@ -1,0 +1,185 @@
+"""From the posterior of a timing point to what is reported: values, intervals, refusals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Failure
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.study import CalibrationSpec
+from jointz.identify.methods.cell_parameters import per_mass
+from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.recommended.response_model import CellResponse
+from jointz.identify.recommended.response_posterior import JointPosterior, Moments
+from jointz.kernels.bounded_normal import bounded_interval
+
+_LEVEL = 0.95
+_Z = 1.959963984540054
+#: An interval that reaches further from its value than this share of it decides nothing.
+_WIDEST = 0.5
+#: Share of the variance that the prior's is of an estimate it has twice the sd of: more is not
+#: told by the data.
+_ASSUMED = 0.25
+#: Sd below zero beyond which the bound contradicts the data.
+_BELOW = 4.0
+_MADE = "posterior over hypotheses about joint and sensor; errors of virtual pulses, calibration"
+
+
+@dataclass(frozen=True, slots=True)
+class NaturalSize:
+    """What K, B and J would be if each alone had answered the torque at the end of the window.
+
+    Parameters
+    ----------
+    stiffness, damping, inertia : float
+        N*m/rad, N*m*s/rad, kg*m^2.
+    """
+
+    stiffness: float
+    damping: float
+    inertia: float
+
+    @classmethod
+    def of(cls, response: CellResponse) -> "NaturalSize":
+        """Return the sizes of an average response.
+
+        Parameters
+        ----------
+        response : CellResponse
+            Of the timing point.
+        """
+        torque = float(np.abs(response.torque.sum(axis=0)).max())
+        angle = float(np.abs(response.angle).max())
+        length_s = float(response.samples_s[-1])
+        stiffness = torque / max(angle, 1e-9)
+        return cls(stiffness, stiffness * length_s / 2.0, stiffness * length_s**2 / 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What else goes into the rows of a timing point.
+
+    Parameters
+    ----------
+    known : CalibrationSpec
+        Gains' sd and the intrinsic impedance.
+    subtract_intrinsic : bool
+        Whether the intrinsic impedance is still in the estimates.
+    mass_kg : float or None
+        For values per kg.
+    natural : NaturalSize
+        By which a limit at the bound is measured.
+    """
+
+    known: CalibrationSpec
+    subtract_intrinsic: bool
+    mass_kg: float | None
+    natural: NaturalSize
+
+    @property
+    def gain_sd(self) -> float:
+        """Relative sd of what both gains leave open: common to K, B and J."""
+        return float(
+            np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
+        )
+
+
+def decided_parameters(
+    i: int, posterior: JointPosterior, decision: Decision
+) -> tuple[ParameterEstimate, ...]:
+    """Return K, B, J and the values per kg of a timing point, or why there are none.
+
+    Parameters
+    ----------
+    i : int
+        Which timing point.
+    posterior : JointPosterior
+        Of the participant.
+    decision : Decision
+        Calibration, mass, sizes.
+
+    Returns
+    -------
+    tuple of ParameterEstimate
+        ``undecided`` where the interval reaches further up than half the value, or where a limit
+        at the bound is no small one or that of the prior; failed where a value is below zero by
+        more than its error explains.
+    """
+    moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
+    rows = [
+        _row(name, m, decision, natural=getattr(decision.natural, name))
+        for name, m in zip(PARAMETERS, moments, strict=True)
+    ]
+    return (*rows, *per_mass(rows, decision.mass_kg))
+
+
+def error_budget(
+    i: int, posterior: JointPosterior, decision: Decision
+) -> dict[str, dict[str, float]]:
+    """Return where the uncertainty of K, B and J comes from: sd by source, SI.
+
+    Parameters
+    ----------
+    i : int
+        Which timing point.
+    posterior : JointPosterior
+        Of the participant.
+    decision : Decision
+        Calibration.
+    """
+    moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
+    budget = {}
+    for name, m in zip(PARAMETERS, moments, strict=True):
+        entry = getattr(decision.known, f"intrinsic_{name}")
+        budget[name] = {
+            **{source: float(np.sqrt(max(v, 0.0))) for source, v in m.sources.items()},
+            "gain": decision.gain_sd * abs(m.mean),
+            "intrinsic": 0.0 if entry is None else entry.sd,
+        }
+    return budget
+
+
+def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> ParameterEstimate:
+    entry = getattr(decision.known, f"intrinsic_{name}")
+    intrinsic = 0.0 if entry is None else entry.value
+    left_in = intrinsic if decision.subtract_intrinsic else 0.0
+    value = moments.mean - left_in
+    parts = [np.sqrt(moments.variance), decision.gain_sd * moments.mean]
+    parts.append(0.0 if entry is None else entry.sd)
+    sd = float(np.linalg.norm(parts))
+    if name == "inertia":
+        low, high = (end - left_in for end in _positive_interval(moments.mean, sd))
+        low = max(low, 0.0)
+    else:
+        low, high = bounded_interval(value, sd, level=_LEVEL)
+    if high <= 0.0 or value < -_BELOW * sd:
+        status = Failure.BELOW_ZERO.status
+        return ParameterEstimate(name, None, None, None, status, unbounded=value)
+    at_bound = low == 0.0
+    assumed = moments.sources.get("prior", 0.0) > _ASSUMED * moments.variance
+    limit = 0.5 * natural if at_bound else (1.0 + _WIDEST) * value
+    if high > limit or (at_bound and assumed):
+        return ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
+    return ParameterEstimate(
+        name=name,
+        value=max(value, 0.0),
+        ci_low=low,
+        ci_high=high,
+        status="at_bound" if at_bound else "ok",
+        ci_level=_LEVEL,
+        ci_method=_MADE,
+        unbounded=value,
+    )
+
+
+def _positive_interval(value: float, sd: float) -> tuple[float, float]:
+    """Return the interval of a mass: its logarithm is what was estimated."""
+    factor = float(np.exp(_Z * sd / value))
+    return value / factor, value * factor
+
+
+def _exponential(moments: Moments) -> Moments:
+    """Return the moments of exp(x), to first order."""
+    value = float(np.exp(moments.mean))
+    return Moments(value, {name: value**2 * v for name, v in moments.sources.items()})

@@ -1,0 +1,1 @@
+"""One time series of a joint: impedance, frequency and impulse responses, reflex."""

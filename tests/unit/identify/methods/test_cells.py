@@ -1,0 +1,350 @@
+"""One cell against a slow obvious implementation, its bounds, its calibration, its failures."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from jointz.core.codes import Failure
+from jointz.core.errors import EstimationError
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.methods.cells import FitSettings, failed_parameters, fit_cell
+from jointz.identify.preparation.baselines import Baseline, pre_pulse
+from jointz.kernels.resampling import resample_weights
+
+RATE_HZ = 1000.0
+N = 100
+T = np.arange(N) / RATE_HZ
+TRUTH = (50.0, 1.5, 0.05)
+
+
+def motion() -> np.ndarray:
+    """Return angle, velocity and acceleration of one response, (3, N)."""
+    total = np.zeros((3, N))
+    for centre, width, height in ((0.055, 0.02, 0.05), (0.09, 0.03, -0.03)):
+        z = (T - centre) / width
+        g = height * np.exp(-(z**2) / 2)
+        total += [g, -g * z / width, g * (z**2 - 1) / width**2]
+    return total
+
+
+def responses(joint=TRUTH, *, n=12, noise=0.0, seed=0) -> np.ndarray:
+    """Return (n, 4, N) responses of different sizes, noise on the torque."""
+    rng = np.random.default_rng(seed)
+    moved = (1 + 0.2 * rng.standard_normal(n))[:, None, None] * motion()
+    torque = np.einsum("k,nkt->nt", np.array(joint), moved)
+    torque += noise * rng.standard_normal(torque.shape)
+    return np.concatenate([moved, torque[:, None]], axis=1)
+
+
+def no_baseline(n: int) -> Baseline:
+    return pre_pulse(np.zeros((n, 4, 50)), n_samples=N)
+
+
+def fit(windows, *, letter=True, calibration=None, signs=None, baseline=None, **more):
+    return fit_cell(
+        windows,
+        np.ones(len(windows)) if signs is None else signs,
+        baseline or no_baseline(len(windows)),
+        settings=FitSettings(
+            n_resamples=more.pop("n_resamples", 200),
+            seed=more.pop("seed", 3),
+            rate_hz=RATE_HZ,
+            letter=letter,
+            calibration=calibration or CalibrationSpec(),
+            **more,
+        ),
+    )
+
+
+def naive(averages: np.ndarray) -> np.ndarray:
+    """Fit every average by scipy, one after the other."""
+    found = []
+    for average in averages:
+        X = average[:3].T
+        scale = np.linalg.norm(X, axis=0)
+        result = lsq_linear(X / scale, average[3], bounds=(0, np.inf), method="bvls", tol=1e-15)
+        found.append(np.where(result.active_mask == 0, result.x, 0.0) / scale)
+    return np.array(found)
+
+
+def test_the_letter_of_4_2_3_is_the_mean_and_the_percentiles_of_scipys_fits():
+    windows = responses((0.3, 1.0, 0.05), noise=0.3)
+    signs = np.resize([1.0, -1.0], len(windows))
+    cell = fit(windows * signs[:, None, None], signs=signs)
+
+    weights = resample_weights(12, 200, np.random.default_rng(3))
+    replicates = naive([sum(w * r for w, r in zip(row, windows, strict=True)) for row in weights])
+    for i, parameter in enumerate(cell.parameters[:3]):
+        mine = replicates[:, i]
+        assert parameter.value == pytest.approx(mine.mean(), rel=1e-6, abs=1e-9)
+        assert parameter.share_at_bound == pytest.approx((mine == 0).mean())
+        if parameter.status == "ok":
+            low, high = np.quantile(mine, [0.025, 0.975])
+            assert parameter.ci_low == pytest.approx(low, rel=1e-6, abs=1e-9)
+            assert parameter.ci_high == pytest.approx(high, rel=1e-6)
+    assert 0.1 < cell.parameters[0].share_at_bound < 0.9
+
+
+def test_otherwise_the_plug_in_is_reported_and_unperturbed_strides_are_drawn_too():
+    rng = np.random.default_rng(8)
+    n, k = 10, 6
+    windows = responses(noise=0.3, n=n)
+    strides = 0.05 * rng.standard_normal((k, 4, N)).cumsum(axis=2) * [[1e-3], [1e-2], [1], [1]]
+    valid = rng.random((n, k)) > 0.2
+    candidates = np.where(valid[:, :, None, None], strides[None], 0.0)
+    sources = np.broadcast_to(np.arange(k), (n, k))
+    signs = np.resize([1.0, -1.0], n)
+    recorded = signs[:, None, None] * windows
+    recorded = recorded + np.array([strides[v].mean(axis=0) for v in valid])
+    cell = fit(
+        recorded,
+        letter=False,
+        signs=signs,
+        baseline=Baseline(candidates, sources, valid),
+        n_resamples=60,
+    )
+
+    random = np.random.default_rng(3)
+    weights = resample_weights(n, 60, random)
+    draws = resample_weights(k, 60, random)
+    averages = []
+    for row, drawn in zip(weights, draws, strict=True):
+        total = np.zeros((4, N))
+        for p in range(n):
+            share = drawn * valid[p]
+            share = share if share.sum() else valid[p].astype(float)
+            mean = sum(s * x for s, x in zip(share / share.sum(), strides, strict=True))
+            total += row[p] * signs[p] * (recorded[p] - mean)
+        averages.append(total)
+    replicates = naive(averages)
+    plug_in = naive([windows.mean(axis=0)])[0]
+    for i, parameter in enumerate(cell.parameters[:3]):
+        assert parameter.value == pytest.approx(plug_in[i], rel=1e-6)
+        low, high = np.quantile(replicates[:, i], [0.025, 0.975])
+        assert parameter.ci_low == pytest.approx(low, rel=1e-5)
+        assert parameter.ci_high == pytest.approx(high, rel=1e-5)
+
+
+def test_vaf_displacement_and_response_are_those_of_the_average():
+    windows = responses(noise=0.2)
+    cell = fit(windows, letter=False)
+
+    average = windows.mean(axis=0)
+    values = np.array([p.value for p in cell.parameters[:3]])
+    error = values @ average[:3] - average[3]
+    assert cell.vaf_pct == pytest.approx(100 * (1 - (error**2).sum() / (average[3] ** 2).sum()))
+    assert cell.displacement_rad == pytest.approx(np.abs(average[0]).max())
+    np.testing.assert_allclose(cell.response.time_s, T)
+    np.testing.assert_allclose(cell.response.angle, average[0])
+    np.testing.assert_allclose(cell.response.fitted_torque, values @ average[:3])
+    X = average[:3].T / np.linalg.norm(average[:3], axis=1)
+    assert cell.condition_number == pytest.approx(np.linalg.cond(X), rel=1e-5)
+
+
+@pytest.mark.parametrize("letter", [True, False])
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.parametrize("K", [0.0, -3.0])
+def test_no_or_negative_stiffness_stands_at_the_bound_without_dust(letter, noise, K):
+    stiffness = fit(responses((K, 1.0, 0.05), noise=noise), letter=letter).parameters[0]
+
+    assert stiffness.status == "at_bound"
+    assert stiffness.ci_low == 0.0
+    assert stiffness.value == 0.0 or stiffness.value > 1e-6
+    assert stiffness.ci_high >= stiffness.value
+    assert "one-sided" in stiffness.ci_method
+    assert stiffness.unbounded == pytest.approx(K, abs=0.3)
+    if noise:
+        assert stiffness.ci_high > 0.01
+    if K < 0:
+        assert stiffness.share_at_bound == 1.0
+
+
+@pytest.mark.parametrize("truth", [(50.0, 0.0, 0.05), (50.0, 1.0, 0.0), (0.0, 0.0, 0.05)])
+@pytest.mark.parametrize("letter", [True, False])
+def test_a_value_of_zero_is_always_at_the_bound(truth, letter):
+    for parameter, true in zip(
+        fit(responses(truth), letter=letter).parameters, truth, strict=False
+    ):
+        assert (parameter.value == 0.0) == (true == 0.0)
+        assert parameter.status == ("at_bound" if true == 0.0 else "ok")
+
+
+def test_intrinsic_impedance_is_subtracted_with_its_sd():
+    known = CalibrationSpec(
+        intrinsic_stiffness=Calibrated(value=10.0, sd=2.0),
+        intrinsic_damping=Calibrated(value=0.5, sd=0.0),
+        intrinsic_inertia=Calibrated(value=0.01, sd=0.001),
+    )
+    cell = fit(responses(), calibration=known, n_resamples=4000)
+
+    for parameter, truth, sd in zip(
+        cell.parameters, (40.0, 1.0, 0.04), (2.0, 0.0, 1e-3), strict=False
+    ):
+        assert parameter.value == pytest.approx(truth, rel=1e-9)
+        width = parameter.ci_high - parameter.ci_low
+        # A quantile of 4000 draws is known to 4 %.
+        assert width == pytest.approx(2 * 1.96 * sd, rel=0.1, abs=1e-9)
+
+
+def test_at_the_bound_the_interval_begins_at_minus_the_intrinsic_value():
+    known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=10.0, sd=0.1))
+    stiffness = fit(responses((-5.0, 1.0, 0.05), noise=0.05), calibration=known).parameters[0]
+
+    assert stiffness.status == "at_bound"
+    assert stiffness.value == stiffness.ci_low == -10.0
+    assert -10.0 < stiffness.ci_high < -9.0
+
+
+@pytest.mark.parametrize("name", ["torque_gain", "angle_gain"])
+def test_the_sd_of_a_gain_widens_all_intervals_in_proportion(name):
+    known = CalibrationSpec(**{name: Calibrated(value=1.05, sd=0.021)})
+    for parameter, truth in zip(
+        fit(responses(), calibration=known, n_resamples=4000).parameters, TRUTH, strict=False
+    ):
+        assert parameter.value == pytest.approx(truth, rel=1e-9)
+        sd = (parameter.ci_high - parameter.ci_low) / (2 * 1.96)
+        assert sd == pytest.approx(0.02 * truth, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["angle_lag_s", "torque_lag_s"])
+@pytest.mark.parametrize("letter", [True, False])
+def test_the_sd_of_a_lag_widens_damping_by_stiffness_times_it(name, letter):
+    # With little inertia a late torque reads as B - K T and J - B T (SCIENCE trap 2).
+    joint = (500.0, 3.0, 0.002)
+    known = CalibrationSpec(**{name: Calibrated(value=0.006, sd=1e-4)})
+    cell = fit(responses(joint), calibration=known, n_resamples=2000, letter=letter)
+
+    _, damping, inertia = cell.parameters[:3]
+    assert (damping.ci_high - damping.ci_low) / 3.92 == pytest.approx(500.0 * 1e-4, rel=0.1)
+    assert (inertia.ci_high - inertia.ci_low) / 3.92 == pytest.approx(3.0 * 1e-4, rel=0.1)
+
+
+def test_values_per_kg_are_the_values_over_the_mass():
+    cell = fit(responses(noise=0.1), mass_kg=80.0)
+
+    names = [p.name for p in cell.parameters]
+    assert names[3:] == ["stiffness_per_mass", "damping_per_mass"]
+    for whole, per_kg in zip(cell.parameters, cell.parameters[3:], strict=False):
+        for field in ("value", "ci_low", "ci_high", "unbounded"):
+            assert getattr(per_kg, field) == pytest.approx(getattr(whole, field) / 80.0)
+        assert per_kg.status == whole.status
+
+
+def test_without_a_mass_only_the_values_per_kg_fail():
+    assert [p.status for p in fit(responses()).parameters] == ["ok"] * 3 + [
+        "failed:mass_missing"
+    ] * 2
+    assert len(fit(responses(), wants_per_mass=False).parameters) == 3
+
+
+@pytest.mark.parametrize(
+    ("spoil", "failure"),
+    [
+        (lambda w: w * [[0], [0], [0], [1]], Failure.CONSTANT_ANGLE),
+        (lambda w: w * [[1], [1], [1], [0]], Failure.CONSTANT_TORQUE),
+        (lambda w: w[:, [0, 0, 2, 3]], Failure.ILL_CONDITIONED),
+        (lambda w: w[:, [0, 1, 0, 3]] * [[1], [1], [-400], [1]], Failure.ILL_CONDITIONED),
+    ],
+    ids=["no motion", "no torque", "velocity like angle", "a sinusoid"],
+)
+@pytest.mark.parametrize("letter", [True, False])
+def test_responses_without_an_answer_are_refused_with_a_code(spoil, failure, letter):
+    with pytest.raises(EstimationError) as refused:
+        fit(spoil(responses(noise=0.1)), letter=letter)
+    assert refused.value.code == failure
+
+
+def test_two_pulses_of_which_resamples_are_singular_are_fitted_by_the_others():
+    windows = responses(n=2)
+    windows[1, :3] = 0.0  # a resample of this pulse alone has no answer
+    cell = fit(windows, letter=False)
+
+    # The average response has half the motion of the first pulse and the torque of both.
+    assert np.isfinite([p.ci_low for p in cell.parameters[:3]]).all()
+
+
+def test_the_seed_decides_the_intervals_and_nothing_else_does():
+    windows = responses(noise=0.2)
+    one, same, other = (fit(windows, seed=s, letter=False) for s in (1, 1, 2))
+
+    assert one.parameters == same.parameters
+    for a, b in zip(one.parameters[:3], other.parameters[:3], strict=True):
+        assert a.value == b.value
+        assert a.ci_low != b.ci_low
+
+
+def test_a_failed_cell_has_a_row_for_every_parameter():
+    rows = failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=True)
+    assert len(rows) == 5
+    assert {r.status for r in rows} == {"failed:no_pulses"}
+    assert all(r.value is None and not r.stands for r in rows)
+    assert len(failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=False)) == 3
+
+
+#: Value, ends of the interval and status of K, B, J, as they were before the family of methods.
+BEFORE_THE_FAMILY = {
+    (True, False, False): [
+        (0.10713458059210167, 0.0, 1.3953714843211833, "at_bound"),
+        (1.5189614181172069, 1.5096912034386025, 1.5304121877344672, "ok"),
+        (0.049856401496523386, 0.04963839329263521, 0.05010657136392572, "ok"),
+    ],
+    (True, False, True): [
+        (0.08626661100368971, 0.0, 1.40303837763268, "at_bound"),
+        (1.5199796707575501, 1.3021089917289976, 1.6779312298849138, "ok"),
+        (0.04980879475681138, 0.04828727178187307, 0.051569178933537796, "ok"),
+    ],
+    (True, True, False): [
+        (10.852891311085443, 8.763915258109307, 13.405449747052037, "ok"),
+        (1.516598942006167, 1.489475454400897, 1.5392977290687886, "ok"),
+        (0.05186970207880016, 0.05150559219546001, 0.05244726229792895, "ok"),
+    ],
+    (True, True, True): [
+        (10.740277557865237, 8.753180820763838, 13.333526323305586, "ok"),
+        (1.5178095000432594, 1.3065607840346352, 1.6887761761106987, "ok"),
+        (0.05180064549348912, 0.05022634727766056, 0.05370106267316432, "ok"),
+    ],
+    (False, False, False): [
+        (0.0, 0.0, 1.3953714843211833, "at_bound"),
+        (1.5194873124448713, 1.5096912034386025, 1.5304121877344672, "ok"),
+        (0.04982131559028092, 0.04963839329263521, 0.05010657136392572, "ok"),
+    ],
+    (False, False, True): [
+        (0.0, 0.0, 1.40303837763268, "at_bound"),
+        (1.5194873124448713, 1.3021089917289976, 1.6779312298849138, "ok"),
+        (0.04982131559028092, 0.04828727178187307, 0.051569178933537796, "ok"),
+    ],
+    (False, True, False): [
+        (10.83012116988431, 0.0, 27.481924601039232, "ok"),
+        (1.5165886249632743, 1.3957382129119202, 1.6056432284263564, "ok"),
+        (0.05185249076546707, 0.049635433743566014, 0.05513875964036751, "ok"),
+    ],
+    (False, True, True): [
+        (10.83012116988431, 0.0, 27.55884271204272, "ok"),
+        (1.5165886249632743, 1.302786473956977, 1.7461592122316585, "ok"),
+        (0.05185249076546707, 0.04861779252323309, 0.055603338111468906, "ok"),
+    ],
+}
+
+
+def shared_strides(n: int) -> Baseline:
+    rng = np.random.default_rng(8)
+    strides = 0.05 * rng.standard_normal((6, 4, N)).cumsum(axis=2) * [[1e-3], [1e-2], [1], [1]]
+    valid = rng.random((n, 6)) > 0.2
+    windows = np.where(valid[:, :, None, None], strides[None], 0.0)
+    return Baseline(windows, np.broadcast_to(np.arange(6), (n, 6)), valid, 4)
+
+
+@pytest.mark.parametrize(("letter", "strides", "lag"), BEFORE_THE_FAMILY)
+def test_the_numbers_of_the_dissertation_and_its_kin_are_what_they_were(letter, strides, lag):
+    known = CalibrationSpec(torque_lag_s=Calibrated(value=0.004, sd=5e-4) if lag else None)
+    cell = fit(
+        responses((0.1, 1.5, 0.05), noise=0.3, n=10),
+        letter=letter,
+        calibration=known,
+        baseline=shared_strides(10) if strides else None,
+    )
+
+    for p, expected in zip(cell.parameters, BEFORE_THE_FAMILY[letter, strides, lag], strict=False):
+        # Only what another build of BLAS adds up in another order.
+        assert [p.value, p.ci_low, p.ci_high] == pytest.approx(expected[:3], rel=1e-10, abs=1e-12)
+        assert p.status == expected[3]

@@ -1,0 +1,157 @@
+"""Recordings on an even clock, unfiltered."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointz.core.recording import build_recording
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, TorqueModelSpec
+from jointz.identify.preparation.raw_signals import (
+    COMMAND,
+    DRIVING,
+    FRICTION,
+    RAW_ANGLE,
+    common_rate_hz,
+    raw_signals,
+    takes_out_intrinsic,
+)
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+
+
+def source(time, channels, *, calibration=None, torque_model=None, condition="perturbed"):
+    recording = build_recording(time, channels, condition=condition, file="walk.csv")
+    settings = ParticipantSettings(
+        walking=True,
+        perturbations=PerturbationsSpec(source="command"),
+        group_edges=(),
+        torque_model=torque_model,
+        methods=("recommended",),
+        n_resamples=10,
+        seed=0,
+        mass_kg=None,
+    )
+    given = RecordingInput(recording, calibration or CalibrationSpec())
+    return prepare_sources([given], settings)[0]
+
+
+def plain(rate_hz, *, length_s=4.0, **more):
+    time = np.arange(round(length_s * rate_hz)) / rate_hz
+    channels = {"angle": np.sin(5.0 * time), "torque": np.cos(3.0 * time), "command": 0.0 * time}
+    return source(time, channels, **more)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "expected"), [(100.0, 100.0), (500.0, 500.0), (1000.0, 500.0), (1900.0, 475.0)]
+)
+def test_fast_recordings_are_averaged_to_about_500_hz(rate_hz, expected):
+    signals = raw_signals(plain(rate_hz))
+    assert signals.rate_hz == pytest.approx(expected, rel=1e-6)
+    stretch = signals.stretches[0]
+    assert np.diff(stretch.time) == pytest.approx(1.0 / expected, rel=1e-6)
+    # A mean over samples is the signal at their mean time, but for its bend.
+    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=1e-5)
+    assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time), abs=1e-5)
+
+
+def test_gains_are_divided_out_and_lags_are_left():
+    known = CalibrationSpec(
+        angle_gain=Calibrated(value=1.1, sd=0.0),
+        torque_gain=Calibrated(value=0.8, sd=0.0),
+        angle_lag_s=Calibrated(value=0.01, sd=0.0),
+    )
+    stretch = raw_signals(plain(500.0, calibration=known)).stretches[0]
+    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time) / 1.1)
+    assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time) / 0.8)
+
+
+def test_friction_of_a_torque_made_of_current_has_its_own_row():
+    time = np.arange(2000) / 500.0
+    velocity = 2.0 * np.sign(np.sin(time))
+    channels = {
+        "angle": np.sin(time),
+        "current": np.full(time.size, 3.0),
+        "motor_velocity": velocity,
+        "command": 0.0 * time,
+    }
+    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, coulomb_friction=0.4)
+    signals = raw_signals(source(time, channels, torque_model=model)).stretches[0].signals
+    assert signals[FRICTION] == pytest.approx(-0.4 * np.sign(velocity))
+    assert signals[DRIVING] == pytest.approx(2.7)
+    assert not signals[COMMAND].any()
+
+
+@pytest.mark.parametrize("motor", ["motor_velocity", "motor_angle"])
+def test_intrinsic_impedance_is_taken_out_where_the_motor_was_recorded(motor):
+    time = np.arange(2000) / 500.0
+    angle = 0.3 * np.sin(4.0 * time)
+    turned = angle if motor == "motor_angle" else 1.2 * np.cos(4.0 * time)
+    channels = {"angle": 0.1 * time, "torque": 0.0 * time, "command": 0.0 * time, motor: turned}
+    known = CalibrationSpec(
+        intrinsic_damping=Calibrated(value=0.5, sd=0.0),
+        intrinsic_inertia=Calibrated(value=0.02, sd=0.0),
+    )
+    made = source(time, channels, calibration=known)
+    stretch = raw_signals(made).stretches[0]
+    expected = -(0.5 * 1.2 * np.cos(4.0 * time) - 0.02 * 4.8 * np.sin(4.0 * time))
+    inner = slice(10, -10)
+    assert takes_out_intrinsic(made.given.recording)
+    assert stretch.signals[DRIVING][inner] == pytest.approx(expected[inner], abs=1e-4)
+
+
+def test_without_the_motor_the_intrinsic_impedance_is_left_in():
+    known = CalibrationSpec(intrinsic_damping=Calibrated(value=0.5, sd=0.0))
+    made = plain(500.0, calibration=known)
+    stretch = raw_signals(made).stretches[0]
+    assert not takes_out_intrinsic(made.given.recording)
+    assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time))
+
+
+def test_missing_samples_and_holes_part_the_stretches():
+    time = np.arange(3000) / 500.0
+    angle = np.sin(time)
+    angle[700:705] = np.nan
+    kept = (time < 3.0) | (time > 3.5)
+    channels = {"angle": angle, "torque": np.cos(time), "command": 0.0 * time}
+    made = source(time[kept], {k: v[kept] for k, v in channels.items()})
+    signals = raw_signals(made)
+    assert [s.time[0] for s in signals.stretches] == pytest.approx([0.0, 1.41, 3.502])
+    assert np.isfinite(np.concatenate([s.signals for s in signals.stretches], axis=1)).all()
+    assert len(signals.gaps) == 1
+
+
+def test_a_jittered_clock_is_made_even_by_its_time_stamps():
+    rng = np.random.default_rng(0)
+    time = np.arange(2000) / 500.0 + 3e-4 * rng.uniform(-1.0, 1.0, 2000)
+    channels = {"angle": np.sin(5.0 * time), "torque": 0.0 * time, "command": 0.0 * time}
+    stretch = raw_signals(source(time, channels)).stretches[0]
+    assert np.ptp(np.diff(stretch.time)) < 1e-9
+    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=5e-5)
+
+
+def test_a_clock_that_drifts_keeps_its_own_time():
+    time = np.arange(5000) / 500.0 * 1.0005
+    channels = {"angle": np.sin(5.0 * time), "torque": 0.0 * time, "command": 0.0 * time}
+    stretch = raw_signals(source(time, channels)).stretches[0]
+    assert stretch.time[-1] == pytest.approx(time[-1])
+    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=1e-9)
+
+
+def test_recordings_of_unlike_rates_come_to_the_slowest():
+    fast, slow, odd = plain(1000.0), plain(240.0), plain(900.0)
+    rate = common_rate_hz([fast, slow, odd])
+    assert rate == pytest.approx(240.0, rel=1e-6)
+    for made in (fast, slow, odd):
+        signals = raw_signals(made, target_hz=rate)
+        stretch = signals.stretches[0]
+        assert signals.rate_hz == rate
+        assert np.diff(stretch.time) == pytest.approx(1.0 / rate, rel=1e-3)
+        # Straight between samples of 200 Hz or more: a 5 rad/s sine is off by a ten-thousandth.
+        assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=3e-4)
+
+
+def test_only_perturbed_recordings_decide_the_common_rate():
+    slow = plain(100.0)
+    level = replace(slow, given=replace(slow.given, recording=slow.given.recording.copy()))
+    level.given.recording.attrs["condition"] = "unperturbed"
+    assert common_rate_hz([plain(500.0), level]) == pytest.approx(500.0)

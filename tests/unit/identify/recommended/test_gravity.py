@@ -1,0 +1,341 @@
+"""Gravity of limb and device against a swinging pendulum, another table and sampled bodies."""
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.study import DeviceSpec, ParticipantSpec
+from jointz.identify.recommended.gravity import (
+    CORRECTED_STIFFNESS,
+    POSTURE_SD_RAD,
+    GravityStiffness,
+    HangingMass,
+    corrected_stiffness,
+    gravity_stiffness,
+    hanging_masses,
+    limb_gravity,
+    thigh_angle,
+)
+
+DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
+MASS_KG, HEIGHT_M = 73.0, 1.74
+GRAVITY = 9.81
+BOB = HangingMass(2.0, 0.3, 0.0, "bob")
+PERSON = ParticipantSpec(id="S01", mass_kg=MASS_KG, height_m=HEIGHT_M)
+FRAME = DeviceSpec(mass_kg=2.0, centre_m=0.18)
+
+
+def at(masses, angle_rad, *, gait_pct=81.0, **options) -> GravityStiffness:
+    found = gravity_stiffness(
+        masses, **({"joint": "knee", "angle_rad": angle_rad, "gait_pct": gait_pct} | options)
+    )
+    assert found is not None
+    return found
+
+
+def apparent(value, low, high, status="ok", **more) -> ParameterEstimate:
+    return ParameterEstimate("stiffness", value, low, high, status, **more)
+
+
+# --- the stiffness -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("knee", [0.1, 0.6, 1.1])
+def test_a_pendulum_on_a_spring_swings_as_fast_as_the_corrected_stiffness_says(knee):
+    """A shank on a spring of known K, held in a posture: its period gives the apparent K."""
+    spring, inertia, gait_pct = 20.0, 0.2, 70.0
+    thigh = thigh_angle(gait_pct)
+
+    def slopes(_, state):
+        moved, rate = state
+        weight = BOB.mass_kg * GRAVITY * BOB.centre_m
+        gravity = weight * (math.sin(knee + moved - thigh) - math.sin(knee - thigh))
+        return rate, -(spring * moved + gravity) / inertia
+
+    def returns(_, state):
+        return state[1]
+
+    returns.direction = -1.0
+    # From -1e-4 rad the joint is back at its other end, speed falling through 0, in half a period.
+    swing = solve_ivp(slopes, (0.0, 2.0), (-1e-4, 0.0), events=returns, rtol=1e-10, atol=1e-14)
+    half_period = next(t for t in swing.t_events[0] if t > 1e-3)
+    seen = inertia * (math.pi / half_period) ** 2
+
+    taken_off = at([BOB], knee, gait_pct=gait_pct).value
+
+    assert seen - taken_off == pytest.approx(spring, abs=0.01)  # N*m/rad
+
+
+def test_gravity_adds_most_when_the_segment_hangs_straight_and_nothing_when_it_lies():
+    thigh = thigh_angle(81.0)
+
+    assert at([BOB], thigh).value == pytest.approx(2.0 * GRAVITY * 0.3)
+    assert at([BOB], thigh + math.pi / 2).value == pytest.approx(0.0, abs=1e-12)
+    assert at([BOB], thigh + math.pi).value == pytest.approx(-2.0 * GRAVITY * 0.3)
+
+
+def test_shank_and_an_exoskeleton_of_two_kg_add_about_0_15_per_kg_in_swing():
+    masses = hanging_masses("knee", PERSON, FRAME)
+    # Winter's knee 4.5 % of the cycle after the two onsets of swing, the middle of the window.
+    swing = [(73.0, 64.5), (85.5, 34.0)]
+
+    found = [at(masses, math.radians(deg), gait_pct=pct).value / MASS_KG for pct, deg in swing]
+
+    assert np.mean(found) == pytest.approx(0.15, abs=0.02)
+    assert found[0] < found[1]  # a bent knee brings the shank nearer to the horizontal
+
+
+def test_turning_the_study_round_changes_nothing():
+    flexed = at([BOB], 0.8)
+
+    assert at([BOB], -0.8, positive="extension") == flexed
+
+
+def test_the_hip_hangs_from_an_upright_trunk_whatever_the_phase():
+    leg = limb_gravity(MASS_KG, HEIGHT_M, joint="hip")
+    assert leg is not None
+
+    found = [at([leg], 0.4, joint="right hip", gait_pct=pct).value for pct in (65.0, 90.0)]
+
+    assert found == pytest.approx([leg.moment_nm * math.cos(0.4)] * 2)
+
+
+@pytest.mark.parametrize(
+    "unknown", [{"joint": "ankle"}, {"joint": "spring"}, {"positive": "abduction"}, {"joint": ""}]
+)
+def test_where_the_posture_is_not_known_there_is_no_correction(unknown):
+    given = {"joint": "knee", "angle_rad": 0.2, "gait_pct": 81.0} | unknown
+
+    assert gravity_stiffness([BOB], **given) is None
+
+
+def test_nothing_that_hangs_is_no_correction_rather_than_zero():
+    assert gravity_stiffness([], joint="knee", angle_rad=0.2, gait_pct=81.0) is None
+
+
+@pytest.mark.parametrize(("angle_rad", "gait_pct"), [(math.nan, 81.0), (0.2, math.inf)])
+def test_an_angle_or_phase_that_is_no_number_is_refused(angle_rad, gait_pct):
+    with pytest.raises(ValueError, match="expected a finite angle and phase"):
+        gravity_stiffness([BOB], joint="knee", angle_rad=angle_rad, gait_pct=gait_pct)
+
+
+@pytest.mark.parametrize(
+    ("gait_pct", "in_stance"),
+    [(0.0, True), (61.9, True), (62.0, False), (93.5, False), (101, True)],
+)
+def test_the_note_says_in_stance_that_body_weight_is_not_in_it(gait_pct, in_stance):
+    note = at([BOB], 0.2, gait_pct=gait_pct).note
+
+    assert ("body weight is not in the gravity term" in note) == in_stance
+
+
+# --- its uncertainty -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("knee_deg", [0.0, 40.0, 65.0, 100.0])
+def test_the_sd_is_that_of_sampled_bodies_and_postures(knee_deg):
+    rng = np.random.default_rng(7)
+    masses = hanging_masses("knee", PERSON, FRAME)
+    claimed = at(masses, math.radians(knee_deg))
+    n = 200_000
+    posture = claimed.segment_angle_rad + POSTURE_SD_RAD * rng.standard_normal(n)
+    moments = sum(m.moment_nm * (1.0 + m.relative_sd * rng.standard_normal(n)) for m in masses)
+    drawn = moments * np.cos(posture)
+
+    # The sd of n normal draws is known to 1/sqrt(2 n), .16 %; four of them.
+    assert claimed.sd == pytest.approx(drawn.std(), rel=0.0065)
+    # The value is that of the middle posture; the mean over postures is smaller by half the
+    # posture's variance, 1 %.
+    assert drawn.mean() == pytest.approx(
+        claimed.value * math.exp(-(POSTURE_SD_RAD**2) / 2), abs=5 * claimed.sd / n**0.5
+    )
+
+
+# --- masses --------------------------------------------------------------------------------------
+
+
+def test_the_leg_below_the_knee_is_winters_share_of_mass_and_height():
+    leg = limb_gravity(MASS_KG, HEIGHT_M)
+
+    assert leg is not None
+    assert leg.mass_kg == pytest.approx(0.061 * MASS_KG)
+    assert leg.centre_m == pytest.approx(0.606 * 0.246 * HEIGHT_M)
+    assert (leg.relative_sd, leg.source) == (0.10, "shank and foot by Winter's table 4.1")
+
+
+#: Single segments of the same table, each from its own row: share of mass, centre from the joint
+#: as a share of height.
+PARTS = {
+    "knee": [(0.0465, 0.433 * 0.246), (0.0145, 0.246 + 0.02)],
+    "hip": [(0.100, 0.433 * 0.245), (0.0465, 0.245 + 0.433 * 0.246), (0.0145, 0.491 + 0.02)],
+    "elbow": [(0.016, 0.430 * 0.146), (0.006, 0.146 + 0.045)],
+    "shoulder": [(0.028, 0.436 * 0.186), (0.016, 0.186 + 0.430 * 0.146), (0.006, 0.332 + 0.045)],
+}
+
+
+@pytest.mark.parametrize("joint", PARTS)
+def test_a_limb_weighs_what_its_segments_weigh_one_by_one(joint):
+    whole = limb_gravity(1.0, 1.0, joint=joint)
+    assert whole is not None
+
+    assert whole.mass_kg == pytest.approx(sum(mass for mass, _ in PARTS[joint]), abs=0.0005)
+    one_by_one = GRAVITY * sum(mass * centre for mass, centre in PARTS[joint])
+    assert whole.moment_nm == pytest.approx(one_by_one, rel=0.06)  # less than the sd claimed
+
+
+def test_without_a_height_the_average_is_taken_said_and_paid_for():
+    known = limb_gravity(MASS_KG, 1.70)
+    guessed = limb_gravity(MASS_KG)
+
+    assert known is not None
+    assert guessed is not None
+    assert guessed.moment_nm == known.moment_nm
+    assert guessed.relative_sd == pytest.approx(math.hypot(0.10, 0.10 / 1.70))
+    assert guessed.source.endswith("height not given: 1.70 m taken")
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [("Knee", "shank and foot"), ("left_ankle", "foot"), ("WRIST", "hand"), ("hip-right", "leg")],
+)
+def test_the_free_name_of_a_joint_is_understood(name, known):
+    limb = limb_gravity(MASS_KG, HEIGHT_M, joint=name)
+
+    assert limb is not None
+    assert limb.source.startswith(f"{known} by")
+
+
+def test_a_joint_without_an_entry_has_no_limb():
+    assert limb_gravity(MASS_KG, HEIGHT_M, joint="mass on a beam") is None
+
+
+@pytest.mark.parametrize(
+    ("mass", "height", "key"), [(0.0, 1.7, "mass_kg"), (70.0, -1.0, "height_m"), (math.nan, 1, "m")]
+)
+def test_a_body_without_mass_or_height_is_refused(mass, height, key):
+    with pytest.raises(ValueError, match=f"{key}.*: expected a number above 0"):
+        limb_gravity(mass, height)
+
+
+def test_a_limb_that_was_weighed_stands_over_the_table():
+    person = PERSON.model_copy(update={"limb_mass_kg": 4.0, "limb_centre_m": 0.25})
+
+    assert hanging_masses("knee", person) == (HangingMass(4.0, 0.25, 0.05, "limb as given"),)
+
+
+def test_limb_and_device_hang_together_and_the_source_names_both():
+    found = at(hanging_masses("knee", PERSON, FRAME), 0.5)
+
+    assert found.source == (
+        "shank and foot by Winter's table 4.1; device as given; posture of normal walking"
+    )
+    alone = [at([mass], 0.5).value for mass in hanging_masses("knee", PERSON, FRAME)]
+    assert found.value == pytest.approx(sum(alone))
+
+
+@pytest.mark.parametrize(
+    ("joint", "person"), [("knee", ParticipantSpec(id="S01")), ("spring", PERSON)]
+)
+def test_a_device_on_a_limb_that_nobody_knows_is_no_half_correction(joint, person):
+    assert hanging_masses(joint, person, FRAME) == ()
+
+
+# --- correction ----------------------------------------------------------------------------------
+
+
+GRAVITY_STIFFNESS = GravityStiffness(9.0, 2.0, -0.5, "table")
+
+
+def test_the_corrected_stiffness_is_less_and_less_certain():
+    estimate = apparent(25.0, 20.0, 32.0, unbounded=25.5)
+
+    corrected = corrected_stiffness(estimate, GRAVITY_STIFFNESS)
+
+    widening = 1.959964 * 2.0
+    assert corrected == replace(
+        estimate,
+        name=CORRECTED_STIFFNESS,
+        value=16.0,
+        ci_low=pytest.approx(16.0 - math.hypot(5.0, widening)),
+        ci_high=pytest.approx(16.0 + math.hypot(7.0, widening)),
+        unbounded=16.5,
+    )
+
+
+def test_a_corrected_stiffness_may_be_negative_and_stays_so():
+    corrected = corrected_stiffness(apparent(4.0, 1.0, 7.0), GRAVITY_STIFFNESS)
+
+    assert corrected.value == -5.0
+    assert corrected.status == "ok"
+
+
+def test_at_a_bound_the_bound_moves_and_only_the_limit_widens():
+    estimate = apparent(0.0, 0.0, 6.0, "at_bound", share_at_bound=0.8, unbounded=-3.0)
+
+    corrected = corrected_stiffness(estimate, GRAVITY_STIFFNESS)
+
+    assert (corrected.value, corrected.ci_low, corrected.unbounded) == (-9.0, -9.0, -12.0)
+    assert corrected.ci_high == pytest.approx(-9.0 + math.hypot(6.0, 1.644854 * 2.0))
+    assert (corrected.status, corrected.share_at_bound) == ("at_bound", 0.8)
+
+
+@pytest.mark.parametrize("status", ["undecided", "failed:no_pulses"])
+def test_what_was_not_estimated_is_not_corrected(status):
+    estimate = apparent(None, None, None, status)
+
+    assert corrected_stiffness(estimate, GRAVITY_STIFFNESS) == replace(
+        estimate, name=CORRECTED_STIFFNESS
+    )
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Both errors drawn; 4000 cells, so that 95 % is known to 0.35 %."""
+    rng = np.random.default_rng(11)
+    joint_stiffness, n = 18.0, 4000
+    held = 0
+    for own, theirs in rng.standard_normal((n, 2)):
+        seen = joint_stiffness + 9.0 + 3.0 * own
+        estimate = apparent(seen, seen - 1.959964 * 3.0, seen + 1.959964 * 3.0)
+        gravity = replace(GRAVITY_STIFFNESS, value=9.0 + 2.0 * theirs)
+        corrected = corrected_stiffness(estimate, gravity)
+        assert corrected.ci_low is not None
+        assert corrected.ci_high is not None
+        held += corrected.ci_low <= joint_stiffness <= corrected.ci_high
+
+    assert abs(held / n - 0.95) < 3 * math.sqrt(0.95 * 0.05 / n)
+
+
+def test_only_the_stiffness_of_a_joint_is_corrected():
+    with pytest.raises(ValueError, match="expected the estimate 'stiffness', got 'damping'"):
+        corrected_stiffness(ParameterEstimate("damping", 1, 0, 2, "ok"), GRAVITY_STIFFNESS)
+
+
+# --- posture -------------------------------------------------------------------------------------
+
+
+def test_the_thigh_is_ahead_at_heel_strike_and_behind_before_push_off():
+    cycle = np.degrees([thigh_angle(pct) for pct in np.arange(100.0)])
+
+    assert thigh_angle(100.0) == pytest.approx(thigh_angle(0.0))
+    assert 15.0 < cycle[0] < 25.0
+    assert 48 <= int(cycle.argmin()) <= 56
+    assert -15.0 < cycle.min() < -8.0
+
+
+@pytest.mark.real_data
+@pytest.mark.skipif(not DATA.is_dir(), reason="no winter_normal: set JOINTZ_DATA")
+def test_the_thigh_is_winters_hip_angle_to_a_degree():
+    table = pd.read_csv(DATA / "winter_normal" / "winter_normal_tidy.csv")
+    ours = np.degrees([thigh_angle(pct) for pct in table["gait_percent"]])
+
+    apart = ours - table["hip_angle_deg"]
+
+    assert float(np.sqrt(np.mean(apart**2))) < 0.35  # deg
+    assert float(np.abs(apart).max()) < 1.0

@@ -1,0 +1,430 @@
+"""The recommended estimator on walkers with known joints, and on recordings that are no good."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
+from jointz.identify.recommended.response_model import Priors
+from jointz.identify.recommended.walking_responses import known_together, priors_of
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+
+
+def cell(result, point):
+    return next(c for c in result.cells["recommended"] if c.timing_point == point)
+
+
+def statuses(result):
+    return {p.status for c in result.cells["recommended"] for p in c.parameters}
+
+
+def codes(result):
+    return {p.code for p in result.pulses}
+
+
+def truths(joint):
+    return dict(zip(PARAMETERS, (joint.K, joint.B, joint.J), strict=True))
+
+
+def off(result, walker):
+    """Return errors in units of the interval's half width, of all decided values."""
+    found = []
+    for point, joint in walker.joints.items():
+        for name, truth in truths(joint).items():
+            p = cell(result, point).parameter(name)
+            if p.stands:
+                found.append(2.0 * abs(p.value - truth) / (p.ci_high - p.ci_low))
+    return found
+
+
+def changed(given, **channels):
+    """Return a recording with other values in some channels."""
+    recording = given.recording.copy(deep=True)
+    for name, change in channels.items():
+        recording[name] = recording[name].copy(data=change(recording[name].to_numpy()))
+    return replace(given, recording=recording)
+
+
+@pytest.fixture(scope="module")
+def usual(walkers):
+    walker = walkers.Walker()
+    return walker, walkers.walk(walker)
+
+
+# --- recovery -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"known_lag_sd_s": None},
+        {"signs": (1.0, -1.0)},
+        {"signs": (-1.0,)},
+        {"sizes_nm": (8.0, 17.0)},
+        {"rate_hz": 1000.0},
+        {"rate_hz": 250.0},
+        {"rate_hz": 100.0},
+        {"jitter_s": 2e-4},
+        {"start_s": 1000.0},
+        {"counts": {"A": 3, "B": 30}},
+        {"points": {"A": 0.5, "B": 99.5}},
+    ],
+    ids=str,
+)
+def test_known_joints_come_back_within_their_intervals(walkers, changes):
+    walker = walkers.Walker(**changes)
+    result = walkers.analyze(walker)
+    errors = off(result, walker)
+    # Few pulses and an unknown lag, or a slow rate, leave the two inertias open.
+    assert len(errors) >= 4
+    # Half widths are 1.96 sd; 3.3 sd is one in a thousand.
+    assert max(errors) < 1.7
+    assert codes(result) == {""}
+
+
+def test_values_are_near_the_truth_not_only_inside_wide_intervals(walkers, usual):
+    walker, given = usual
+    result = walkers.analyze(walker, given)
+    for point, joint in walker.joints.items():
+        for name, truth in truths(joint).items():
+            p = cell(result, point).parameter(name)
+            assert p.status == "ok"
+            assert p.ci_high - p.ci_low < 0.6 * truth
+            assert p.value == pytest.approx(truth, rel=0.25)
+
+
+def test_one_pulse_a_point_is_estimated_or_undecided_never_failed(walkers):
+    walker = walkers.Walker(counts={"A": 1, "B": 1}, between=20)
+    result = walkers.analyze(walker)
+    assert statuses(result) <= {"ok", "undecided", "at_bound"}
+    assert "undecided" in statuses(result)
+    assert max(off(result, walker), default=0.0) < 1.7
+
+
+def test_an_undecided_value_is_none_and_its_unbounded_estimate_is_told(walkers):
+    result = walkers.analyze(walkers.Walker(counts={"A": 1, "B": 1}, between=20))
+    rows = [p for c in result.cells["recommended"] for p in c.parameters[:3]]
+    for p in rows:
+        if p.status == "undecided":
+            assert (p.value, p.ci_low, p.ci_high) == (None, None, None)
+            assert np.isfinite(p.unbounded)
+
+
+@pytest.mark.parametrize("K", [0.0, 2.0])
+def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, K):
+    joints = {"A": walkers.Joint(K, 2.5, 0.06), "B": walkers.Joint(60.0, 3.0, 0.06)}
+    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
+    p = cell(walkers.analyze(walker), "A").parameter("stiffness")
+    assert p.status in ("at_bound", "ok", "undecided")
+    if p.stands:
+        assert p.ci_low <= K <= p.ci_high
+        assert p.ci_high - p.ci_low > 3.0
+    if p.status == "at_bound":
+        assert p.ci_low == 0.0
+
+
+def test_inertias_that_differ_are_found_to_differ(walkers):
+    joints = {"A": walkers.Joint(60.0, 2.5, 0.05), "B": walkers.Joint(50.0, 3.0, 0.09)}
+    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
+    result = walkers.analyze(walker)
+    assert result.model.constant_inertia_probability < 0.05
+    assert max(off(result, walker)) < 1.7
+
+
+def test_a_stiffness_that_drifts_is_that_of_the_middle_of_its_weight(walkers):
+    joints = {"A": walkers.Joint(50.0, 2.5, 0.06, 200.0), "B": walkers.Joint(50.0, 3.0, 0.06)}
+    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
+    found = cell(walkers.analyze(walker), "A")
+    p = found.parameter("stiffness")
+    middle_s = (found.centre_gait_pct - found.onset_gait_pct) / 100.0 * 1.1
+    assert 0.04 < middle_s < 0.08
+    assert abs(p.value - (50.0 + 200.0 * middle_s)) < 0.85 * (p.ci_high - p.ci_low)
+
+
+def test_two_recordings_of_unlike_rates_are_estimated_together(walkers):
+    walker = walkers.Walker()
+    both = [walkers.walk(replace(walker, seed=k, rate_hz=r)) for k, r in ((0, 1000.0), (1, 250.0))]
+    result = walkers.analyze(walker, *both)
+    assert [c.n_used for c in result.cells["recommended"]] == [40, 40]
+    assert max(off(result, walker)) < 1.7
+
+
+def test_the_same_recordings_give_the_same_numbers(walkers, usual):
+    walker, given = usual
+    first, second = walkers.analyze(walker, given), walkers.analyze(walker, given)
+    assert [c.rows() for c in first.cells["recommended"]] == [
+        c.rows() for c in second.cells["recommended"]
+    ]
+
+
+def test_turning_both_signs_changes_nothing(walkers, usual):
+    walker, given = usual
+    plain = walkers.analyze(walker, given)
+    other = changed(given, angle=np.negative, torque=np.negative)
+    table = given.pulse_table.assign(amplitude_nm=-given.pulse_table["amplitude_nm"])
+    turned = walkers.analyze(walker, replace(other, pulse_table=table))
+    for point in walker.joints:
+        for name in PARAMETERS:
+            a, b = cell(plain, point).parameter(name), cell(turned, point).parameter(name)
+            assert a.value == pytest.approx(b.value, rel=1e-3)
+
+
+def test_units_of_torque_scale_the_estimates(walkers, usual):
+    # A gain of 2 in the calibration halves the torque, and with it K, B and J but for the priors.
+    walker, given = usual
+    doubled = changed(given, torque=lambda x: 2.0 * x)
+    known = given.calibration.model_copy(
+        update={"torque_gain": type(given.calibration.angle_lag_s)(value=2.0, sd=0.0)}
+    )
+    result = walkers.analyze(walker, replace(doubled, calibration=known))
+    plain = walkers.analyze(walker, given)
+    for point in walker.joints:
+        a, b = (cell(r, point).parameter("inertia") for r in (plain, result))
+        assert a.value == pytest.approx(b.value, rel=1e-6)
+
+
+# --- what is left out -----------------------------------------------------------------------------
+
+
+def test_a_pulse_by_a_run_of_missing_samples_is_left_out_and_the_others_stand(walkers, usual):
+    walker, given = usual
+    time = given.recording["time"].to_numpy()
+    onset = float(given.pulse_table["onset_s"].iloc[5])
+
+    def holed(x):
+        return np.where((time > onset + 0.02) & (time < onset + 0.05), np.nan, x)
+
+    result = walkers.analyze(walker, changed(given, angle=holed))
+    assert [p.code for p in result.pulses].count("not_finite") == 1
+    assert sum(c.n_used for c in result.cells["recommended"]) == 39
+    assert max(off(result, walker)) < 1.7
+
+
+def test_pulses_before_three_strides_are_left_out(walkers, usual):
+    walker, given = usual
+    time = given.recording["time"].to_numpy()
+    onset = float(given.pulse_table["onset_s"].iloc[0])
+    late = given.recording.isel(time=time > onset - 1.5)
+    result = walkers.analyze(walker, replace(given, recording=late))
+    assert result.pulses[0].code == "no_recent_strides"
+    assert sum(c.n_used for c in result.cells["recommended"]) >= 37
+
+
+def test_a_recording_without_strikes_gives_a_reason(walkers, usual):
+    walker, given = usual
+    result = walkers.analyze(walker, changed(given, contact=np.zeros_like))
+    assert statuses(result) == {"failed:no_heel_strikes"}
+
+
+@pytest.mark.parametrize("kept", [0, 5, 9])
+def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
+    walker, given = usual
+    result = walkers.analyze(walker, given, user_exclusions=all_but(given, kept))
+    assert statuses(result) == {"failed:no_unperturbed_strides"}
+    assert "no_baseline" in codes(result)
+
+
+def test_fifteen_unperturbed_strides_give_wide_intervals_that_hold(walkers, usual):
+    walker, given = usual
+    result = walkers.analyze(walker, given, user_exclusions=all_but(given, 17))
+    assert 12 <= result.model.n_strides <= 20
+    assert max(off(result, walker), default=0.0) < 1.7
+    wide = cell(result, "A").parameter("damping")
+    narrow = cell(walkers.analyze(walker, given), "A").parameter("damping")
+    assert not wide.stands or wide.ci_high - wide.ci_low > narrow.ci_high - narrow.ci_low
+
+
+def all_but(given, kept: int):
+    """Return exclusions of all strides but so many that can be learned from."""
+    contact = given.recording["contact"].to_numpy()
+    strikes = given.recording["time"].to_numpy()[1:][np.diff(contact.astype(float)) > 0.5]
+    onsets = given.pulse_table["onset_s"].to_numpy()
+    held = np.searchsorted(strikes, onsets) - 1
+    # Two after each pulse: the one before must be without a pulse too.
+    quiet = [k for k in range(5, strikes.size - 1) if k not in held and k - 1 not in held]
+    return tuple(
+        UserExclusion("S01", given.file, float(strikes[k]), "exclude", "test")
+        for k in range(strikes.size - 1)
+        if k in quiet[kept:] or (kept == 0 and k < 5)
+    )
+
+
+def lamed(walkers, walker, every: int, *channels: str):
+    """Return a recording in which every so-manieth pulse is missing from some channels."""
+    there = walkers.walk(walker)
+    still = walkers.walk(replace(walker, sizes_nm=(1e-9,)))
+    time = there.recording["time"].to_numpy()
+    mask = np.zeros(time.size, dtype=bool)
+    for onset in there.pulse_table["onset_s"].to_numpy()[::every]:
+        mask |= (time >= onset) & (time < onset + 0.9)
+    spliced = {
+        name: np.where(mask, still.recording[name], there.recording[name]) for name in channels
+    }
+    return changed(there, **{name: lambda _, x=x: x for name, x in spliced.items()})
+
+
+def test_pulses_without_torque_are_left_out(walkers, usual):
+    walker, _ = usual
+    result = walkers.analyze(walker, lamed(walkers, walker, 4, "angle", "torque"))
+    assert [p.code for p in result.pulses].count("no_torque") == 10
+    assert max(off(result, walker)) < 1.7
+
+
+def test_pulses_that_never_came_are_no_estimate(walkers, usual):
+    walker, _ = usual
+    result = walkers.analyze(walker, lamed(walkers, walker, 1, "angle", "torque"))
+    assert statuses(result) == {"failed:constant_torque"}
+    assert codes(result) == {"no_torque"}
+
+
+def test_a_pulse_table_a_stride_late_is_no_estimate(walkers, usual):
+    walker, given = usual
+    table = given.pulse_table.assign(onset_s=given.pulse_table["onset_s"] + 1.1)
+    result = walkers.analyze(walker, replace(given, pulse_table=table))
+    assert statuses(result) <= {"failed:out_of_step", "failed:constant_torque"}
+
+
+def test_pulses_that_did_not_reach_the_joint_are_left_out(walkers, usual):
+    walker, _ = usual
+    result = walkers.analyze(walker, lamed(walkers, walker, 5, "angle"))
+    assert [p.code for p in result.pulses].count("no_response") == 8
+    assert max(off(result, walker)) < 1.7
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_torque_that_mostly_missed_the_joint_is_no_estimate(walkers, usual, every):
+    walker, _ = usual
+    result = walkers.analyze(walker, lamed(walkers, walker, every, "angle"))
+    assert statuses(result) == {"failed:constant_angle"}
+
+
+def test_copies_of_a_pulse_count_once(walkers, usual):
+    walker, given = usual
+    time = given.recording["time"].to_numpy()
+    onsets = given.pulse_table["onset_s"].to_numpy()
+    span = np.arange(-300, 200)
+
+    def copied(x):
+        x = x.copy()
+        first: dict[str, int] = {}
+        for onset, label in zip(onsets, given.pulse_table["timing_point"], strict=True):
+            at = int(np.searchsorted(time, onset))
+            source = first.setdefault(label, at)
+            x[at + span] = x[source + span]
+        return x
+
+    result = walkers.analyze(walker, changed(given, angle=copied, torque=copied))
+    assert [p.code for p in result.pulses].count("copied_pulse") >= 36
+    assert all(c.n_used <= 2 for c in result.cells["recommended"])
+
+
+# --- instruments ----------------------------------------------------------------------------------
+
+
+def shifted(by_s: float, rate_hz: float = 500.0) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda x: np.roll(x, round(by_s * rate_hz))
+
+
+@pytest.mark.parametrize(
+    ("channels", "status"),
+    [
+        ({"torque": np.negative}, "failed:opposite_sign"),
+        ({"angle": np.negative}, "failed:opposite_sign"),
+        ({"angle": np.degrees}, "failed:angle_out_of_range"),
+        ({"angle": shifted(0.08)}, "failed:lag_out_of_range"),
+        ({"angle": shifted(0.035)}, "failed:lag_out_of_range"),
+        ({"torque": shifted(0.04)}, "failed:out_of_step"),
+        ({"torque": lambda x: x.clip(max=10.0)}, "failed:torque_saturated"),
+        ({"torque": lambda x: 0.02 * x}, "failed:constant_torque"),
+        ({"angle": lambda x: 0.3 + 0.0 * x}, "failed:constant_angle"),
+        ({"torque": lambda x: 0.0 * x}, "failed:constant_torque"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "+".join(x),
+)
+def test_a_recording_that_cannot_be_gives_its_reason_and_no_number(walkers, channels, status):
+    walker = walkers.Walker(known_lag_sd_s=None)
+    result = walkers.analyze(walker, changed(walkers.walk(walker), **channels))
+    assert statuses(result) == {status}
+    assert all(p.value is None for c in result.cells["recommended"] for p in c.parameters)
+
+
+def test_a_lag_unlike_its_calibration_is_told(walkers):
+    walker = walkers.Walker(counts={"A": 50, "B": 50})
+    late = changed(walkers.walk(walker), angle=shifted(0.02))
+    result = walkers.analyze(walker, late)
+    told = {"failed:lag_out_of_range", "failed:model_misfit"}
+    assert statuses(result) <= told
+
+
+def test_a_window_in_which_k_may_do_anything_is_refused(walkers):
+    walker = walkers.Walker()
+    spec = PerturbationsSpec(timing_points=dict(walker.points), source="table", window_s=0.15)
+    result = walkers.analyze(walker, walkers.walk(walker), perturbations=spec)
+    assert statuses(result) == {"failed:window_too_long"}
+    assert result.model is None
+
+
+def test_a_lag_measured_in_one_of_two_sessions_is_not_perfect_in_the_other():
+    told = CalibrationSpec(angle_lag_s=Calibrated(value=0.006, sd=0.0005))
+    mean_s, sd_s = priors_of(known_together([told, CalibrationSpec()])).lag_s
+    assert mean_s == pytest.approx(0.5 * (0.006 + 0.012))
+    assert sd_s == pytest.approx(0.5 * np.hypot(0.0005, 0.010))
+    assert priors_of(known_together([CalibrationSpec()] * 2)).lag_s == Priors().lag_s
+
+
+def test_a_motor_at_its_limit_is_no_fault_where_the_table_says_so(walkers):
+    walker = walkers.Walker()
+    given = changed(walkers.walk(walker), torque=lambda x: x.clip(max=16.9))
+    result = walkers.analyze(walker, given)
+    assert "failed:torque_saturated" not in statuses(result)
+
+
+# --- calibration ----------------------------------------------------------------------------------
+
+
+def covered(walkers, seeds, **changes):
+    inside, decided, zero = 0, 0, 0
+    for seed in seeds:
+        walker = walkers.Walker(seed=1000 + seed, **changes)
+        result = walkers.analyze(walker)
+        for point, joint in walker.joints.items():
+            for name, truth in truths(joint).items():
+                p = cell(result, point).parameter(name)
+                if p.stands:
+                    decided += 1
+                    inside += p.ci_low <= truth <= p.ci_high
+                    zero += p.ci_high - p.ci_low <= 0.0
+    return inside, decided, zero
+
+
+def test_intervals_hold_the_truth_on_a_few_walkers(walkers):
+    inside, decided, zero = covered(walkers, range(4))
+    assert decided >= 20
+    assert inside >= binom.ppf(0.001, decided, 0.95)
+    assert zero == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"known_lag_sd_s": None},
+        {"counts": {"A": 3, "B": 3}, "between": 6},
+        {"counts": {"A": 10, "B": 10}},
+        {"rate_hz": 250.0},
+    ],
+    ids=str,
+)
+def test_intervals_hold_the_truth_as_often_as_they_say(walkers, changes):
+    n = 200
+    inside, decided, zero = covered(walkers, range(n), **changes)
+    # Six values of a walker go together at worst: the band is that of n, not of 6 n, draws.
+    low, _ = binom.interval(0.95, n, 0.95)
+    assert inside / decided >= low / n
+    assert zero == 0

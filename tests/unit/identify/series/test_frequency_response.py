@@ -1,0 +1,246 @@
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.errors import DataError, EstimationError
+from jointz.identify.series.frequency_response import identify_frequency_response
+
+RATE = 500.0
+KBJ = np.array([80.0, 1.2, 0.03])
+ANKLE = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
+ANKLE = ANKLE / "reklab_ankle"
+
+
+def make_record(
+    perturbed: str = "torque", *, seed: int = 0, n: int = 15_000, muscle: float = 0.0
+) -> dict[str, np.ndarray]:
+    """Exact steady motion of a joint (a sum of sines) with sensor noise of 0.1 N*m and 1 mrad.
+
+    ``perturbed`` is a flat spectrum to 20 Hz; ``muscle`` N*m RMS below 2 Hz act inside the joint,
+    beside the measured torque.
+    """
+    rng = np.random.default_rng(seed)
+    s = 2j * np.pi * np.fft.rfftfreq(n, 1.0 / RATE)
+    joint = KBJ @ np.stack([np.ones_like(s), s, s**2])
+
+    def noise(below_hz: float, rms: float) -> np.ndarray:
+        x = np.fft.rfft(rng.standard_normal(n)) * (np.abs(s) < 2 * np.pi * below_hz)
+        return x * (rms / np.fft.irfft(x, n).std())
+
+    inside = noise(2.0, muscle) if muscle else 0.0
+    if perturbed == "torque":
+        torque = noise(20.0, 4.0)
+        angle = (torque + inside) / joint
+    else:
+        angle = noise(20.0, 0.03)
+        torque = joint * angle - inside
+    cut = slice(n // 10, -n // 10)  # no whole period: the ends are as they come
+    angle, torque = (np.fft.irfft(z, n)[cut] for z in (angle, torque))
+    return {
+        "angle": angle + 1e-3 * rng.standard_normal(angle.size),
+        "torque": torque + 0.1 * rng.standard_normal(angle.size),
+    }
+
+
+def relative_error(fit) -> np.ndarray:
+    return np.array([p.value for p in fit.parameters]) / KBJ - 1.0
+
+
+@pytest.mark.parametrize("perturbed", ["torque", "angle"])
+def test_the_curve_and_k_b_j_are_the_joint_s(perturbed):
+    fit = identify_frequency_response(**make_record(perturbed), rate_hz=RATE, input=perturbed)
+
+    table = fit.response.table()
+    s = 2j * np.pi * table["frequency_hz"].to_numpy()
+    true = KBJ @ np.stack([np.ones_like(s), s, s**2])
+    slow = table["frequency_hz"] < 15.0
+    gain, phase = table.loc[slow, ["gain", "phase_rad"]].to_numpy().T
+    assert gain == pytest.approx(np.abs(true)[slow], rel=0.05)
+    assert phase == pytest.approx(np.angle(true)[slow], abs=0.05)
+    assert np.all(np.abs(relative_error(fit)) < 0.01)
+    assert fit.warnings == ()
+    assert fit.vaf_of == ("angle" if perturbed == "torque" else "torque")
+    assert fit.status == "ok"
+
+
+@pytest.mark.parametrize("perturbed", ["torque", "angle"])
+def test_the_band_of_the_curve_holds_the_truth(perturbed):
+    inside = []
+    for seed in range(8):
+        record = make_record(perturbed, seed=seed, muscle=1.0)
+        fit = identify_frequency_response(**record, rate_hz=RATE, input=perturbed, cutoff_hz=15.0)
+        table = fit.response.table()
+        s = 2j * np.pi * table["frequency_hz"].to_numpy()
+        true = np.abs(KBJ @ np.stack([np.ones_like(s), s, s**2]))
+        inside.append(np.mean((table["gain_low"] < true) & (true < table["gain_high"])))
+
+    assert 0.85 < np.mean(inside) <= 1.0
+
+
+def test_intervals_hold_the_truth():
+    held = []
+    for seed in range(30):
+        fit = identify_frequency_response(**make_record(seed=seed, n=8000), rate_hz=RATE)
+        held += [p.ci_low < v < p.ci_high for p, v in zip(fit.parameters, KBJ, strict=True)]
+
+    assert np.mean(held) > 0.87
+
+
+@pytest.mark.parametrize(("true", "wrong"), [("torque", "angle"), ("angle", "torque")])
+def test_with_torque_inside_the_joint_the_wrong_direction_is_warned_about(true, wrong):
+    record = make_record(true, muscle=1.0)
+
+    right = identify_frequency_response(**record, rate_hz=RATE, input=true)
+    other = identify_frequency_response(**record, rate_hz=RATE, input=wrong)
+
+    assert np.all(np.abs(relative_error(right)) < 0.015)
+    assert right.warnings == ()
+    assert any(f"the record looks {true}-perturbed" in w for w in other.warnings)
+    gain = {fit.input: fit.response.table()["gain"][:2].mean() for fit in (right, other)}
+    assert gain[true] == pytest.approx(80.0, rel=0.3)
+    assert abs(gain[wrong] / gain[true] - 1.0) > 0.1  # (1.2) itself reads muscle as response
+
+
+def test_a_command_is_the_instrument_where_the_torque_was_perturbed():
+    record = make_record()
+    command = np.roll(record["torque"], 5)
+
+    fit = identify_frequency_response(**record, command=command, rate_hz=RATE)
+
+    assert fit.settings["instrument"] == "command"
+    assert np.all(np.abs(relative_error(fit)) < 0.01)
+    assert fit.response.gain[0] == pytest.approx(80.0, rel=0.05)
+
+
+def test_the_torque_on_a_device_has_the_other_sign():
+    record = make_record()
+    turned = {"angle": record["angle"], "torque": -record["torque"]}
+
+    fit = identify_frequency_response(**turned, rate_hz=RATE, torque_acts_on="device")
+
+    assert fit.to_frame()["value"].tolist() == (
+        identify_frequency_response(**record, rate_hz=RATE).to_frame()["value"].tolist()
+    )
+
+
+def test_a_joint_that_is_not_of_second_order_is_said_to_be_so():
+    record = make_record("angle")
+    late = np.roll(record["angle"], 20)  # a reflex of 40 ms
+
+    fit = identify_frequency_response(
+        angle=record["angle"], torque=record["torque"] + 60.0 * late, rate_hz=RATE, input="angle"
+    )
+
+    assert any("not of second order" in w for w in fit.warnings)
+    assert "evenly weighted" in fit.estimator
+
+
+def test_wide_motion_and_negative_values_are_noted():
+    record = make_record("angle")
+
+    wide = identify_frequency_response(
+        angle=5 * record["angle"], torque=5 * record["torque"], rate_hz=RATE, input="angle"
+    )
+    soft = identify_frequency_response(
+        angle=record["angle"],
+        torque=record["torque"] - 120.0 * record["angle"],
+        rate_hz=RATE,
+        input="angle",
+    )
+
+    assert any("one stiffness may not hold" in w for w in wide.warnings)
+    assert any("stiffness is negative: gravity" in w for w in soft.warnings)
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"angle": np.ones(12_000)}, "constant_angle"),
+        ({"torque": np.ones(12_000)}, "constant_torque"),
+        ({"angle": np.random.default_rng(9).standard_normal(12_000)}, "not_coherent"),
+    ],
+)
+def test_what_cannot_be_estimated_ends_in_a_code(change, code):
+    with pytest.raises(EstimationError) as caught:
+        identify_frequency_response(**(make_record() | change), rate_hz=RATE)
+
+    assert caught.value.code == code
+
+
+def test_a_single_sine_decides_nothing():
+    t = np.arange(12_000) / RATE
+    angle = 0.02 * np.sin(2 * np.pi * 3.0 * t)
+    with pytest.raises(EstimationError, match=r"condition number|not coherent"):
+        identify_frequency_response(angle=angle, torque=50 * angle, rate_hz=RATE, input="angle")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cutoff_hz": 300.0}, r"0 < cutoff_hz < 250 \(half"),
+        ({"angle": np.zeros(60), "torque": np.arange(60.0)}, "constant"),
+        ({"command": np.ones(12_000)}, "'command' is constant"),
+        ({"input": "force"}, "expected one of torque, angle"),
+        ({"torque_acts_on": "air"}, "expected one of joint, device"),
+        ({"ci_level": 1.0}, "0 < ci_level < 1"),
+    ],
+)
+def test_bad_input_is_refused(change, message):
+    with pytest.raises((ValueError, EstimationError), match=message):
+        identify_frequency_response(**({**make_record(), "rate_hz": RATE} | change))
+
+
+def test_a_short_record_is_refused():
+    record = {name: x[:100] for name, x in make_record().items()}
+    with pytest.raises(DataError, match=r"lasts 0.2 s, at least 0.256 s"):
+        identify_frequency_response(**record, rate_hz=RATE)
+    with pytest.raises(DataError, match=r"at least 12 frequencies.*Record longer"):
+        identify_frequency_response(
+            **{n: x[:1000] for n, x in make_record().items()}, rate_hz=RATE, cutoff_hz=3.0
+        )
+
+
+@pytest.mark.real_data
+@pytest.mark.skipif(not ANKLE.is_dir(), reason="no recordings reklab_ankle: set JOINTZ_DATA")
+@pytest.mark.parametrize(("name", "stiffness"), [("z_df", 105), ("z_pf", 107), ("z_df3", 160)])
+def test_a_real_ankle_has_the_stiffness_of_regression_in_time(name, stiffness):
+    record = pd.read_csv(ANKLE / f"{name}.csv.gz")
+    start = time.perf_counter()
+
+    fit = identify_frequency_response(
+        angle=record["position_rad"],
+        torque=record["torque_Nm"],
+        time=record["time_s"],
+        input="angle",
+        torque_acts_on="device",
+    )
+
+    assert time.perf_counter() - start < 0.5  # measured 0.03 s; the machine may be busy
+    assert fit.parameter("stiffness").value == pytest.approx(stiffness, rel=0.05)
+    assert any("not of second order" in w for w in fit.warnings)
+    assert not any("looks torque-perturbed" in w for w in fit.warnings)
+
+
+@pytest.mark.parametrize("perturbed", ["torque", "angle"])
+def test_a_turned_torque_is_named_with_the_option_that_turns_it(perturbed):
+    record = make_record(perturbed)
+
+    fit = identify_frequency_response(
+        **record, rate_hz=RATE, input=perturbed, torque_acts_on="device"
+    )
+
+    (note,) = (w for w in fit.warnings if "negative" in w)
+    assert note.startswith("stiffness, damping and inertia are negative")
+    assert "--torque-acts-on" in note
+    assert "gravity" not in note
+
+
+def test_a_record_of_a_second_is_too_short_not_incoherent():
+    record = {name: values[: int(RATE)] for name, values in make_record().items()}
+
+    with pytest.raises(DataError, match=r"the record is too short: .* at least 5 .* Record at"):
+        identify_frequency_response(**record, rate_hz=RATE)
