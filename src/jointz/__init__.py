@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jointz import reference, stats
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.identify.actuators.bandwidth import identify_bandwidth
     from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
@@ -40,6 +41,9 @@ _HOMES = {
     "specification_curve": "jointz.workflows.specification",
 }
 
+#: Packages that belong to the public face.
+_ROOMS = ("reference", "stats")
+
 __all__ = [
     "__version__",
     "analyze",
@@ -53,8 +57,10 @@ __all__ = [
     "identify_time_varying",
     "open_study",
     "phase_curve",
+    "reference",
     "run",
     "specification_curve",
+    "stats",
 ]
 
 
@@ -62,6 +68,8 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its home on first use."""
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
+    if name in _ROOMS:
+        return import_module(f"jointz.{name}")
     raise AttributeError(f"module 'jointz' has no attribute {name!r}")
 
 

@@ -329,6 +329,45 @@ def phase_curve() -> PhaseCurve:
     return PhaseCurve((0.0, 50.0, 100.0), (band,), 0.95, "process", {}, ("note",))
 
 
+def waveform_curves() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(4)
+    a, b = np.cumsum(rng.standard_normal((2, 8, 21)), axis=2)
+    a += 20.0 * np.exp(-(((np.arange(21) - 10) / 3) ** 2))
+    b[:, 0] = a[:, 0]
+    return a, b
+
+
+def mapped_curves() -> Any:
+    return jointz.stats.spm_paired_t(*waveform_curves())
+
+
+def flipped_curves() -> Any:
+    _, b = waveform_curves()
+    return jointz.stats.sign_flip_max_t(b, -b[::-1], equivalence_margin=30.0)
+
+
+def mixed_model_fit() -> Any:
+    rng = np.random.default_rng(5)
+    table = pd.DataFrame(
+        [(f"S{i}", point) for i in range(6) for point in ("LRE", "MST", "TST")],
+        columns=["who", "point"],
+    )
+    table["k"] = rng.standard_normal(len(table)) + np.tile([2.0, 1.0, 1.2], 6)
+    return jointz.stats.mixed_model(table[1:], response="k", within="point", participant="who")
+
+
+def quasi_stiffness_of_a_cycle() -> Any:
+    pct = np.linspace(0.0, 100.0, 101)
+    angle = 0.4 + 0.3 * np.sin(2.0 * np.pi * pct / 100.0)
+    return jointz.stats.quasi_stiffness(angle, 2.0 * angle**2, gait_pct=pct)
+
+
+def quasi_stiffness_compared() -> Any:
+    quasi = {"LRE": 3.6, "MST": 3.8, "TST": 1.3}
+    stiffness = {"LRE": 1.8, "MST": 0.6, "TST": 1.2}
+    return jointz.stats.compare_quasi_stiffness(quasi, stiffness)
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
     "walking": walking_analysis,
     "bench": bench_analysis,
@@ -355,6 +394,11 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "certificate": certificate,
     "specification curve": specification_curve,
     "phase curve": phase_curve,
+    "mapped curves": mapped_curves,
+    "flipped curves": flipped_curves,
+    "mixed model": mixed_model_fit,
+    "quasi-stiffness": quasi_stiffness_of_a_cycle,
+    "quasi-stiffness beside stiffness": quasi_stiffness_compared,
 }
 
 

@@ -6,6 +6,7 @@ needs is a sum over rows or over groups, so no n x n matrix is formed.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,6 +18,26 @@ from jointz.kernels.anova import FTest
 _RATIO_GRID = np.concatenate([[0.0], np.geomspace(1e-4, 1e8, 37)])
 #: Residual sums of squares under this share of the total are rounding.
 _ROUNDING = 1e-20
+
+
+class FixedEffects(Protocol):
+    """What Satterthwaite's test needs of a fit; v variances."""
+
+    @property
+    def beta(self) -> np.ndarray:
+        """(p,) fixed effects."""
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(p, p) of the fixed effects."""
+
+    @property
+    def covariance_gradient(self) -> np.ndarray:
+        """(v, p, p) of ``covariance`` by the variances."""
+
+    @property
+    def variance_covariance(self) -> np.ndarray:
+        """(v, v) of the variances."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,13 +159,13 @@ def fit_random_intercept(
     )
 
 
-def satterthwaite_test(fit: RandomInterceptFit, contrast: np.ndarray) -> FTest:
+def satterthwaite_test(fit: FixedEffects, contrast: np.ndarray) -> FTest:
     """Return the F test that contrasts of the fixed effects are 0.
 
     Parameters
     ----------
-    fit : RandomInterceptFit
-        From :func:`fit_random_intercept`.
+    fit : FixedEffects
+        From :func:`fit_random_intercept` or :mod:`jointz.kernels.mixed_model_components`.
     contrast : (q, p) float
         One row a contrast; rows may depend on each other.
 
@@ -180,6 +201,33 @@ def satterthwaite_test(fit: RandomInterceptFit, contrast: np.ndarray) -> FTest:
     spread = np.einsum("qv,vw,qw->q", gradient, fit.variance_covariance, gradient)
     df_num, df_den = float(variance.size), _joint_df(2.0 * variance**2 / spread)
     return FTest(f, df_num, df_den, float(fdtrc(df_num, df_den, f)))
+
+
+def sequential_contrasts(design: np.ndarray) -> np.ndarray:
+    """Return the basis in which lmerTest tests the effects after the first.
+
+    Parameters
+    ----------
+    design : (n, p) float
+        Columns of the fixed effects, the intercept first; full column rank.
+
+    Returns
+    -------
+    (p - 1, p) float
+        Rows of the unit upper triangle of the Doolittle factors of ``X'X``: every column
+        made orthogonal to those before. The degrees of freedom of
+        :func:`satterthwaite_test` depend on the basis where the data are not balanced, and
+        so on the order of the levels.
+
+    Examples
+    --------
+    >>> X = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1], [1, 0, 1]])
+    >>> sequential_contrasts(X).round(4).tolist()
+    [[0.0, 1.0, -0.6667], [0.0, 0.0, 1.0]]
+    """
+    lower = np.linalg.cholesky(design.T @ design)
+    rows: np.ndarray = (lower / np.diag(lower)).T[1:]
+    return rows
 
 
 def _joint_df(df: np.ndarray) -> float:
@@ -228,8 +276,6 @@ def _by_group(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 def _residual_share(y: np.ndarray, X: np.ndarray) -> float:
-    if X.shape[0] <= X.shape[1]:
-        return 0.0
     centred = y - y.mean()
     total = float(y @ y)
     residual = centred - X @ np.linalg.lstsq(X, centred, rcond=None)[0]

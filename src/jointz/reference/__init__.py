@@ -1,9 +1,16 @@
 """Published numbers, each with its source, as they are printed.
 
-Nothing here is computed or corrected; what is wrong with a printed number stands in its note.
+Nothing in the chapters is corrected: what is wrong with a printed number stands in its note. Only
+digits that the copy of the text damaged, or that cannot be meant, are repaired, and the note
+says so. :mod:`jointz.reference.audit` computes what the printed numbers give.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from statistics import fmean
+from typing import Literal
+
+Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "worth knowing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +65,45 @@ class OtherDevice:
     citations: tuple[int, ...]
     source: str
     note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One printed statement beside what the printed numbers give.
+
+    Parameters
+    ----------
+    where : str
+        Table, section or figure of the dissertation.
+    what : str
+        What the statement is about.
+    printed : str
+        The statement, with its unit.
+    recomputed : str
+        What the printed tables and numbers give, with its unit; empty where nothing can be
+        computed.
+    kind : str
+        ``contradiction``: two printed numbers exclude each other; ``not possible``: no data
+        give the number; ``ambiguous``: it can be read in several ways; ``not reproduced``:
+        one value a participant and timing point does not give it; ``worth knowing``.
+    remark : str
+        What follows, and how it is settled here.
+    """
+
+    where: str
+    what: str
+    printed: str
+    recomputed: str
+    kind: Kind
+    remark: str
+
+
+def row_mean(row: Mapping[str, Printed]) -> float:
+    """Return the mean of the numbers of a printed row.
+
+    Parameters
+    ----------
+    row : mapping of str to Printed
+        A row of a table.
+    """
+    return fmean(cell.value for cell in row.values())

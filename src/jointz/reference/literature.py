@@ -1,0 +1,286 @@
+"""The devices and studies that the dissertation compares with, as far as its text goes.
+
+Sections 2.4.1, 3.4, 4.1, 4.4 and appendix A. Only what the text states stands here: where
+figures 4.4 and A.1 show other people's values, the text says 'larger by a factor of two or
+three' or 'similar', and so does this table. The copy of the text has no bibliography: names
+stand where the text names them beside a citation, and a note says so where we add the name.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+from jointz.reference import OtherDevice, Printed, chapter2, chapter3, chapter4
+
+Approach = Literal["perturbation", "model"]
+Relation = Literal["similar", "higher", "lower", "different"]
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A device or study that the dissertation compares with.
+
+    Parameters
+    ----------
+    name : str
+        As the dissertation names it.
+    citations : tuple of int
+        The dissertation's own citation numbers.
+    joint : str
+        ``knee``, ``ankle`` or both, with commas.
+    approach : str
+        ``perturbation`` or ``model`` (muscle activity and inverse dynamics, no perturbation).
+    conditions : str
+        When and how impedance was estimated, as the text says.
+    source : str
+        Sections of the dissertation.
+    errors : tuple of OtherDevice
+        Printed errors of the device on known loads.
+    window : Printed or None
+        Time window of the analysis.
+    vaf : Printed or None
+        Model fit.
+    note : str
+        What the text leaves open.
+    """
+
+    name: str
+    citations: tuple[int, ...]
+    joint: str
+    approach: Approach
+    conditions: str
+    source: str
+    errors: tuple[OtherDevice, ...] = ()
+    window: Printed | None = None
+    vaf: Printed | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StatedComparison:
+    """What the text says of a study's values beside the dissertation's.
+
+    Parameters
+    ----------
+    study : str
+        Key of :data:`STUDIES`.
+    quantity : str
+        ``stiffness``, ``damping`` or ``inertia``.
+    timing_points : tuple of str
+        Where; empty for everywhere the study has values.
+    relation : str
+        The study's values beside the dissertation's: ``similar``, ``higher``, ``lower``,
+        ``different``.
+    factor_low, factor_high : float or None
+        Printed range of the study's value over the dissertation's.
+    source : str
+        Section of the dissertation.
+    words : str
+        How the text says it.
+    """
+
+    study: str
+    quantity: Literal["stiffness", "damping", "inertia"]
+    timing_points: tuple[str, ...]
+    relation: Relation
+    factor_low: float | None
+    factor_high: float | None
+    source: str
+    words: str
+
+
+_ROUSE, _TUCKER_STIFFNESS, _TUCKER_INERTIA = chapter2.OTHER_DEVICES
+_ANKLEBOT, _SAGITTAL, _FICANHA = chapter3.OTHER_DEVICES
+
+#: The range 'literature shows' for devices that perturb in the sagittal plane; [34, 78, 30]
+#: are not told apart.
+SAGITTAL_STIFFNESS_ERRORS: Final = _SAGITTAL
+
+STUDIES: Final[Mapping[str, Study]] = MappingProxyType(
+    {
+        "rouse": Study(
+            "Rouse",
+            (2,),
+            "ankle",
+            "perturbation",
+            "stance phase of walking, angular perturbations by an instrumented walkway (recessed "
+            "platform)",
+            "1.2, 2.1, 2.4.1, 5.2",
+            errors=(_ROUSE,),
+            note="the text names Rouse in figure 1.2 without a number and [2] without a name: "
+            "that they are one is ours",
+        ),
+        "tucker": Study(
+            "Tucker",
+            (30, 54),
+            "knee",
+            "perturbation",
+            "20 and 30 % of the swing phase, with an exoskeleton",
+            "2.4.1, 3.4, 4.1, 4.4, A",
+            errors=(_TUCKER_STIFFNESS, _TUCKER_INERTIA),
+            window=Printed(100.0, None, "ms", "4.4", "the same as ours"),
+            vaf=Printed(72.0, None, "%", "4.4", "about; over all timing points and subjects"),
+            note="[54] is the device on the bench, [30] the walking study",
+        ),
+        "lee": Study(
+            "Lee",
+            (39, 77),
+            "ankle",
+            "perturbation",
+            "swing phase of walking, with the MIT Anklebot",
+            "1.2, 2.1, 3.4",
+            errors=(_ANKLEBOT,),
+            note="the text names Lee and Hogan in figure 1.4 and the MIT Anklebot at [77]; that "
+            "[39] is theirs is ours",
+        ),
+        "ficanha": Study(
+            "Ficanha",
+            (78,),
+            "ankle",
+            "perturbation",
+            "static or quasi-static tests, frontal plane",
+            "3.4",
+            errors=(_FICANHA,),
+            note="[78] is also among the sagittal devices; the joint is not stated, ankle is ours",
+        ),
+        "kooij": Study(
+            "van der Kooij",
+            (16,),
+            "hip, knee",
+            "perturbation",
+            "initial, mid and terminal swing, with a pulling traction device",
+            "1.2, 3.4, 4.1, 4.4, A",
+            window=Printed(275.0, None, "ms", "4.4", "long enough for reflexes"),
+            note="printed 'Kooij'",
+        ),
+        "pfeifer": Study(
+            "Pfeifer",
+            (81,),
+            "knee",
+            "model",
+            "walking; surface EMG, ground reaction force, motion capture",
+            "4.1, 4.4, A",
+            note="'[81, 48]' is read in the order in which the text names the two",
+        ),
+        "sartori": Study(
+            "Sartori",
+            (48,),
+            "ankle, knee",
+            "model",
+            "fast walking and running; musculoskeletal model, surface EMG, ground reaction force, "
+            "motion capture",
+            "4.1, 4.4, A",
+            note="'[81, 48]' is read in the order in which the text names the two",
+        ),
+    }
+)
+
+_STANCE_EARLY, _STANCE_MID, _STANCE_END = ("LRE",), ("MST",), ("TST",)
+_SWING = ("ISW", "MSW")
+#: 20 and 30 % of a swing from 62 to 100 % are 69.6 and 73.4 % of the cycle.
+_TUCKER_SWING = ("ISW",)
+_FACTOR = (2.0, 3.0)
+_MATCH = "matched results from other knee perturbation studies closely"
+_HIGHER = "all of our damping estimates were higher than the corresponding literature"
+_EARLY = "among the largest differences: early stance and swing"
+
+
+def _said(
+    study: str,
+    quantity: Literal["stiffness", "damping", "inertia"],
+    relation: Relation,
+    words: str,
+    *,
+    points: tuple[str, ...] = (),
+    factor: tuple[float, float] | None = None,
+) -> StatedComparison:
+    low, high = factor or (None, None)
+    return StatedComparison(study, quantity, points, relation, low, high, "4.4", words)
+
+
+#: Every comparison of values in 4.4, by study, quantity and timing point.
+COMPARISONS: Final = (
+    _said("kooij", "stiffness", "similar", _MATCH, points=_SWING),
+    _said("kooij", "inertia", "similar", _MATCH, points=_SWING),
+    _said("kooij", "damping", "lower", _HIGHER, points=_SWING),
+    _said("tucker", "stiffness", "similar", _MATCH, points=_TUCKER_SWING),
+    _said("tucker", "inertia", "similar", _MATCH, points=_TUCKER_SWING),
+    _said("tucker", "damping", "lower", _HIGHER, points=_TUCKER_SWING),
+    _said("pfeifer", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
+    _said("pfeifer", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
+    _said("pfeifer", "stiffness", "higher", "higher than our estimates", points=_STANCE_END),
+    _said(
+        "pfeifer",
+        "stiffness",
+        "higher",
+        "larger than ours by a factor of approximately two or three",
+        points=_SWING,
+        factor=_FACTOR,
+    ),
+    _said("sartori", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
+    _said("sartori", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
+    _said("sartori", "stiffness", "similar", "matched ours well", points=_STANCE_END),
+    _said("sartori", "stiffness", "different", _EARLY, points=_SWING),
+)
+
+
+def stated_stiffness_range(study: str, timing_point: str) -> tuple[float, float] | None:
+    """Return the range that a printed factor gives a study's stiffness at a timing point.
+
+    Parameters
+    ----------
+    study : str
+        Key of :data:`STUDIES`.
+    timing_point : str
+        One of the six timing points.
+
+    Returns
+    -------
+    tuple of float or None
+        Lowest and highest, N*m/rad/kg: the factor times the printed mean of table 4.1. None
+        where the text has no number.
+
+    Raises
+    ------
+    KeyError
+        For a study or timing point that is not known.
+
+    Notes
+    -----
+    'Approximately two or three' is read off a figure by the dissertation's author; this is a
+    range in words, not a value of the study.
+
+    Examples
+    --------
+    >>> stated_stiffness_range("pfeifer", "MSW")
+    (0.76, 1.14)
+    >>> stated_stiffness_range("sartori", "MSW") is None
+    True
+    """
+    if study not in STUDIES:
+        raise KeyError(f"study: expected one of {', '.join(STUDIES)}; got {study!r}.")
+    mean = chapter4.STIFFNESS_MEANS[timing_point].value
+    for said in COMPARISONS:
+        stands = said.study == study and timing_point in said.timing_points
+        if stands and said.factor_low is not None and said.factor_high is not None:
+            return round(said.factor_low * mean, 6), round(said.factor_high * mean, 6)
+    return None
+
+
+# --- numbers of the literature without a comparison -----------------------------------------------
+
+#: Variance that second-order, time-invariant models account for in earlier work.
+SECOND_ORDER_VAF: Final[Mapping[str, Printed]] = MappingProxyType(
+    {
+        "impulse response of the ankle": Printed(
+            97.0, None, "%", "1.2", "more than this, of the variance of the impulse response [1]"
+        ),
+        "human joints": Printed(97.0, None, "%", "3.4.1, 4.4.1", "more than this [67]"),
+    }
+)
+#: When reflexes act [79, 95]; they are smaller in locomotion [96, 29].
+REFLEX_START: Final = Printed(40.0, None, "ms", "4.4.1", "'can start at'")
+REFLEX_PEAK_AFTER_START: Final = Printed(
+    60.0, None, "ms", "4.4.1", "largest contribution, after the start: 100 ms after the stretch"
+)

@@ -1,0 +1,276 @@
+"""Curves of participants as the tests over nodes take them, checked."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.errors import DataError
+from jointz.core.provenance import software
+
+_FEWEST_NODES = 5
+_SMALLEST_ALPHA = 1e-6
+#: Rounding units of the data below which a spread over participants is none.
+_ROUNDING_UNITS = 16.0
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedCurves:
+    """Mean difference of two sets of curves, its error, and what is left of each curve.
+
+    Parameters
+    ----------
+    difference : (n_node,) float
+        First minus second.
+    se : (n_node,) float
+        Standard error; 0 where not tested.
+    residuals : (n_curve, n_node) float
+        About the means.
+    tested : (n_node,) bool
+        Where curves vary over participants.
+    df : float
+        Degrees of freedom.
+    n_a, n_b : int
+        Participants.
+    """
+
+    difference: np.ndarray
+    se: np.ndarray
+    residuals: np.ndarray
+    tested: np.ndarray
+    df: float
+    n_a: int
+    n_b: int
+
+    @property
+    def t(self) -> np.ndarray:
+        """Student's t, (n_node,); 0 where not tested."""
+        t = np.zeros_like(self.difference)
+        np.divide(self.difference, self.se, out=t, where=self.tested)
+        return t
+
+    @property
+    def untested_nodes(self) -> tuple[int, ...]:
+        """Nodes that are not tested."""
+        return tuple(np.flatnonzero(~self.tested).tolist())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to say about nodes that are not tested."""
+        n = len(self.untested_nodes)
+        if not n:
+            return ()
+        return (
+            f"{n} of {self.tested.size} nodes are not tested: there the curves do not differ in "
+            "anybody",
+        )
+
+
+def paired_differences(a: Any, b: Any, *, where: str, fewest: int) -> np.ndarray:
+    """Return the differences of curves of the same participants.
+
+    Parameters
+    ----------
+    a, b : (n_participant, n_node) array-like
+        Row by row of the same participant.
+    where : str
+        The test, for the message.
+    fewest : int
+        Participants it needs.
+
+    Returns
+    -------
+    (n_participant, n_node) float
+        ``a - b``.
+
+    Raises
+    ------
+    DataError
+        When shapes differ, tables name their rows unlike, or curves cannot be tested.
+    """
+    first, second = _curves(a, "a", where, fewest), _curves(b, "b", where, fewest)
+    if first.shape != second.shape:
+        raise DataError(
+            f"{where}: expected a and b of one shape, got {first.shape} and {second.shape}. "
+            "Pair every participant; for different people use spm_unpaired_t."
+        )
+    if isinstance(a, pd.DataFrame) and isinstance(b, pd.DataFrame) and not a.index.equals(b.index):
+        raise DataError(
+            f"{where}: expected rows of a and b to name the same participants in the same order, "
+            "found other names. Sort the rows of one like the other's."
+        )
+    differences: np.ndarray = first - second
+    return differences
+
+
+def compare_paired(differences: np.ndarray, *, scale: np.ndarray, where: str) -> ComparedCurves:
+    """Return mean and error of differences of pairs.
+
+    Parameters
+    ----------
+    differences : (n_participant, n_node) float
+        From :func:`paired_differences`.
+    scale : (n_node,) float
+        Size of the curves' values, against which spread is rounding.
+    where : str
+        The test, for the message.
+
+    Returns
+    -------
+    ComparedCurves
+        With n - 1 degrees of freedom.
+
+    Raises
+    ------
+    DataError
+        When a node has the same difference in everybody, other than zero.
+    """
+    n = differences.shape[0]
+    mean = differences.mean(axis=0)
+    residuals = differences - mean
+    variance = np.einsum("ij,ij->j", residuals, residuals) / (n - 1)
+    tested = _tested(mean, np.sqrt(variance), scale, where)
+    se = np.sqrt(variance / n) * tested
+    return ComparedCurves(mean * tested, se, residuals, tested, float(n - 1), n, n)
+
+
+def compare_groups(a: Any, b: Any, *, where: str) -> ComparedCurves:
+    """Return difference of the means of two groups, with pooled variance.
+
+    Parameters
+    ----------
+    a, b : (n_participant, n_node) array-like
+        Different participants, at least two each.
+    where : str
+        The test, for the message.
+
+    Returns
+    -------
+    ComparedCurves
+        With n_a + n_b - 2 degrees of freedom.
+
+    Raises
+    ------
+    DataError
+        When curves cannot be tested.
+    """
+    first, second = _curves(a, "a", where, 2), _curves(b, "b", where, 2)
+    if first.shape[1] != second.shape[1]:
+        raise DataError(
+            f"{where}: expected a and b with the same nodes, got {first.shape[1]} and "
+            f"{second.shape[1]}. Resample them to one number of nodes."
+        )
+    n_a, n_b = first.shape[0], second.shape[0]
+    means = first.mean(axis=0), second.mean(axis=0)
+    residuals = np.concatenate([first - means[0], second - means[1]])
+    variance = np.einsum("ij,ij->j", residuals, residuals) / (n_a + n_b - 2)
+    difference = means[0] - means[1]
+    tested = _tested(difference, np.sqrt(variance), curve_scale(first, second), where)
+    se = np.sqrt(variance * (1.0 / n_a + 1.0 / n_b)) * tested
+    return ComparedCurves(
+        difference * tested, se, residuals, tested, float(n_a + n_b - 2), n_a, n_b
+    )
+
+
+def curve_scale(a: Any, b: Any) -> np.ndarray:
+    """Return the largest absolute value at each node.
+
+    Parameters
+    ----------
+    a, b : (n_participant, n_node) array-like
+        Curves.
+    """
+    sizes = [np.abs(np.asarray(curves, dtype=float)).max(axis=0) for curves in (a, b)]
+    return np.asarray(np.maximum(*sizes))
+
+
+def checked_level(alpha: float, equivalence_margin: float | None, where: str) -> None:
+    """Raise where a level or a margin makes no sense.
+
+    Parameters
+    ----------
+    alpha : float
+        Level.
+    equivalence_margin : float or None
+        Margin.
+    where : str
+        The test, for the message.
+
+    Raises
+    ------
+    DataError
+        When alpha is outside 1e-6 to 0.5, or the margin is not positive.
+    """
+    if not _SMALLEST_ALPHA <= alpha <= 0.5:
+        raise DataError(f"{where}: expected alpha of {_SMALLEST_ALPHA:g} to 0.5, got {alpha!r}")
+    if equivalence_margin is not None and not 0.0 < equivalence_margin < float("inf"):
+        raise DataError(
+            f"{where}: expected a positive equivalence_margin in the unit of the curves, got "
+            f"{equivalence_margin!r}. Leave it out where no difference is known to be unimportant."
+        )
+
+
+def recorded_settings(**chosen: Any) -> dict[str, Any]:
+    """Return what was chosen, with the version of jointz.
+
+    Parameters
+    ----------
+    **chosen
+        Plain values.
+    """
+    return chosen | {"jointz": _version()}
+
+
+@cache
+def _version() -> str:
+    # Asked of the installed packages once: it takes longer than a test.
+    return str(software()["jointz"])
+
+
+def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:
+    try:
+        curves = np.asarray(values, dtype=float, order="C")
+    except (TypeError, ValueError) as exc:
+        raise DataError(f"{where}: {name} is no array of numbers: {exc}") from exc
+    if curves.ndim != 2:
+        raise DataError(
+            f"{where}: expected {name} as (participant, node), got {curves.ndim} dimensions. "
+            "Give one row a participant."
+        )
+    n, nodes = curves.shape
+    if n < fewest:
+        raise DataError(
+            f"{where}: expected at least {fewest} participants in {name}, got {n}. Strides or "
+            "pulses of one person are no participants: give one mean curve a person."
+        )
+    if nodes < _FEWEST_NODES:
+        raise DataError(
+            f"{where}: expected curves of at least {_FEWEST_NODES} nodes in {name}, got {nodes}. "
+            "Test single values with a t test."
+        )
+    bad = ~np.isfinite(curves)
+    if bad.any():
+        person, node = np.argwhere(bad)[0]
+        raise DataError(
+            f"{where}: expected finite values in {name}, found {int(bad.sum())} that are not, "
+            f"first of row {person} at node {node}. Leave out the participant, or the nodes "
+            f"({int(bad.any(axis=0).sum())}) in everybody."
+        )
+    return curves
+
+
+def _tested(mean: np.ndarray, sd: np.ndarray, scale: np.ndarray, where: str) -> np.ndarray:
+    rounding = _ROUNDING_UNITS * np.finfo(float).eps * scale
+    varies = sd > rounding
+    impossible = ~varies & (np.abs(mean) > rounding)
+    if impossible.any():
+        raise DataError(
+            f"{where}: expected differences that vary over participants, found exactly the same "
+            f"in all at {int(impossible.sum())} nodes, first at node {int(np.argmax(impossible))}. "
+            "Look for copied or constant columns."
+        )
+    if not varies.any():
+        raise DataError(f"{where}: expected curves that differ, found a and b the same everywhere.")
+    return np.asarray(varies)

@@ -1,0 +1,86 @@
+"""The exact test of a variance between groups and the interval of its ratio."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jointz.kernels.mixed_model_groups import group_variance
+
+
+def complete(seed, people=6, levels=4, sd=1.0):
+    rng = np.random.default_rng(seed)
+    person, level = np.indices((people, levels)).reshape(2, -1)
+    y = sd * rng.standard_normal(people)[person] + rng.standard_normal(person.size) + level
+    return (level[:, None] == np.arange(levels)).astype(float), y, person
+
+
+def test_a_complete_table_gives_the_mean_squares_and_their_interval():
+    X, y, person = complete(1)
+
+    made = group_variance(X, y, person)
+
+    table = y.reshape(6, 4)
+    of_person = 4 * table.mean(axis=1).var(ddof=1)
+    rest = table - table.mean(axis=0) - table.mean(axis=1, keepdims=True) + table.mean()
+    f = of_person / ((rest**2).sum() / 15)
+    assert made.test.statistic == pytest.approx(f)
+    assert (made.test.df_num, made.test.df_den) == (5, 15)
+    assert made.test.p == pytest.approx(stats.f.sf(f, 5, 15))
+    limits = [max((f / stats.f.ppf(share, 5, 15) - 1) / 4, 0) for share in (0.975, 0.025)]
+    assert (made.ratio_low, made.ratio_high) == pytest.approx(limits)
+
+
+def test_missing_cells_give_the_f_of_nested_regressions():
+    X, y, person = complete(2)
+    keep = np.random.default_rng(3).random(y.size) > 0.3
+    X, y, person = X[keep], y[keep], person[keep]
+
+    test = group_variance(X, y, person).test
+
+    both = np.hstack([X, (person[:, None] == np.arange(6)).astype(float)])
+    small, large = (((y - M @ np.linalg.lstsq(M, y, rcond=None)[0]) ** 2).sum() for M in (X, both))
+    df = np.linalg.matrix_rank(both) - X.shape[1], y.size - np.linalg.matrix_rank(both)
+    assert (test.df_num, test.df_den) == df
+    assert test.statistic == pytest.approx((small - large) / df[0] / (large / df[1]))
+
+
+def test_the_interval_holds_the_ratio_in_95_percent_whatever_is_missing():
+    rng = np.random.default_rng(4)
+    inside, n_tables, ratio = 0, 600, 0.5
+    for seed in range(n_tables):
+        X, y, person = complete(seed, sd=ratio**0.5)
+        keep = rng.random(y.size) > 0.25
+        made = group_variance(X[keep], y[keep], person[keep])
+        inside += made.ratio_low <= ratio <= made.ratio_high
+
+    low, high = stats.binom.interval(0.998, n_tables, 0.95)
+    assert low <= inside <= high
+
+
+def test_no_variance_between_groups_has_an_interval_from_0():
+    X, y, person = complete(5)
+    rest = y - np.repeat(y.reshape(6, 4).mean(axis=1), 4)
+
+    made = group_variance(X, rest, person)
+
+    assert (made.ratio_low, made.ratio_high) == (0, 0)
+    assert made.test.p == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("rows", "df"), [(slice(0, 4), "0 degrees.*and 0"), (slice(0, None, 5), "and 0 inside")]
+)
+def test_groups_that_cannot_be_told_apart_are_refused(rows, df):
+    X, y, person = complete(6)
+    X = X[rows][:, X[rows].any(axis=0)]
+
+    with pytest.raises(ValueError, match=df):
+        group_variance(X, y[rows], person[rows])
+
+
+def test_groups_that_are_alike_to_rounding_are_refused():
+    X, _, person = complete(7)
+    alike = np.tile([0.1, 0.2, 0.7, 1.1], 6)
+    for values in (alike, alike + 1e6, alike + 3.3 * person):
+        with pytest.raises(ValueError, match="vary inside the groups, none does"):
+            group_variance(X, values, person)

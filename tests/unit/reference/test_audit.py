@@ -1,0 +1,153 @@
+"""The audit of the printed text: every recomputed number once more, another way."""
+
+import itertools
+from typing import get_args
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.reference import Kind, chapter2, chapter4
+from jointz.reference.audit import audit, audit_table
+from jointz.reference.audit_chapter4 import BONFERRONI_PAIRS, PARTICIPANT_P, POINT_P
+
+FINDINGS = {finding.what: finding for finding in audit()}
+PARAMETERS = ("stiffness_per_mass", "damping_per_mass", "inertia")
+
+
+def values(name):
+    """Return a printed table as (people, timing points)."""
+    return np.array(
+        [[cell.value for cell in row.values()] for row in chapter4.TABLES[name].values()]
+    ).T
+
+
+def two_way(y):
+    """Return mean squares of people, timing points and the rest: one value a cell."""
+    people, points = y.shape
+    rest = y - y.mean(1, keepdims=True) - y.mean(0) + y.mean()
+    error = (rest**2).sum() / ((people - 1) * (points - 1))
+    between_people = points * ((y.mean(1) - y.mean()) ** 2).sum() / (people - 1)
+    between_points = people * ((y.mean(0) - y.mean()) ** 2).sum() / (points - 1)
+    return between_people, between_points, error
+
+
+def test_every_finding_says_where_what_and_what_follows():
+    assert len(FINDINGS) == len(audit())  # no statement twice
+    for finding in audit():
+        assert finding.where
+        assert finding.printed
+        assert finding.kind in get_args(Kind)
+        assert finding.remark or finding.recomputed
+
+
+def test_the_table_has_a_row_a_finding():
+    table = audit_table()
+    assert list(table.columns) == ["where", "what", "printed", "recomputed", "kind", "remark"]
+    assert len(table) == len(audit())
+
+
+@pytest.mark.parametrize(
+    ("what", "recomputed"),
+    [
+        ("mean stiffness error, k1", "-1.53 %"),
+        ("mean stiffness error, k2", "-2.91 %"),
+        ("mean inertia error, I1", "-14.8 %"),
+        ("mean inertia error, I2", "-13.5 %"),
+        ("error of the dynamic stiffness", "5.10 % signed, 5.96 % absolute"),
+        ("lowest bandwidth", "17.2 Hz in the results"),
+        ("inertia larger with the trajectory", "7 of 20 are 35 %, 8 of 20 are 40 %"),
+        ("stiffness below its true value", "at least 45 %: 9 of 10 means are negative"),
+        ("duration of the pulse", "300 ms: 75 + 150 + 75"),
+        ("inertia of S4 at TST", "mean 0.037 with 0.14, 0.024 with 0.014"),
+        ("lowest mean damping", "0.029 N*m*s/rad/kg, at MSW"),
+        ("damping in stance", "0.039 0.042 0.053 0.030 at LRE, MST, TST, PSW"),
+        ("estimates at the bound", "7 of 60 fits have one, 3 more nearly"),
+        ("quasi-stiffness and stiffness", "3, 52, -214, -55, -78, -113 % apart"),
+        (
+            "VAFs of S7",
+            "94.38 % at LRE and PSW; 90.76 % at MST and MSW; 99.24 % at TST as S9",
+        ),
+        ("the two people of the pilot", "S2 and S3 of table 4.4: 97.83, 84.84 %"),
+    ],
+)
+def test_known_inconsistencies_are_found(what, recomputed):
+    assert FINDINGS[what].recomputed == recomputed
+
+
+def test_the_sd_of_the_vaf_is_not_over_people():
+    found = FINDINGS["SD of the VAF 'across all subjects and timing points'"]
+    vaf = values("vaf")
+    assert f"{vaf.mean(0).std(ddof=1):.2f} % over the six" in found.recomputed
+    assert f"{vaf.std(ddof=1):.2f} % over all 60" in found.recomputed
+
+
+def test_stiffness_is_best_at_the_mixed_frequency_but_inertia_at_low_ones():
+    def errors(table):
+        return {t: np.mean([abs(row[t].value) for row in table.values()]) for t in "ABCDE"}
+
+    stiffness, inertia = errors(chapter2.STIFFNESS_ERRORS), errors(chapter2.INERTIA_ERRORS)
+    assert min(stiffness, key=stiffness.get) == "E"
+    assert max(inertia[t] for t in ("A", "B", "D")) < min(inertia[t] for t in ("C", "E"))
+    assert "E 1.1" in FINDINGS["lower stiffness errors at lower frequencies"].recomputed
+
+
+def test_damping_rises_in_stance_until_pre_swing_and_not_evenly():
+    means = {p: c.value for p, c in chapter4.DAMPING_MEANS.items()}
+    rises = np.diff([means[p] for p in ("LRE", "MST", "TST")])
+    steps = np.diff([TIMING_POINTS[p] for p in ("LRE", "MST", "TST")])
+    assert np.round(rises, 3).tolist() == [0.003, 0.011]
+    assert steps.tolist() == [14.5, 19.0]
+    assert means["PSW"] < means["LRE"]
+
+
+def test_quasi_stiffness_is_within_half_of_stiffness_once_and_of_another_sign_twice():
+    differences = np.array([d.value for d in chapter4.QUASI_STIFFNESS_DIFFERENCES.values()])
+    assert (np.abs(differences) < 50).sum() == 1
+    assert (differences < -100).sum() == 2
+
+
+# --- what stands as a number ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_p_values_of_timing_point_and_participant_are_those_of_the_tables(name):
+    people, points, error = two_way(values(name))
+    assert POINT_P[name] == pytest.approx(stats.f.sf(points / error, 5, 45), rel=1e-5)
+    assert PARTICIPANT_P[name] == pytest.approx(stats.f.sf(people / error, 9, 45), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_bonferroni_pairs_are_those_of_the_tables(name):
+    y = values(name)
+    error = two_way(y)[2]
+    found = {}
+    for (i, a), (j, b) in itertools.combinations(enumerate(TIMING_POINTS), 2):
+        t = abs(y[:, i].mean() - y[:, j].mean()) / np.sqrt(2 * error / len(y))
+        p = min(1.0, 15 * 2 * stats.t.sf(t, 45))
+        if p < chapter4.SIGNIFICANCE_LEVEL:
+            found[a, b] = p
+    assert dict(BONFERRONI_PAIRS[name]) == pytest.approx(found, rel=1e-5)
+
+
+def test_what_is_not_reproduced_is_all_claims_but_timing_point_on_stiffness():
+    missing = {f.what for f in audit() if f.what.startswith("effect of")}
+    assert missing == {
+        f"effect of {factor} on {parameter}"
+        for factor in ("timing point", "subject")
+        for parameter in ("stiffness", "damping", "inertia")
+    } - {"effect of timing point on stiffness"}
+    assert POINT_P["stiffness_per_mass"] < 0.001
+    assert all("no proof" in f.remark for f in audit() if f.what in missing)
+
+
+def test_counts_of_pairs_are_those_claimed_and_found():
+    counts = {
+        "stiffness": ("9 of 15 pairs stated", "3 of 15: LRE-MST, LRE-ISW, LRE-MSW"),
+        "damping": ("5 of 15 pairs stated", "0 of 15: none"),
+        "inertia": ("6 of 15 pairs stated", "0 of 15: none"),
+    }
+    for parameter, (printed, recomputed) in counts.items():
+        found = FINDINGS[f"timing points whose {parameter} differs"]
+        assert (found.printed, found.recomputed) == (printed, recomputed)

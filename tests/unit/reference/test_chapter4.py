@@ -1,0 +1,258 @@
+"""The printed numbers of chapter IV against each other, row by row and against the data."""
+
+import dataclasses
+import itertools
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.reference import Printed, chapter3, chapter4, row_mean
+from jointz.reference.audit_chapter4 import column_mean
+
+#: Half a unit of the last printed digit of the means.
+HALF_DIGIT = {
+    "stiffness_per_mass": 0.005,
+    "damping_per_mass": 0.0005,
+    "inertia": 0.0005,
+    "vaf": 0.005,
+}
+COLUMNS = {
+    "stiffness_per_mass": "stiffness_Nm_per_rad_per_kg",
+    "damping_per_mass": "damping_Nms_per_rad_per_kg",
+    "inertia": "inertia_kgm2",
+    "vaf": "vaf_percent",
+}
+CORRECTIONS = {
+    "stiffness_per_mass": "stiffness_correction",
+    "damping_per_mass": "damping_correction",
+    "inertia": "inertia_correction",
+    "vaf": "vaf_correction",
+}
+
+
+def every_printed(value):
+    """Walk through mappings and tuples down to the numbers."""
+    if isinstance(value, Printed):
+        yield value
+    elif isinstance(value, tuple):
+        yield from itertools.chain.from_iterable(map(every_printed, value))
+    elif isinstance(value, Mapping):
+        yield from itertools.chain.from_iterable(map(every_printed, value.values()))
+
+
+def cells(name):
+    return {
+        (subject, point): cell
+        for point, row in chapter4.TABLES[name].items()
+        for subject, cell in row.items()
+    }
+
+
+@pytest.fixture
+def published(real_data):
+    table = pd.read_csv(real_data / "dissertation" / "knee_impedance_60.csv")
+    return table.set_index(["subject", "timing_point"])
+
+
+def test_every_number_names_its_source():
+    numbers = [n for value in vars(chapter4).values() for n in every_printed(value)]
+    assert len(numbers) > 4 * 60 + 4 * 6
+    assert all(n.source for n in numbers)
+
+
+def test_numbers_cannot_be_changed():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        chapter4.SPM_THRESHOLD.value = 0.0
+    with pytest.raises(TypeError):
+        chapter4.STIFFNESS["LRE"]["S1"] = Printed(0.0)
+    with pytest.raises(TypeError):
+        chapter4.PAIRS["inertia"]["LRE", "MST"] = "similar"
+
+
+# --- tables 4.1 to 4.4 ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", chapter4.TABLES)
+def test_every_table_has_ten_people_at_six_timing_points(name):
+    table = chapter4.TABLES[name]
+    assert list(table) == list(chapter4.MEANS[name]) == list(TIMING_POINTS)
+    assert all(tuple(row) == chapter4.SUBJECTS for row in table.values())
+    assert len({cell.unit for cell in cells(name).values()}) == 1
+
+
+@pytest.mark.parametrize("point", TIMING_POINTS)
+@pytest.mark.parametrize("name", chapter4.TABLES)
+def test_every_printed_mean_is_the_mean_of_its_row(name, point):
+    mean, printed = row_mean(chapter4.TABLES[name][point]), chapter4.MEANS[name][point].value
+    assert abs(mean - printed) <= HALF_DIGIT[name] + 1e-12  # 0.0295 is printed as 0.030
+
+
+@pytest.mark.parametrize(
+    ("name", "point", "subject", "damaged"),
+    [
+        ("stiffness_per_mass", "ISW", "S6", 20.048),
+        ("stiffness_per_mass", "MSW", "S5", 20.62),
+        ("damping_per_mass", "PSW", "S9", 80.018),
+        ("inertia", "LRE", "S4", 50.011),
+        ("inertia", "MST", "S2", 30.010),
+        ("inertia", "MST", "S10", 50.002),
+        ("inertia", "TST", "S4", 0.14),
+        ("inertia", "TST", "S8", 50.017),
+        ("inertia", "TST", "S10", 10.008),
+    ],
+)
+def test_every_repaired_digit_is_noted_and_the_damaged_one_breaks_its_row(
+    name, point, subject, damaged
+):
+    row, printed = chapter4.TABLES[name][point], chapter4.MEANS[name][point].value
+    assert row[subject].note.startswith("repaired")
+    assert float(re.findall(r"\d+\.\d+", row[subject].note)[0]) == damaged
+
+    mean = row_mean(row) + (damaged - row[subject].value) / len(row)
+    assert abs(mean - printed) > 10 * HALF_DIGIT[name]
+
+
+def test_nothing_else_is_repaired_but_two_split_numbers_and_four_means():
+    repaired = {
+        (name, *key)
+        for name in chapter4.TABLES
+        for key, cell in cells(name).items()
+        if cell.note.startswith("repaired")
+    }
+    split = {("inertia", "S1", "TST"), ("inertia", "S1", "MSW")}
+    means = [
+        (name, point)
+        for name, row in chapter4.MEANS.items()
+        for point, cell in row.items()
+        if cell.note.startswith("repaired")
+    ]
+    assert len(repaired) == 9 + len(split)
+    assert split < repaired
+    assert means == [
+        ("damping_per_mass", "LRE"),
+        ("inertia", "LRE"),
+        ("inertia", "MST"),
+        ("inertia", "TST"),
+    ]
+
+
+def test_zeros_are_noted():
+    noted = {
+        cell.value
+        for name in chapter4.TABLES
+        for cell in cells(name).values()
+        if "numerically 0" in cell.note or cell.note == "nearly 0"
+    }
+    small = {
+        cell.value
+        for name in chapter4.TABLES
+        for cell in cells(name).values()
+        if cell.value < chapter4.NEARLY_ZERO
+    }
+    assert noted == small
+    assert sum(value < chapter4.NUMERICALLY_ZERO for value in small) == 7
+    assert len(small) == 10
+
+
+def test_the_outlier_that_stands_is_noted():
+    assert "as printed" in chapter4.INERTIA["MST"]["S4"].note
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", chapter4.TABLES)
+def test_tables_are_those_of_the_data_with_the_same_corrections(name, published):
+    for key, cell in cells(name).items():
+        assert cell.value == published.loc[key, COLUMNS[name]]
+        corrected = isinstance(published.loc[key, CORRECTIONS[name]], str)
+        assert cell.note.startswith("repaired") == corrected
+
+
+def test_the_long_table_has_one_row_a_person_and_timing_point():
+    table = chapter4.participant_table()
+
+    assert len(table) == 60
+    assert not table.duplicated(["participant", "timing_point"]).any()
+    assert list(table["timing_point"].cat.categories) == list(TIMING_POINTS)
+    for name, column in [("inertia", "inertia"), ("vaf", "vaf_pct")]:
+        long = table.set_index(["participant", "timing_point"])[column]
+        for key, cell in cells(name).items():
+            assert long.loc[key] == cell.value
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def test_mean_vaf_and_its_sd_are_over_timing_points():
+    means = [row_mean(row) for row in chapter4.VAF.values()]
+    assert round(np.mean(means), 2) == chapter4.VAF_MEAN.value == 90.62
+    assert round(np.std(means, ddof=1), 2) == chapter4.VAF_MEAN.sd == 4.32
+    assert round(chapter4.VAF_MEAN.value) == chapter4.VAF_MEAN_ROUNDED.value
+
+
+@pytest.mark.parametrize("name", chapter4.RANGES)
+def test_ranges_are_largest_and_smallest_mean_but_for_the_noted_one(name):
+    high, low = chapter4.RANGES[name]
+    means = [cell.value for cell in chapter4.MEANS[name].values()]
+    assert high.value == max(means)
+    assert (low.value == min(means)) == (low.note == "")
+
+
+@pytest.mark.parametrize(("subject", "pilot"), [("S2", "1"), ("S3", "2")])
+def test_the_pilots_people_are_two_of_the_ten(subject, pilot):
+    assert round(column_mean(chapter4.VAF, subject), 2) == chapter3.PILOT_VAF[pilot].value
+
+
+@pytest.mark.parametrize("name", chapter3.PILOT_RANGES)
+def test_the_pilots_ranges_are_those_of_these_two_people(name):
+    unit = {"stiffness_per_mass": 0.01, "damping_per_mass": 0.01, "inertia": 0.01}[name]
+    means = [(row["S2"].value + row["S3"].value) / 2 for row in chapter4.TABLES[name].values()]
+    high, low = (p.value for p in chapter3.PILOT_RANGES[name])
+    assert abs(max(means) - high) <= unit / 2 + 1e-9  # 2.995 is printed as 2.99
+    assert abs(min(means) - low) <= unit / 2 + 1e-9
+
+
+def test_every_pair_of_timing_points_has_a_claim():
+    for claims in chapter4.PAIRS.values():
+        assert list(claims) == list(itertools.combinations(TIMING_POINTS, 2))
+        assert set(claims.values()) <= {"different", "similar", "not stated"}
+
+
+@pytest.mark.parametrize(
+    ("parameter", "different", "similar"),
+    [
+        ("stiffness_per_mass", "12 13 14 15 16 23 24 25 26", "34 56"),
+        ("damping_per_mass", "13 23 34 35 36", "46 12 15 25"),
+        ("inertia", "14 24 34 45 46 16", "25 13 36"),
+    ],
+)
+def test_pairs_are_as_the_text_says(parameter, different, similar):
+    def named(numbers):
+        return {tuple(chapter4.POINT_NUMBERS[int(n)] for n in pair) for pair in numbers.split()}
+
+    claims = chapter4.PAIRS[parameter]
+    assert {pair for pair, say in claims.items() if say == "different"} == named(different)
+    assert {pair for pair, say in claims.items() if say == "similar"} == named(similar)
+
+
+def test_implied_quasi_stiffness_is_known():
+    implied = chapter4.implied_quasi_stiffness()
+    expected = (2.204, 0.937, -1.310, 0.528, 0.070, -0.048)
+    assert tuple(round(value, 3) for value in implied.values()) == expected
+
+
+def test_implied_quasi_stiffness_comes_from_unrounded_means():
+    from scipy import stats
+
+    def p(stiffness):
+        differences = chapter4.QUASI_STIFFNESS_DIFFERENCES.values()
+        quasi = [k * (1 + d.value / 100) for k, d in zip(stiffness, differences, strict=True)]
+        return round(stats.ttest_ind(quasi, stiffness, equal_var=False).pvalue, 4)
+
+    unrounded = [row_mean(row) for row in chapter4.STIFFNESS.values()]
+    rounded = [cell.value for cell in chapter4.STIFFNESS_MEANS.values()]
+    assert p(unrounded) == chapter4.QUASI_STIFFNESS_P.value
+    assert p(rounded) != chapter4.QUASI_STIFFNESS_P.value

@@ -1,0 +1,334 @@
+"""Quasi-stiffness: closed forms, Winter's mean stride, and the published p-value."""
+
+import dataclasses
+import json
+from math import radians
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import PHASES, TIMING_POINTS
+from jointz.core.quasi_stiffness_fit import Doubt, QuasiStiffness, QuasiStiffnessComparison
+from jointz.reference import chapter4, row_mean
+from jointz.stats.quasi_stiffness import compare_quasi_stiffness, quasi_stiffness
+
+GAIT_PCT = np.linspace(0.0, 100.0, 101)
+#: Rises and falls over the cycle; the timing points lie on its slopes, but for MST, near its top.
+ANGLE = 0.5 + 0.4 * np.sin(2 * np.pi * GAIT_PCT / 100.0)
+
+
+def published_stiffness():
+    return {point: row_mean(row) for point, row in chapter4.STIFFNESS.items()}
+
+
+@pytest.fixture
+def winter(real_data):
+    table = pd.read_csv(real_data / "winter_normal" / "winter_normal_tidy.csv")
+    return {
+        "angle": np.radians(table["knee_angle_deg"].to_numpy()),
+        "moment": table["knee_moment_Nm_per_kg"].to_numpy(),
+        "gait_pct": table["gait_percent"].to_numpy(),
+    }
+
+
+# --- slopes and secant ---------------------------------------------------------------------------
+
+
+def test_a_spring_with_an_offset_has_its_stiffness_as_slope_but_not_as_secant():
+    found = quasi_stiffness(ANGLE, 2.5 * (ANGLE - 0.1), moment_unit="N*m")
+
+    assert found.unit == "N*m/rad"
+    for point, onset in TIMING_POINTS.items():
+        angle = np.interp(onset, GAIT_PCT, ANGLE)
+        assert found.estimate(point).value == pytest.approx(2.5, rel=1e-12)
+        assert found.estimate(point, "local_slope").value == pytest.approx(2.5, rel=1e-12)
+        secant = found.estimate(point, "secant").value
+        assert secant == pytest.approx(2.5 * (angle - 0.1) / angle, rel=1e-12)
+
+
+def test_a_slope_is_the_regression_over_the_phase():
+    rng = np.random.default_rng(4)
+    moment = ANGLE + 0.2 * rng.standard_normal(ANGLE.size)
+    found = quasi_stiffness(ANGLE, moment)
+
+    for point in TIMING_POINTS:
+        start, end = PHASES[point]
+        nodes = np.arange(start, end + 0.125, 0.25)
+        line = stats.linregress(
+            np.interp(nodes, GAIT_PCT, ANGLE), np.interp(nodes, GAIT_PCT, moment)
+        )
+        estimate = found.estimate(point)
+        assert estimate.value == pytest.approx(line.slope, rel=1e-10)
+        assert estimate.r_squared == pytest.approx(line.rvalue**2, rel=1e-9)
+        assert (estimate.start_gait_pct, estimate.end_gait_pct) == (start, end)
+
+
+def test_a_local_slope_sees_only_its_window():
+    moment = np.where(np.abs(GAIT_PCT - 81.0) <= 4.0, 3.0 * ANGLE, 50.0)
+    found = quasi_stiffness(ANGLE, moment, window_pct=6.0)
+
+    assert found.estimate("MSW", "local_slope").value == pytest.approx(3.0, rel=1e-9)
+    assert found.estimate("MSW").value != pytest.approx(3.0, rel=0.1)
+
+
+def test_a_change_of_the_angles_zero_changes_the_secant_only():
+    moment = 2.0 * ANGLE + 0.1 * np.cos(2 * np.pi * GAIT_PCT / 100.0)
+    before, after = quasi_stiffness(ANGLE, moment), quasi_stiffness(ANGLE + 0.2, moment)
+
+    for measure in ("slope", "local_slope"):
+        assert after.values(measure) == pytest.approx(before.values(measure), rel=1e-9)
+    assert after.values("secant")["LRE"] != pytest.approx(before.values("secant")["LRE"], rel=0.05)
+
+
+def test_kilograms_scale_every_measure():
+    moment = 40.0 + 100.0 * ANGLE
+    whole = quasi_stiffness(ANGLE, moment, moment_unit="N*m")
+    per_mass = quasi_stiffness(ANGLE, moment / 80.0)
+
+    assert per_mass.unit == "N*m/rad/kg"
+    for measure in ("slope", "secant"):
+        scaled = {point: 80.0 * value for point, value in per_mass.values(measure).items()}
+        assert whole.values(measure) == pytest.approx(scaled, rel=1e-12)
+
+
+# --- doubts --------------------------------------------------------------------------------------
+
+
+def test_a_turning_angle_is_marked():
+    angle = 0.2 + 0.3 * np.abs(GAIT_PCT - 40.5) / 50.0
+    found = quasi_stiffness(angle, angle)
+
+    assert found.estimate("TST").doubts == (Doubt.ANGLE_TURNS,)
+    assert found.estimate("TST").status == "ill_conditioned"
+    assert found.estimate("TST").backtrack == pytest.approx(0.5)
+    assert found.estimate("PSW").backtrack == 0.0
+    assert found.estimate("PSW").status == "ok"
+
+
+def test_an_angle_that_hardly_moves_is_marked():
+    angle = 0.2 + radians(0.9) * GAIT_PCT / 10.0
+    found = quasi_stiffness(angle, angle)
+
+    assert found.estimate("LRE").doubts == (Doubt.SMALL_RANGE,)  # 0.9 deg over 10 %
+    assert found.estimate("MST").status == "ok"
+
+
+def test_a_moment_off_the_line_is_marked():
+    angle = 0.1 + GAIT_PCT / 100.0
+    found = quasi_stiffness(angle, np.cos(2 * np.pi * (GAIT_PCT - 40.5) / 19.0))
+
+    assert found.estimate("TST").doubts == (Doubt.NOT_A_LINE,)
+
+
+def test_a_flat_moment_is_a_slope_of_zero():
+    estimate = quasi_stiffness(ANGLE, np.full_like(ANGLE, 0.3)).estimate("PSW")
+
+    assert estimate.value == pytest.approx(0.0, abs=1e-12)
+    assert estimate.r_squared is None
+    assert estimate.status == "ok"
+
+
+def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
+    angle = np.where(GAIT_PCT < 60, 0.0, 0.4)
+    found = quasi_stiffness(angle, np.ones_like(angle))
+
+    for measure in ("slope", "local_slope", "secant"):
+        estimate = found.estimate("LRE", measure)
+        assert (estimate.value, estimate.status) == (None, "undecided")
+        assert estimate.doubts == (Doubt.NO_RANGE,)
+    assert "LRE" not in found.values("secant")
+    assert "undecided" in found.summary()
+
+
+def test_a_secant_near_the_zero_of_the_angle_is_marked():
+    angle = radians(0.5) + (GAIT_PCT - 7.0) / 50.0
+    assert quasi_stiffness(angle, angle).estimate("LRE", "secant").doubts == (Doubt.SMALL_ANGLE,)
+
+
+def test_two_nodes_make_no_slope():
+    found = quasi_stiffness(ANGLE[::2], ANGLE[::2], timing_points={"ICO": 1.0, "LRE": 7.0})
+
+    assert found.estimate("ICO").doubts == (Doubt.TOO_FEW_NODES,)
+    assert found.estimate("ICO").value is None
+    assert found.estimate("ICO", "local_slope").start_gait_pct == 0.0  # cut at the cycle's end
+    assert found.estimate("LRE").status == "ok"
+
+
+def test_every_doubt_has_a_meaning():
+    assert all(doubt.meaning for doubt in Doubt)
+
+
+# --- Winter's mean stride ------------------------------------------------------------------------
+
+
+@pytest.mark.real_data
+def test_slopes_of_winters_knee_are_known(winter):
+    found = quasi_stiffness(**winter).values()
+    known = {"LRE": 3.6, "MST": 3.8, "TST": 1.35, "PSW": 0.38, "ISW": -0.22, "MSW": 0.18}
+    half_digit = {"LRE": 0.05, "MST": 0.05} | dict.fromkeys(("TST", "PSW", "ISW", "MSW"), 0.005)
+
+    for point, value in known.items():
+        assert abs(found[point] - value) <= half_digit[point]
+
+
+@pytest.mark.real_data
+def test_only_the_slopes_at_the_knees_smallest_flexion_are_marked(winter):
+    table = quasi_stiffness(**winter).to_frame()
+    marked = table[table["status"] != "ok"]
+
+    assert set(zip(marked["timing_point"], marked["measure"], strict=True)) == {
+        ("TST", "slope"),
+        ("TST", "local_slope"),
+    }
+    stance = winter["gait_pct"] <= 50.0
+    smallest = winter["gait_pct"][stance][10:][np.argmin(winter["angle"][stance][10:])]
+    assert abs(smallest - TIMING_POINTS["TST"]) <= 1.0
+
+
+@pytest.mark.real_data
+def test_the_implied_quasi_stiffness_has_the_signs_of_winters_secant_but_not_of_a_slope(winter):
+    implied = np.sign(list(chapter4.implied_quasi_stiffness().values()))
+    found = quasi_stiffness(**winter)
+
+    assert np.sign(list(found.values("secant").values())).tolist() == implied.tolist()
+    assert np.sign(list(found.values("slope").values())).tolist() != implied.tolist()
+
+
+# --- the published comparison --------------------------------------------------------------------
+
+
+def test_the_printed_p_comes_back_from_the_printed_differences():
+    found = compare_quasi_stiffness(chapter4.implied_quasi_stiffness(), published_stiffness())
+
+    assert round(found.p, 4) == chapter4.QUASI_STIFFNESS_P.value == 0.3374
+    assert round(found.statistic, 3) == -1.020
+    assert round(found.df, 2) == 8.06
+    assert found.n == 6
+    assert "n = 6 and 6" in found.summary()
+    for point in found.points:
+        printed = chapter4.QUASI_STIFFNESS_DIFFERENCES[point.timing_point].value
+        assert point.difference_pct == pytest.approx(printed, rel=1e-12)
+
+
+def test_the_interval_says_that_likeness_is_not_shown():
+    found = compare_quasi_stiffness(chapter4.implied_quasi_stiffness(), published_stiffness())
+    mean = np.mean(list(published_stiffness().values()))
+
+    assert found.ci_low < -mean  # quasi-stiffness may be lower by more than all of stiffness
+    assert found.ci_high > 0.5 * mean
+
+
+def test_welch_is_scipys():
+    rng = np.random.default_rng(5)
+    for n in (2, 3, 6, 20):
+        names = [f"P{k}" for k in range(n)]
+        q, k = rng.normal(1.0, 2.0, n), rng.normal(0.5, 0.3, n)
+        found = compare_quasi_stiffness(
+            dict(zip(names, q, strict=True)), dict(zip(names, k, strict=True)), alpha=0.1
+        )
+        test = stats.ttest_ind(q, k, equal_var=False)
+        interval = test.confidence_interval(0.9)
+        assert found.p == pytest.approx(test.pvalue, rel=1e-10)
+        assert (found.statistic, found.df) == pytest.approx((test.statistic, test.df), rel=1e-10)
+        assert (found.ci_low, found.ci_high) == pytest.approx(
+            (interval.low, interval.high), rel=1e-9
+        )
+
+
+def test_the_order_of_timing_points_does_not_matter():
+    stiffness = published_stiffness()
+    quasi = dict(chapter4.implied_quasi_stiffness())
+    turned = dict(reversed(quasi.items()))
+
+    assert compare_quasi_stiffness(turned, stiffness) == compare_quasi_stiffness(quasi, stiffness)
+
+
+def test_a_stiffness_of_zero_has_no_percentage():
+    found = compare_quasi_stiffness({"A": 1.0, "B": 2.0}, {"A": 0.0, "B": 1.0})
+
+    assert found.points[0].difference_pct is None
+    assert found.points[1].difference_pct == 100.0
+    assert "no percentage" in found.summary()
+
+
+# --- bad input -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"angle": np.degrees(ANGLE)}, "look like degrees"),
+        ({"angle": ANGLE[:-1]}, "of one length"),
+        ({"moment": np.where(GAIT_PCT == 30.0, np.nan, ANGLE)}, "moment must be finite, node 30"),
+        ({"gait_pct": GAIT_PCT[::-1]}, "must rise"),
+        ({"gait_pct": GAIT_PCT / 100.0}, "reaches from 0 to 1 %"),
+        ({"timing_points": {"LRE": 107.0}}, "0..100 %"),
+        ({"timing_points": {}}, "got none"),
+        ({"window_pct": 0.0}, "window_pct"),
+        ({"moment_unit": "lbf*in"}, "Convert the moment"),
+    ],
+)
+def test_a_curve_that_cannot_be_used_is_refused_with_advice(change, message):
+    call = {"angle": ANGLE, "moment": ANGLE} | change
+    with pytest.raises(DataError, match=message):
+        quasi_stiffness(**call)
+
+
+@pytest.mark.parametrize(
+    ("quasi", "stiffness", "alpha", "message"),
+    [
+        ({"A": 1.0, "B": 2.0}, {"A": 1.0, "C": 2.0}, 0.05, "the same timing points"),
+        ({"A": 1.0}, {"A": 2.0}, 0.05, "at least 2"),
+        ({"A": 1.0, "B": float("nan")}, {"A": 1.0, "B": 2.0}, 0.05, "must be finite"),
+        ({"A": 1.0, "B": 1.0}, {"A": 2.0, "B": 2.0}, 0.05, "vary"),
+        ({"A": 1.0, "B": 2.0}, {"A": 1.0, "B": 3.0}, 5.0, "alpha"),
+    ],
+)
+def test_a_comparison_that_cannot_be_made_is_refused(quasi, stiffness, alpha, message):
+    with pytest.raises(DataError, match=message):
+        compare_quasi_stiffness(quasi, stiffness, alpha=alpha)
+
+
+def test_an_unknown_measure_or_point_is_refused():
+    found = quasi_stiffness(ANGLE, ANGLE)
+    with pytest.raises(KeyError, match="expected one of slope"):
+        found.values("tangent")
+    with pytest.raises(KeyError, match="at one of LRE"):
+        found.estimate("TSW")
+
+
+# --- the five doors ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [QuasiStiffness, QuasiStiffnessComparison])
+def test_results_come_back_from_json(kind):
+    found = {
+        QuasiStiffness: lambda: quasi_stiffness(ANGLE, np.sqrt(ANGLE)),
+        QuasiStiffnessComparison: lambda: compare_quasi_stiffness(
+            chapter4.implied_quasi_stiffness(), published_stiffness()
+        ),
+    }[kind]()
+    back = kind.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
+
+    assert back == found
+    pd.testing.assert_frame_equal(back.to_frame(), found.to_frame())
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        found.unit = "N"
+
+
+def test_the_figure_draws_every_decided_phase():
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    found = quasi_stiffness(ANGLE, np.sqrt(ANGLE))
+    axes = found.plot()
+    try:
+        assert len(axes.lines) == 1 + len(found.values())
+        assert axes.get_ylabel() == "moment (N*m/kg)"
+    finally:
+        plt.close(axes.figure)
