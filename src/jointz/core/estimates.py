@@ -8,6 +8,39 @@ import numpy as np
 
 from jointz.core.channels import PARAMETER_UNITS
 
+#: Sd from the middle to the ends of a 95 % interval of a normal error.
+REACH_95 = 1.959963984540054
+#: An interval that reaches further from its value than this share of it decides nothing.
+_WIDEST = 0.5
+#: Sources of an estimate's error that a fit tells of, in the order of tables and figures.
+FIT_SOURCES = (
+    "noise",
+    "lag",
+    "friction",
+    "cross_talk",
+    "inertia_model",
+    "drift",
+    "reflex",
+    "prior",
+    "model",
+)
+
+
+def decides(value: float, reach: float) -> bool:
+    """Tell whether an interval that reaches so far from its value decides anything.
+
+    Parameters
+    ----------
+    value, reach : float
+        The value, and how far the interval reaches from it.
+
+    Examples
+    --------
+    >>> decides(60.0, 30.0), decides(60.0, 31.0)
+    (True, False)
+    """
+    return reach <= _WIDEST * abs(value)
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterEstimate:

@@ -7,23 +7,11 @@ import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import FIT_SOURCES, CellEstimate, ParameterEstimate
 from jointz.core.participant_model import ParticipantModel
 
 #: Where the uncertainty of an estimate comes from, in the order of tables and figures.
-SOURCES: Final = (
-    "noise",
-    "lag",
-    "friction",
-    "cross_talk",
-    "inertia_model",
-    "drift",
-    "reflex",
-    "prior",
-    "model",
-    "gain",
-    "intrinsic",
-)
+SOURCES: Final = (*FIT_SOURCES, "gain", "intrinsic")
 #: Columns of ``details.csv``.
 DETAIL_COLUMNS: Final = (
     "participant",

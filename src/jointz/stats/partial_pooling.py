@@ -7,16 +7,13 @@ import numpy as np
 
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import CellEstimate, ParameterEstimate, decides
 from jointz.core.pooled_estimates import POOLED_METHOD, unbounded_estimate
 from jointz.kernels.bounded_normal import bounded_interval
 from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
-#: As in the estimates of one person: a wider interval than this share of the value decides
-#: nothing.
-_WIDEST = 0.5
 _MADE = "normal model of people over the estimates of all participants, Jeffreys' prior"
 
 
@@ -163,7 +160,7 @@ def _own(
         low, high = bounded_interval(value, sd, level=_LEVEL)
     at_bound = low == 0.0
     # Whether a limit at the bound is a small one was judged where the response was seen.
-    undecided = before.status != "at_bound" if at_bound else high - low > 2.0 * _WIDEST * value
+    undecided = before.status != "at_bound" if at_bound else not decides(value, 0.5 * (high - low))
     if undecided:
         return ParameterEstimate(group.name, None, None, None, "undecided", unbounded=value)
     return ParameterEstimate(

@@ -13,7 +13,6 @@ from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import StudyError
 from jointz.core.estimates import CellEstimate
-from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
@@ -21,7 +20,7 @@ from jointz.identify.appraisal.certificate_study import assembled, replicates_fo
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.methods.cells import BENCH_ONLY, METHODS, failed_parameters
 from jointz.identify.participant import ParticipantResult
-from jointz.identify.preparation.assignment import group_names
+from jointz.identify.preparation.assignment import label_names
 from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
@@ -237,15 +236,9 @@ def _expected_labels(study: Study, method: str, results: dict[str, ParticipantRe
     seen = list(
         dict.fromkeys(c.timing_point for r in results.values() for c in r.cells.get(method, ()))
     )
-    if spec.perturbations.group is not None:
-        return group_names(spec.perturbations.group)
-    if spec.kind == "bench":
+    if spec.kind == "bench" and spec.perturbations.group is None:
         return sorted(seen) or ["all_pulses"]
-    points = spec.perturbations.timing_points or TIMING_POINTS
-    ordered = sorted(points, key=lambda name: points[name])
-    if spec.perturbations.timing_points is None and seen:
-        ordered = [name for name in ordered if name in seen]
-    return ordered + [name for name in seen if name not in ordered]
+    return label_names(spec.perturbations, seen)
 
 
 def _missing(

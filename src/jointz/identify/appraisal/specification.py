@@ -12,7 +12,7 @@ from jointz.core.specification_curve import SpecificationEstimate
 from jointz.identify.appraisal.specification_baselines import with_baseline
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS
-from jointz.identify.preparation.assignment import Candidate, assign_pulses, group_names
+from jointz.identify.preparation.assignment import Candidate, assign_pulses, label_names
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
@@ -128,7 +128,8 @@ def specification_estimates(
     for cutoff_hz in choices.cutoffs_hz:
         told(f"{FILTERED}, {cutoff_hz:g} Hz")
         found += _filtered(participant, recordings, settings, choices, cutoff_hz)
-    labels = _labels(settings, [cell.timing_point for f in found for cell in f.cells])
+    seen = [cell.timing_point for f in found for cell in f.cells]
+    labels = label_names(settings.perturbations, seen)
     return tuple(row for f in found for row in f.rows(labels))
 
 
@@ -295,21 +296,6 @@ def _filtered(
             }
             missing = _why_missing(conditioned, candidates)
             yield _Found(choice, estimator.run(candidates)[0], missing)
-
-
-def _labels(settings: ParticipantSettings, seen: Sequence[str]) -> list[str]:
-    """Return the timing points that the study names, or has pulses at, in the order of the cycle.
-
-    Of the usual ones that no study named, those without a pulse are left out, unless all are.
-    """
-    group = settings.perturbations.group
-    if group is not None:
-        return group_names(group)
-    points = settings.timing_points
-    ordered = sorted(points, key=lambda name: points[name])
-    if settings.perturbations.timing_points is None and seen:
-        ordered = [name for name in ordered if name in seen]
-    return list(dict.fromkeys([*ordered, *seen]))
 
 
 def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:

@@ -14,16 +14,16 @@ import numpy as np
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import CellEstimate
+from jointz.core.estimates import REACH_95, CellEstimate, decides
 from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pooled_estimates import UnboundedEstimate, unbounded_estimate
 from jointz.core.provenance import software
 from jointz.identify.methods.cell_estimator import mean_phase
-from jointz.identify.recommended.steep_change import Widened, decides, widen_steep
+from jointz.identify.recommended.steep_change import Widened, widen_steep
 from jointz.kernels.partial_pooling import partial_pooling
 from jointz.kernels.periodic_process import periodic_curve
 
-_LEVEL, _Z = 0.95, 1.959963984540054
+_LEVEL = 0.95
 _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
 #: Fewer phases make no curve.
 _FEWEST = 4
@@ -235,8 +235,8 @@ def _points(found: Sequence[_Placed], name: str) -> tuple[CurvePoint, ...]:
                 timing_point=placed.cell.timing_point,
                 gait_pct=placed.gait_pct,
                 value=estimate.value,
-                ci_low=estimate.value - _Z * estimate.sd,
-                ci_high=estimate.value + _Z * estimate.sd,
+                ci_low=estimate.value - REACH_95 * estimate.sd,
+                ci_high=estimate.value + REACH_95 * estimate.sd,
                 decided=parameter is not None and parameter.stands,
             )
         )
@@ -284,13 +284,13 @@ def _mean_band(name: str, found: Sequence[_Placed], widened: Widened) -> Paramet
     pooled = partial_pooling(values, sds, level=_LEVEL)
     n = np.array([len(group) for _, _, group in several])
     common = np.array([_common_sd(group, name, widened) for _, _, group in several])
-    half = np.hypot(0.5 * (pooled.mean_high - pooled.mean_low), _Z * common)
+    half = np.hypot(0.5 * (pooled.mean_high - pooled.mean_low), REACH_95 * common)
     measured = _Measured(
         phases=np.array([at for at, _, _ in several]) / 100.0,
         values=pooled.mean,
         covariance=np.diag(np.nansum(sds**2, axis=1) / n**2 + common**2),
         # Who is above the mean at one phase mostly is so at the next: that does not average out.
-        systematic=half / _Z,
+        systematic=half / REACH_95,
     )
     points = tuple(
         CurvePoint(

@@ -8,8 +8,8 @@ import numpy as np
 
 from jointz.core.codes import Exclusion
 from jointz.core.events import PulseRecord
-from jointz.core.gait_phases import nearest_timing_point
-from jointz.core.study import GroupSpec
+from jointz.core.gait_phases import TIMING_POINTS, nearest_timing_point
+from jointz.core.study import GroupSpec, PerturbationsSpec
 from jointz.gait.phase import gait_phase
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import ParticipantSettings, Source
@@ -201,6 +201,30 @@ def _group_labels(source: Source, group: GroupSpec, settings: ParticipantSetting
         names[i] if 0 <= i < len(names) and np.isfinite(x) else ""
         for i, x in zip(index, at_onset, strict=True)
     ]
+
+
+def label_names(perturbations: PerturbationsSpec, seen: Sequence[str]) -> list[str]:
+    """Return the groups or timing points that a study has results for, in their order.
+
+    Parameters
+    ----------
+    perturbations : PerturbationsSpec
+        Of the study.
+    seen : sequence of str
+        Labels of pulses that were found.
+
+    Notes
+    -----
+    Of the usual timing points, which no study named, those without a pulse are left out, unless
+    all are.
+    """
+    if perturbations.group is not None:
+        return group_names(perturbations.group)
+    points = perturbations.timing_points or TIMING_POINTS
+    ordered = sorted(points, key=lambda name: points[name])
+    if perturbations.timing_points is None and seen:
+        ordered = [name for name in ordered if name in seen]
+    return list(dict.fromkeys([*ordered, *seen]))
 
 
 def group_names(group: GroupSpec) -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.codes import Failure
-from jointz.core.estimates import ParameterEstimate
+from jointz.core.estimates import REACH_95, ParameterEstimate, decides
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import relative_sd
@@ -15,9 +15,6 @@ from jointz.identify.recommended.response_posterior import JointPosterior, Momen
 from jointz.kernels.bounded_normal import bounded_interval
 
 _LEVEL = 0.95
-_Z = 1.959963984540054
-#: An interval that reaches further from its value than this share of it decides nothing.
-_WIDEST = 0.5
 #: Share of the variance that the prior's is of an estimate it has twice the sd of: more is not
 #: told by the data.
 _ASSUMED = 0.25
@@ -158,8 +155,8 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
         return ParameterEstimate(name, None, None, None, status, unbounded=value)
     at_bound = low == 0.0
     assumed = moments.sources.get("prior", 0.0) > _ASSUMED * moments.variance
-    limit = 0.5 * natural if at_bound else (1.0 + _WIDEST) * value
-    if high > limit or (at_bound and assumed):
+    told = high <= 0.5 * natural and not assumed if at_bound else decides(value, high - value)
+    if not told:
         return ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
     return ParameterEstimate(
         name=name,
@@ -175,7 +172,7 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
 
 def _positive_interval(value: float, sd: float) -> tuple[float, float]:
     """Return the interval of a mass: its logarithm is what was estimated."""
-    factor = float(np.exp(_Z * sd / value))
+    factor = float(np.exp(REACH_95 * sd / value))
     return value / factor, value * factor
 
 

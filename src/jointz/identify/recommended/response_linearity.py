@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from jointz.core.codes import Doubt
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S, moved_by, reflex_shape
 from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
@@ -27,11 +27,6 @@ FEWEST = 8
 #: Sizes whose spread (sd) is a smaller share of their mean are one.
 _ONE_SIZE = 0.15
 _COMPARED = (Doubt.RESPONSES_DIFFER_WITH_DIRECTION, Doubt.RESPONSES_NOT_PROPORTIONAL)
-#: A response is looked at as a stiffness would change it, and as a reflex would.
-_SHAPES = ("stiffness", "late")
-#: An interval that reaches further from its value than this share of it decides nothing.
-_WIDEST = 0.5
-_Z = 1.959963984540054
 _TINY = 1e-300
 
 
@@ -152,7 +147,7 @@ def doubted(estimate: CellEstimate, found: Sequence[Contrast]) -> CellEstimate:
     if corrected is not None:
         corrected = _widened(corrected, reach["stiffness"]) if rows[0].stands else None
     budget = {
-        name: {**sources, "model": float(np.hypot(sources["model"], reach[name] / _Z))}
+        name: {**sources, "model": float(np.hypot(sources["model"], reach[name] / REACH_95))}
         for name, sources in estimate.budget.items()
     }
     return replace(estimate, parameters=rows, gravity_corrected=corrected, budget=budget)
@@ -162,7 +157,7 @@ def _widened(row: ParameterEstimate, reach: float) -> ParameterEstimate:
     if row.value is None or row.ci_low is None or row.ci_high is None:
         return row
     low, high = max(row.ci_low - reach, 0.0), row.ci_high + reach
-    if row.status == "ok" and high - low > 2.0 * _WIDEST * row.value:
+    if row.status == "ok" and not decides(row.value, 0.5 * (high - low)):
         return ParameterEstimate(row.name, None, None, None, "undecided", unbounded=row.unbounded)
     made = f"{row.ci_method}; widened by the difference between directions"
     return replace(row, ci_low=low, ci_high=high, ci_method=made)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jointz.core.estimates import FIT_SOURCES
 from jointz.identify.recommended.reflex_hypothesis import with_reflexes
 from jointz.identify.recommended.response_model import (
     CellResponse,
@@ -44,18 +45,6 @@ _START_INERTIAS = (0.05, 0.25)
 _FEWEST_FOR_CURVE = 4
 #: A hypothesis about the sensor that is less likely than this is not looked into.
 _UNLIKELY = 1e-3
-#: Where the variance of an estimate comes from.
-SOURCES = (
-    "noise",
-    "lag",
-    "friction",
-    "cross_talk",
-    "inertia_model",
-    "drift",
-    "reflex",
-    "prior",
-    "model",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +56,7 @@ class Moments:
     mean : float
         The estimate.
     sources : dict of str to float
-        Source -> variance; see :data:`SOURCES`.
+        Source -> variance; see :data:`~jointz.core.estimates.FIT_SOURCES`.
     """
 
     mean: float
@@ -185,7 +174,7 @@ class JointPosterior:
         picks[list(places)] = 1.0
         means = np.array([picks @ p.values for p in self.posteriors])
         mean = float(self.weights @ means)
-        sources = dict.fromkeys(SOURCES, 0.0)
+        sources = dict.fromkeys(FIT_SOURCES, 0.0)
         for weight, posterior in zip(self.weights, self.posteriors, strict=True):
             for name, variance in _budget(posterior, picks).items():
                 sources[name] += float(weight) * variance

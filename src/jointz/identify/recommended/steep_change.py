@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.pooled_estimates import unbounded_estimate
 from jointz.kernels.joint_response import (
     DAMPING,
@@ -33,9 +33,6 @@ _SAME_PCT = 1e-6
 _IMPEDANCE = ("stiffness", "damping", "inertia")
 #: What moves with the drift of K, and is told over the cycle.
 _MOVED = ("stiffness", "damping")
-_Z = 1.959963984540054
-#: An interval that reaches further from its value than this share of it decides nothing.
-_WIDEST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,12 +134,7 @@ def undecided_where_steep(
 
 def _withheld(cell: CellEstimate) -> CellEstimate:
     """Return a cell whose K and B are undecided."""
-    rows = [
-        replace(p, value=None, ci_low=None, ci_high=None, status="undecided")
-        if p.stands and p.name.startswith(_MOVED)
-        else p
-        for p in cell.parameters
-    ]
+    rows = [_undecided(p) if p.stands and p.name.startswith(_MOVED) else p for p in cell.parameters]
     return replace(cell, parameters=tuple(rows), gravity_corrected=None)
 
 
@@ -186,17 +178,6 @@ def drift_reach(cell: CellEstimate) -> tuple[float, float] | None:
     ]
     reach = np.linalg.lstsq(np.column_stack(shown[:-1]), shown[-1] / window_s, rcond=None)[0]
     return float(reach[0]), float(reach[1])
-
-
-def decides(value: float, reach: float) -> bool:
-    """Tell whether an interval that reaches so far from its value decides anything.
-
-    Parameters
-    ----------
-    value, reach : float
-        The value, and half the width of its interval.
-    """
-    return reach <= _WIDEST * abs(value)
 
 
 def _drifts(cells: Sequence[CellEstimate], surprise: float) -> np.ndarray:
@@ -246,6 +227,10 @@ def _decided(cell: CellEstimate, parameter: ParameterEstimate) -> ParameterEstim
     """Return a parameter as it is, or undecided where its errors are too wide."""
     estimate = unbounded_estimate(cell, parameter.name)
     moved = parameter.stands and parameter.name.startswith(_MOVED)
-    if estimate is None or not moved or decides(estimate.value, _Z * estimate.sd):
+    if estimate is None or not moved or decides(estimate.value, REACH_95 * estimate.sd):
         return parameter
+    return _undecided(parameter)
+
+
+def _undecided(parameter: ParameterEstimate) -> ParameterEstimate:
     return replace(parameter, value=None, ci_low=None, ci_high=None, status="undecided")

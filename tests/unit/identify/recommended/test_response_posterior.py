@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from jointz.core.estimates import FIT_SOURCES
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import (
     CONSTANT_INERTIA_SD,
-    SOURCES,
     compare_sensors,
     estimate_responses,
     inertia_evidence,
@@ -69,7 +69,7 @@ def test_three_points_make_no_curve(alike):
 
 def test_sources_of_variance_are_named_and_none_is_negative(alike):
     for moments in (alike.stiffness(0), alike.damping(1), alike.log_inertia(2), alike.lag_s()):
-        assert set(moments.sources) == set(SOURCES)
+        assert set(moments.sources) == set(FIT_SOURCES)
         assert min(moments.sources.values()) > -1e-12
         assert moments.variance == pytest.approx(sum(moments.sources.values()))
 
