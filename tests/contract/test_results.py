@@ -32,7 +32,15 @@ from jointz.core.paired_runs_fit import PairedRunsFit
 from jointz.core.phase_curve import CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
 from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
-from jointz.core.reproduction import Compared, ComparedTable, Reproduction
+from jointz.core.reproduction import Reproduction
+from jointz.core.reproduction_tables import (
+    Claim,
+    ClaimTable,
+    Compared,
+    ComparedTable,
+    GridBlock,
+    ParticipantGrid,
+)
 from jointz.core.run_report import RunReport
 from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
 
@@ -293,7 +301,14 @@ def reproduction() -> Reproduction:
         Compared("error", "%", -2.15, -6.7, -2.7, None, 3.49, 1.9, -3.0, -2.4, "of 20"),
         Compared("nothing printed", recommended=1.0),
     )
-    return Reproduction(2, "The bench", (ComparedTable("errors", "Errors", "Why.", rows),))
+    claim = Claim("4.3.2.2", "timing point", "p < 0.001", "p = 0.10", "not reproduced", "Why.")
+    block = GridBlock("printed", {"LRE": (1.88, None)}, {"LRE": 1.88})
+    tables = (
+        ComparedTable("errors", "Errors", "Why.", rows),
+        ClaimTable("claims", "Claims", "", (claim,)),
+        ParticipantGrid("table_4_1", "Table 4.1", "", "N*m/rad/kg", ("S1", "S2"), (block,)),
+    )
+    return Reproduction(2, "The bench", tables)
 
 
 def certificate() -> Certificate:

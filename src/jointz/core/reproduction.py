@@ -6,63 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from jointz.core.reproduction_tables import (
+    ClaimTable,
+    Compared,
+    ComparedTable,
+    Table,
+    table_from_dict,
+    table_to_dict,
+)
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.Reproduction/1"
+SCHEMA = "jointz.Reproduction/2"
 _DASH = "-"
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """One quantity: as printed, by the dissertation's method, by the recommended one.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        What is compared; the unit of all numbers, empty for a count.
-    printed, dissertation, recommended, truth : float or None
-        As printed; by the dissertation's method and by the recommended one on the simulated
-        bench; the simulation's truth. None where there is none.
-    printed_sd, dissertation_sd : float or None
-        What stands after the plus-minus sign.
-    recommended_low, recommended_high : float or None
-        95 % interval.
-    note : str
-        What a reader should know.
-    """
-
-    quantity: str
-    unit: str = ""
-    printed: float | None = None
-    dissertation: float | None = None
-    recommended: float | None = None
-    truth: float | None = None
-    printed_sd: float | None = None
-    dissertation_sd: float | None = None
-    recommended_low: float | None = None
-    recommended_high: float | None = None
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedTable:
-    """A table of a chapter.
-
-    Parameters
-    ----------
-    name : str
-        For files: letters, digits and ``_``.
-    title, caption : str
-        Heading, and what stands below it.
-    rows : tuple of Compared
-        Its rows.
-    """
-
-    name: str
-    title: str
-    caption: str
-    rows: tuple[Compared, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +32,7 @@ class Reproduction:
         Its number.
     title : str
         In short.
-    tables : tuple of ComparedTable
+    tables : tuple of ComparedTable, ClaimTable or ParticipantGrid
         In the order of the page.
     curves : mapping of str to mapping
         What the figures draw, plain values.
@@ -87,12 +44,12 @@ class Reproduction:
 
     chapter: int
     title: str
-    tables: tuple[ComparedTable, ...]
+    tables: tuple[Table, ...]
     curves: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
-    def table(self, name: str) -> ComparedTable:
+    def table(self, name: str) -> Table:
         """Return a table by name.
 
         Parameters
@@ -110,10 +67,15 @@ class Reproduction:
                 return table
         raise KeyError(f"no table {name!r}; there are {', '.join(t.name for t in self.tables)}")
 
+    @property
+    def compared(self) -> tuple[ComparedTable, ...]:
+        """The tables that set number beside number."""
+        return tuple(table for table in self.tables if isinstance(table, ComparedTable))
+
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a quantity, with the name of its table."""
+        """Return one row a compared number, with the name of its table."""
         columns = ["table", *Compared.__slots__]
-        rows = [{"table": t.name, **asdict(row)} for t in self.tables for row in t.rows]
+        rows = [{"table": t.name, **asdict(row)} for t in self.compared for row in t.rows]
         return pd.DataFrame(rows, columns=columns)
 
     def summary(self) -> str:
@@ -121,7 +83,7 @@ class Reproduction:
         lines = [f"Chapter {self.chapter}: {self.title}"]
         for table in self.tables:
             lines += ["", table.title]
-            lines += [f"  {_sentence(row)}" for row in table.rows]
+            lines += [f"  {line}" for line in _lines(table)]
         lines += [f"Note: {note}" for note in self.notes]
         return "\n".join(lines)
 
@@ -141,7 +103,7 @@ class Reproduction:
         import matplotlib.pyplot as plt
 
         axes = ax if ax is not None else plt.subplots(layout="constrained")[1]
-        rows = [r for t in self.tables for r in t.rows if r.unit == "%" and r.printed is not None]
+        rows = [r for t in self.compared for r in t.rows if r.unit == "%" and r.printed is not None]
         for name, marker in (("dissertation", "o"), ("recommended", "s")):
             found = [r for r in rows if getattr(r, name) is not None]
             printed = [float(r.printed or 0.0) for r in found]
@@ -158,15 +120,7 @@ class Reproduction:
             "schema": SCHEMA,
             "chapter": self.chapter,
             "title": self.title,
-            "tables": [
-                {
-                    "name": t.name,
-                    "title": t.title,
-                    "caption": t.caption,
-                    "rows": [asdict(row) for row in t.rows],
-                }
-                for t in self.tables
-            ],
+            "tables": [table_to_dict(table) for table in self.tables],
             "curves": dict(self.curves),
             "notes": list(self.notes),
             "provenance": dict(self.provenance),
@@ -188,20 +142,29 @@ class Reproduction:
         """
         if data.get("schema") != SCHEMA:
             raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
-        tables = tuple(
-            ComparedTable(
-                t["name"], t["title"], t["caption"], tuple(Compared(**row) for row in t["rows"])
-            )
-            for t in data["tables"]
-        )
         return cls(
             chapter=data["chapter"],
             title=data["title"],
-            tables=tables,
+            tables=tuple(table_from_dict(table) for table in data["tables"]),
             curves=data["curves"],
             notes=tuple(data["notes"]),
             provenance=data["provenance"],
         )
+
+
+def _lines(table: Table) -> list[str]:
+    if isinstance(table, ComparedTable):
+        return [_sentence(row) for row in table.rows]
+    if isinstance(table, ClaimTable):
+        return [
+            f"{r.where}, {r.claim}: {r.printed}; here {r.ours}: {r.verdict}" for r in table.rows
+        ]
+    return [
+        f"{block.label}, {point}: {', '.join(map(_number, row))}; average "
+        f"{_number(block.average[point])} {table.unit}"
+        for block in table.blocks
+        for point, row in block.cells.items()
+    ]
 
 
 def _sentence(row: Compared) -> str:

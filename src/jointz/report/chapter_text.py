@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from jointz.core.reproduction import ComparedTable, Reproduction
-from jointz.report.chapter_page import compared_cells
+from jointz.core.reproduction import Reproduction
+from jointz.core.reproduction_tables import ClaimTable, ComparedTable, ParticipantGrid, Table
+from jointz.report.chapter_tables import claim_cells, compared_cells, grid_cells
 from jointz.report.wording import MINUS, pretty_unit
 
 _GAP = "  "
@@ -24,7 +25,7 @@ def chapter_text(reproduction: Reproduction) -> str:
 
     Examples
     --------
-    >>> from jointz.core.reproduction import Compared
+    >>> from jointz.core.reproduction_tables import Compared
     >>> rows = (Compared("stiffness", "N*m/rad", printed=146.4, dissertation=145.83),)
     >>> table = ComparedTable("dither", "In motion", "", rows)
     >>> print(chapter_text(Reproduction(3, "The actuator", (table,))))
@@ -41,15 +42,45 @@ def chapter_text(reproduction: Reproduction) -> str:
     return "\n".join(lines)
 
 
-def _table_lines(table: ComparedTable) -> list[str]:
+def _table_lines(table: Table) -> list[str]:
+    if isinstance(table, ComparedTable):
+        return _compared_lines(table)
+    return _claim_lines(table) if isinstance(table, ClaimTable) else _grid_lines(table)
+
+
+def _claim_lines(table: ClaimTable) -> list[str]:
+    cells = claim_cells(table.rows)
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in cells["counts"].items())
+    if cells["folded"]:
+        return [table.title, f"{_GAP}{counts}: tables/{table.name}.csv"]
+    rows = [["Where", "Statement", "Printed", "Here", "Verdict"]]
+    rows += [[r.where, r.claim, r.printed, r.ours, r.verdict] for r in table.rows]
+    return [table.title, *_aligned(rows)]
+
+
+def _grid_lines(table: ParticipantGrid) -> list[str]:
+    cells = grid_cells(table)
+    lines = [f"{table.title}, {pretty_unit(table.unit)}"]
+    for block in cells["blocks"]:
+        rows = [[block["label"], *table.participants, "Average"]]
+        rows += [[row["point"], *row["cells"], row["average"]] for row in block["rows"]]
+        lines += _aligned(rows)
+    return lines
+
+
+def _compared_lines(table: ComparedTable) -> list[str]:
     cells = compared_cells(table.rows)
     if cells["folded"]:
         return [table.title, f"{_GAP}{len(table.rows)} rows: tables/{table.name}.csv"]
     head = ["Quantity", "Unit", *(column["head"] for column in cells["columns"])]
     head += ["Note"] if cells["noted"] else []
     rows = [head, *(_row(row, cells) for row in cells["rows"])]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
-    return [table.title, *(_line(row, widths) for row in rows)]
+    return [table.title, *_aligned(rows)]
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [_line(row, widths) for row in rows]
 
 
 def _row(row: dict[str, Any], cells: dict[str, Any]) -> list[str]:

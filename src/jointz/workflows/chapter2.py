@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.bench.bench_records import BenchTrial
 from jointz.identify.bench.full_record import fit_full_record

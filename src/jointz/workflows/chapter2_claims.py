@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.events import PulseEstimate
 from jointz.core.pulse_effects import PulseEffects
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.reference import Printed, chapter2
 from jointz.stats.pulse_effects import pulse_effects
 from jointz.workflows.chapter2_loads import CASES, Pair, error_pct

@@ -7,7 +7,7 @@ from statistics import fmean, stdev
 from typing import Any, NamedTuple
 
 from jointz.core.events import PulseEstimate
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.core.study import Study
 from jointz.io.study import open_study
 from jointz.reference import Printed, chapter2

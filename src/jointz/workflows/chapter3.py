@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.signal import butter, sosfiltfilt
 
 from jointz.core.actuator_fit import ActuatorFit
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.identify.actuators.actuator import identify_actuator
 from jointz.io.study import open_study
 from jointz.reference import chapter3

@@ -11,7 +11,7 @@ from jointz.core.actuator_fit import ActuatorFit
 from jointz.core.errors import DataError
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.paired_runs_fit import PairedPulse, PairedRunsFit
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.core.stiffness_fit import StiffnessFit
 from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
 from jointz.identify.bench.paired_runs import identify_paired_runs

@@ -17,7 +17,7 @@ import numpy as np
 
 from jointz.core.events import PulseEstimate
 from jointz.core.protocol import Protocol
-from jointz.core.reproduction import Compared, ComparedTable
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.study import open_study

@@ -4,9 +4,18 @@ from html.parser import HTMLParser
 
 import pytest
 
-from jointz.core.reproduction import Compared, ComparedTable, Reproduction
+from jointz.core.reproduction import Reproduction
+from jointz.core.reproduction_tables import (
+    Claim,
+    ClaimTable,
+    Compared,
+    ComparedTable,
+    GridBlock,
+    ParticipantGrid,
+)
 from jointz.report.chapter2_figures import draw_chapter2
-from jointz.report.chapter_page import render_chapter
+from jointz.report.chapter_page import render_chapter, render_validation
+from jointz.report.chapter_text import chapter_text
 
 VOID = {"meta", "br"}
 MINUS = "\N{MINUS SIGN}"
@@ -190,9 +199,9 @@ def test_text_from_outside_is_escaped(html):
 
 
 def test_a_figure_stands_with_its_table_and_one_without_table_behind_them(html):
-    intrinsic, counts = html.index('id="table-intrinsic"'), html.index('id="table-vaf"')
+    intrinsic, counts = html.index('id="table-2-intrinsic"'), html.index('id="table-2-vaf"')
     assert intrinsic < html.index('id="figure-2.A"') < counts
-    assert html.index('id="figures"') < html.index('id="figure-2.B"') < html.index('id="notes"')
+    assert html.index('id="figures-2"') < html.index('id="figure-2.B"') < html.index('id="notes-2"')
 
 
 def test_figures_do_not_use_each_others_glyphs(page):
@@ -252,3 +261,64 @@ def test_rounding_noise_is_not_printed_as_a_number():
     table = ComparedTable("claims", "Claims", "", rows)
     page = Page(render_chapter(Reproduction(2, "x", (table,)), {}))
     assert page.texts("recommended") == [f"0.000 [{MINUS}0.020, 0.020]"]
+
+
+# --- statements and participants ------------------------------------------------------------------
+
+CHAPTER_4 = Reproduction(
+    chapter=4,
+    title="The knee",
+    tables=(
+        ClaimTable(
+            "factors",
+            "Factors",
+            "",
+            (
+                Claim("4.3.2.2", "stiffness & point", "p < 0.001", "p = 0.00008", "reproduced"),
+                Claim("4.3.2.2", "inertia", "p < 0.001", "p = 0.38", "not reproduced", "n = 10"),
+            ),
+        ),
+        ParticipantGrid(
+            "table_4_1",
+            "Table 4.1",
+            "",
+            "N*m/rad/kg",
+            ("S1", "S2"),
+            (
+                GridBlock("printed", {"LRE": (1.88, 2e-14)}, {"LRE": 0.94}),
+                GridBlock("recommended", {"LRE": (2.1, None)}, {"LRE": 2.1}),
+            ),
+        ),
+    ),
+)
+
+
+def test_statements_stand_with_their_verdicts_and_are_counted():
+    page = Page(render_chapter(CHAPTER_4, {}))
+    assert "stiffness & point" in page.text
+    assert "1printed statements reproduced" in "".join(page.text.split("\n")).replace("  ", "")
+    assert "printed statements not reproduced" in page.text
+    assert any("n = 10" in text for _, text in page.cells)
+
+
+def test_participants_stand_in_columns_with_their_average():
+    page = Page(render_chapter(CHAPTER_4, {}))
+    texts = [" ".join(text.split()) for _, text in page.cells]
+    row = texts.index("LRE")
+    assert texts[row : row + 4] == ["LRE", "1.88", "0", "0.940"]
+    second = texts.index("LRE", row + 1)
+    assert texts[second + 2] in ("-", "\N{EN DASH}", "\N{EM DASH}")
+
+
+def test_chapters_of_one_page_share_no_id(figures):
+    page = Page(render_validation([(REPRODUCTION, figures), (CHAPTER_4, {})]))
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links} <= set(page.ids)
+    assert {"chapter-2", "chapter-4", "table-4-factors"} <= set(page.ids)
+
+
+def test_the_terminal_shows_statements_and_participants():
+    text = chapter_text(CHAPTER_4)
+    assert "reproduced" in text
+    assert "not reproduced" in text
+    assert "S2" in text

@@ -8,7 +8,8 @@ import pytest
 
 from jointz.core.errors import OutputError
 from jointz.core.events import PulseEstimate
-from jointz.core.reproduction import Compared, ComparedTable, Reproduction
+from jointz.core.reproduction import Reproduction
+from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.reference import chapter2
 from jointz.workflows import chapter2_claims, chapter2_loads, reproduce
 from jointz.workflows.chapter2_loads import Pair

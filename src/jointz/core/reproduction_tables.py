@@ -1,0 +1,224 @@
+"""Tables of a chapter: numbers, statements and participants, printed beside ours."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import pandas as pd
+
+#: What became of a printed statement.
+Verdict = Literal[
+    "reproduced",
+    "not reproduced",
+    "only with replicates as people",
+    "contradiction",
+    "not possible",
+    "ambiguous",
+    "worth knowing",
+    "not tested",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One quantity: as printed, by the dissertation's method, by the recommended one.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        What is compared; the unit of all numbers, empty for a count.
+    printed, dissertation, recommended, truth : float or None
+        As printed; by the dissertation's method and by the recommended one on the simulated
+        bench; the simulation's truth. None where there is none.
+    printed_sd, dissertation_sd : float or None
+        What stands after the plus-minus sign.
+    recommended_low, recommended_high : float or None
+        95 % interval.
+    note : str
+        What a reader should know.
+    """
+
+    quantity: str
+    unit: str = ""
+    printed: float | None = None
+    dissertation: float | None = None
+    recommended: float | None = None
+    truth: float | None = None
+    printed_sd: float | None = None
+    dissertation_sd: float | None = None
+    recommended_low: float | None = None
+    recommended_high: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedTable:
+    """A table of a chapter.
+
+    Parameters
+    ----------
+    name : str
+        For files: letters, digits and ``_``.
+    title, caption : str
+        Heading, and what stands below it.
+    rows : tuple of Compared
+        Its rows.
+    """
+
+    name: str
+    title: str
+    caption: str
+    rows: tuple[Compared, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One printed statement beside what comes out here.
+
+    Parameters
+    ----------
+    where : str
+        Table, section or figure of the dissertation.
+    claim : str
+        What the statement is about.
+    printed, ours : str
+        The statement, and what comes out, each with its unit; ``ours`` is empty where nothing
+        can be computed.
+    verdict : str
+        See :data:`Verdict`.
+    remark : str
+        What follows.
+    """
+
+    where: str
+    claim: str
+    printed: str
+    ours: str
+    verdict: Verdict
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimTable:
+    """Printed statements with what became of them.
+
+    Parameters
+    ----------
+    name, title, caption : str
+        As of :class:`ComparedTable`.
+    rows : tuple of Claim
+        Its rows.
+    """
+
+    name: str
+    title: str
+    caption: str
+    rows: tuple[Claim, ...]
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row a statement."""
+        return pd.DataFrame([asdict(row) for row in self.rows], columns=list(Claim.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class GridBlock:
+    """Values of all participants from one source.
+
+    Parameters
+    ----------
+    label : str
+        The source, such as ``printed``.
+    cells : mapping of str to tuple of (float or None)
+        Timing point -> a value of every participant, None where undecided.
+    average : mapping of str to (float or None)
+        Timing point -> the mean over participants with a value; as printed where it is printed.
+    """
+
+    label: str
+    cells: Mapping[str, tuple[float | None, ...]]
+    average: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantGrid:
+    """Timing points by participants, as tables 4.1 to 4.4 are printed.
+
+    Parameters
+    ----------
+    name, title, caption : str
+        As of :class:`ComparedTable`.
+    unit : str
+        Of all values.
+    participants : tuple of str
+        Heads of the columns.
+    blocks : tuple of GridBlock
+        One below the other.
+    """
+
+    name: str
+    title: str
+    caption: str
+    unit: str
+    participants: tuple[str, ...]
+    blocks: tuple[GridBlock, ...]
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row a source and timing point, a column a participant, and the average."""
+        return pd.DataFrame(
+            [
+                {
+                    "source": block.label,
+                    "timing_point": point,
+                    "unit": self.unit,
+                    **dict(zip(self.participants, row, strict=True)),
+                    "average": block.average[point],
+                }
+                for block in self.blocks
+                for point, row in block.cells.items()
+            ]
+        )
+
+
+Table = ComparedTable | ClaimTable | ParticipantGrid
+
+
+def table_to_dict(table: Table) -> dict[str, Any]:
+    """Return a table as plain values, ready for JSON.
+
+    Parameters
+    ----------
+    table : Table
+        Of any kind.
+    """
+    return {"kind": type(table).__name__, **asdict(table)}
+
+
+def table_from_dict(data: Mapping[str, Any]) -> Table:
+    """Rebuild a table from :func:`table_to_dict`.
+
+    Parameters
+    ----------
+    data : mapping
+        What :func:`table_to_dict` returned.
+
+    Raises
+    ------
+    ValueError
+        When the kind is none of ours.
+    """
+    values = {name: value for name, value in data.items() if name != "kind"}
+    kind = data.get("kind")
+    if kind == "ComparedTable":
+        return ComparedTable(**values | {"rows": tuple(Compared(**r) for r in values["rows"])})
+    if kind == "ClaimTable":
+        return ClaimTable(**values | {"rows": tuple(Claim(**r) for r in values["rows"])})
+    if kind == "ParticipantGrid":
+        blocks = tuple(_block(block) for block in values["blocks"])
+        people = tuple(values["participants"])
+        return ParticipantGrid(**values | {"participants": people, "blocks": blocks})
+    raise ValueError(f"expected a ComparedTable, ClaimTable or ParticipantGrid, got {kind!r}")
+
+
+def _block(data: Mapping[str, Any]) -> GridBlock:
+    cells = {point: tuple(row) for point, row in data["cells"].items()}
+    return GridBlock(data["label"], cells, dict(data["average"]))
