@@ -70,6 +70,10 @@ class ComparedTable:
     caption: str
     rows: tuple[Compared, ...]
 
+    def frame(self) -> pd.DataFrame:
+        """Return one row a quantity."""
+        return pd.DataFrame([asdict(row) for row in self.rows], columns=list(Compared.__slots__))
+
 
 @dataclass(frozen=True, slots=True)
 class Claim:

@@ -163,6 +163,19 @@ def test_a_chapter_that_is_there_is_kept(tmp_path):
 
 
 @pytest.mark.usefixtures("tiny")
+def test_several_chapters_make_one_page_which_is_kept_like_them(tmp_path, monkeypatch):
+    monkeypatch.setitem(reproduce._CHAPTERS, 3, reproduce._CHAPTERS[2])
+    reproduce.reproduce([2, 3], out=tmp_path)
+    page = tmp_path / "validation.html"
+    assert page.read_text(encoding="utf-8").count("Average errors") >= 2
+    with pytest.raises(OutputError, match="validation.html: exists"):
+        reproduce.reproduce([2, 3], out=tmp_path)
+    page.write_text("old", encoding="utf-8")
+    reproduce.reproduce([2, 3], out=tmp_path, overwrite=True)
+    assert page.read_text(encoding="utf-8") != "old"
+
+
+@pytest.mark.usefixtures("tiny")
 def test_the_command_prints_tables_and_page(jointz, tmp_path):
     outcome = jointz("reproduce", "2", "--out", tmp_path / "a")
     assert outcome.code == 0

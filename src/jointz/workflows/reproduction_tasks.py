@@ -1,0 +1,100 @@
+"""Parts of a chapter, as many at once as there are cores."""
+
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from jointz.core.provenance import now, software
+from jointz.io.protocols import load_protocol
+from jointz.workflows.run import TRUTH_FILE, run
+
+#: Called with tasks done, tasks in all, and what was done last.
+Progress = Callable[[int, int, str], None]
+#: Name, what to call, and with what.
+Task = tuple[str, Callable[..., Any], tuple[Any, ...]]
+
+
+def in_processes(tasks: list[Task], tell: Progress) -> Iterator[tuple[str, Any]]:
+    """Yield name and result of every task, in the order they end.
+
+    Parameters
+    ----------
+    tasks : list of Task
+        Independent of each other.
+    tell : callable
+        Told of every task that is done.
+    """
+    context = multiprocessing.get_context("spawn")
+    workers = min(len(tasks), os.cpu_count() or 1)
+    tell(0, len(tasks), "")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        names: dict[Future[Any], str] = {
+            pool.submit(work, *arguments): name for name, work, arguments in tasks
+        }
+        try:
+            for done, future in enumerate(as_completed(names), start=1):
+                yield names[future], future.result()
+                tell(done, len(tasks), names[future])
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def provenance(chapter: int, seed: int, preset: str) -> dict[str, Any]:
+    """Return what a chapter needs to be made again.
+
+    Parameters
+    ----------
+    chapter, seed : int
+        Which, and the seed of its simulations.
+    preset : str
+        Of its simulations.
+    """
+    return {
+        **software(),
+        "created": now(),
+        "settings": {"chapter": chapter, "seed": seed, "preset": preset},
+    }
+
+
+def run_study(folder: str, protocol: str, seed: int, preset: str, *, load: str = "") -> Path:
+    """Run a protocol, with one of its loads where one is named.
+
+    Parameters
+    ----------
+    folder : str
+        Where the study's folder is made.
+    protocol : str
+        A built-in one.
+    seed : int
+        Of plan and simulation.
+    preset : str
+        How well the bench behaves.
+    load : str
+        The one load to run; all by default.
+    """
+    spec = load_protocol(protocol)
+    if load:
+        kept = tuple(one for one in spec.loads if one.name == load)
+        spec = spec.model_copy(update={"loads": kept})
+    study = Path(folder) / f"{protocol}-{load}"
+    run(spec, out=study, seed=seed, preset=preset)
+    return study
+
+
+def study_truth(study: Path, load: str) -> dict[str, Any]:
+    """Return what was simulated.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        A simulated study.
+    load : str
+        Its load.
+    """
+    content = json.loads((study / TRUTH_FILE).read_text(encoding="utf-8"))
+    truth: dict[str, Any] = content["participants"][load]
+    return truth
