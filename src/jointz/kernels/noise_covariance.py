@@ -39,6 +39,16 @@ def steady_covariance(sample: np.ndarray) -> np.ndarray:
     >>> steady_covariance(np.diag([1.0, 1.0, 1.0])).round(3).tolist()
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
+    root = _steady_root(sample)
+    return np.asarray(root @ root.T)
+
+
+def _steady_root(sample: np.ndarray) -> np.ndarray:
+    """Return the lower triangle whose product with itself is the steady covariance.
+
+    Where samples hardly say anything new - a record without noise - the product cannot be
+    factored again.
+    """
     n = len(sample)
     order = min(_ORDER, n - 1)
     products = _products(sample, order)
@@ -51,8 +61,7 @@ def steady_covariance(sample: np.ndarray) -> np.ndarray:
     left = ((innovation @ sample) * innovation).sum(axis=1)
     level = np.trace(sample) / n
     variances = np.maximum(_smoothed(left, start=order), _RIDGE * level + 1e-300)
-    spread = np.linalg.solve(innovation, np.diag(np.sqrt(variances)))
-    return np.asarray(spread @ spread.T)
+    return np.asarray(np.linalg.solve(innovation, np.diag(np.sqrt(variances))))
 
 
 def shrunk_covariance(sample: np.ndarray, count: int) -> np.ndarray:
@@ -84,14 +93,13 @@ def shrunk_covariance(sample: np.ndarray, count: int) -> np.ndarray:
     if count < 2:
         raise ValueError(f"shrunk_covariance: expected two realisations or more, got {count}.")
     n, m = len(sample), count - 1
-    steady = steady_covariance(sample)
     # In units of the prior's mean, all determinants are those of its eigenvalues.
-    root = np.linalg.cholesky(steady)
+    root = _steady_root(sample)
     scaled = np.linalg.solve(root, np.linalg.solve(root, sample).T)
     values = np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).clip(0.0)
     strengths = _STRENGTHS * n
     best = float(strengths[int(np.argmax(_log_evidence(values, m, strengths)))])
-    return np.asarray((best * steady + m * sample) / (best + m))
+    return np.asarray((best * root @ root.T + m * sample) / (best + m))
 
 
 def _log_evidence(values: np.ndarray, m: int, strengths: np.ndarray) -> np.ndarray:

@@ -89,3 +89,14 @@ def test_it_scales_with_the_unit():
 def test_one_realisation_is_refused():
     with pytest.raises(ValueError, match="two realisations or more, got 1"):
         shrunk_covariance(np.eye(3), 1)
+
+
+def test_a_record_without_noise_has_a_covariance_too():
+    # Strides that part ways smoothly: nothing is new in a sample, and the steady covariance,
+    # rounded, has no Cholesky factor.
+    rows = np.random.default_rng(3).standard_normal((40, 2)) @ np.exp([T / 5.0, T / 3.0])
+    sample = np.cov(rows.T)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(steady_covariance(sample))
+    found = shrunk_covariance(sample, 40)
+    assert np.sqrt(np.diag(found))[-10:] == pytest.approx(np.sqrt(np.diag(sample))[-10:], rel=0.3)

@@ -20,10 +20,10 @@ from jointz.identify.recommended.response_posterior import JointPosterior
 from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.identify.recommended.walking_responses import (
-    UNLIKE_SD,
     PredictedCell,
     explain_responses,
     priors_of,
+    unlike_from,
 )
 from jointz.kernels.robust_spread import robust_moments
 
@@ -178,7 +178,7 @@ def _usual(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
     """Return misses that a pulse would not have been left out for, and their strides."""
     angles = predicted.misses[:, 0]
     middle, sd = robust_moments(angles)
-    fine = (np.abs(angles - middle) <= UNLIKE_SD * sd + 1e-9).all(axis=1)
+    fine = (np.abs(angles - middle) <= unlike_from(sd)).all(axis=1)
     return predicted.misses[fine], predicted.strides[fine]
 
 

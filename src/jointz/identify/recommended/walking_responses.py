@@ -30,7 +30,7 @@ LONGEST_WINDOW_S = 0.12
 #: No angle is known better (0.01 degrees), nor does any joint follow the model more closely.
 _FINEST_RAD = 2e-4
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
-UNLIKE_SD = 8.0
+_UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
 
 
@@ -136,7 +136,7 @@ def _response(
         kick = response_to_kick(posterior, i, period_s=cell.period_s, n=n)
         lower = np.tril(kick[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
         missed = missed - (misses[:, 1] + posterior.friction_gain * misses[:, 2]) @ lower.T
-    usual = (np.abs(missed) <= UNLIKE_SD * robust_sd(missed) + 1e-9).all(axis=1)
+    usual = (np.abs(missed) <= unlike_from(robust_sd(missed))).all(axis=1)
     n_strides = cell.predicted.n_strides
     share = 1.0 / len(responses) + 1.0 / n_strides
     # The size of the noise is known from so many strides: variance of Student's t.
@@ -153,6 +153,17 @@ def _response(
         stride_s=cell.stride_s,
         lead_s=LEAD_SAMPLES * cell.period_s,
     )
+
+
+def unlike_from(sd: np.ndarray) -> np.ndarray:
+    """Return the deviation from which on a response is not like its neighbours'.
+
+    Parameters
+    ----------
+    sd : (n,) float, rad
+        Of what the prediction misses; a simulated record without noise has next to none.
+    """
+    return np.asarray(_UNLIKE_SD * np.hypot(sd, _FINEST_RAD))
 
 
 def explain_responses(
@@ -238,5 +249,5 @@ def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarra
     size = torque @ shape / (shape @ shape)
     usual, _ = robust_moments(angles[fine] / size[fine, None])
     off = np.abs(angles - size[:, None] * usual)
-    limit = UNLIKE_SD * robust_sd(predicted.misses[:, 0]) + 1e-9
+    limit = unlike_from(robust_sd(predicted.misses[:, 0]))
     return np.asarray(fine & (off <= limit).all(axis=1))
