@@ -25,6 +25,16 @@ import jointz.core
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.bench_fits import FullRecordFit, PulseFit
 from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
+from jointz.core.comparison import Comparison
+from jointz.core.comparison_rows import (
+    Difference,
+    FactorTest,
+    PersonValue,
+    ReferenceRange,
+    Repeatability,
+    Source,
+    SourceMean,
+)
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
@@ -383,7 +393,40 @@ def quasi_stiffness_compared() -> Any:
     return jointz.stats.compare_quasi_stiffness(quasi, stiffness)
 
 
+def comparison() -> Comparison:
+    of = ("stiffness", "N*m/rad", "LRE")
+    people = tuple(Source(name, ("S01", "S02"), ("recommended",)) for name in ("day1", "day2"))
+    numbers = (60.0, 50.0, 10.0, 2.0, 18.0, 3.0, 1.0, 0.2, 0.4)
+    return Comparison(
+        sources=people,
+        values=(
+            PersonValue("day1", "S01", "stiffness", "LRE", 61.0, 58.0, 64.0),
+            PersonValue("day1", "S02", "stiffness", "LRE", None, status="undecided"),
+        ),
+        means=(
+            SourceMean("day1", *of, 2, 0, 1, 60.0, 2.0, 42.0, 78.0, 1.5),
+            SourceMean("day2", *of, 1, 1, 0, None, None, None, None),
+        ),
+        differences=(
+            Difference(*of, "day1", "day2", "paired", 2, 2, 0, *numbers, margin=5.0),
+            Difference(*of, "day1", "day2", "paired", 1, 1, 0, status="no_spread"),
+        ),
+        tests=(
+            FactorTest("stiffness", "N*m/rad", "timing_point", "day1", mixed_model_fit()),
+            FactorTest("inertia", "kg*m^2", "timing_point", "day1", None, "one value"),
+        ),
+        repeatability=(Repeatability(*of, 2, 2, 0.8, 0.1, 0.9), Repeatability(*of, 1, 2)),
+        references=(ReferenceRange("Pfeifer", "stiffness", "LRE", None, 1.0, 2.0, "words"),),
+        margin_pct=10.0,
+        settings={"days": True},
+        notes=("two people",),
+        provenance={"jointz": "0"},
+    )
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
+    "comparison": comparison,
+    "nothing compared": lambda: Comparison((), (), (), ()),
     "walking": walking_analysis,
     "bench": bench_analysis,
     "empty": lambda: StudyAnalysis(cells=()),

@@ -10,6 +10,7 @@ import typer
 
 from jointz import __version__
 from jointz.cli.analyze import analyze
+from jointz.cli.compare import compare
 from jointz.cli.console import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,
@@ -43,6 +44,7 @@ app.add_typer(protocols, name="protocols")
 app.command("run")(run_experiment)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
+app.command("compare")(compare)
 app.command("reproduce")(reproduce)
 
 

@@ -15,11 +15,12 @@ class ChapterName(StrEnum):
 
     two = "2"
     three = "3"
+    four = "4"
     all = "all"
 
 
-class BenchPreset(StrEnum):
-    """How well the simulated benches behave."""
+class SimulationPreset(StrEnum):
+    """How well the simulations behave."""
 
     clean = "clean"
     nominal = "nominal"
@@ -28,11 +29,11 @@ class BenchPreset(StrEnum):
 
 def reproduce(
     out: Annotated[Path, typer.Option("--out", help="A folder for the chapters.")],
-    chapter: Annotated[ChapterName, typer.Argument(help="2, 3 or all.")] = ChapterName.all,
+    chapter: Annotated[ChapterName, typer.Argument(help="2, 3, 4 or all.")] = ChapterName.all,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 1,
     preset: Annotated[
-        BenchPreset, typer.Option("--preset", help="How well the simulated benches behave.")
-    ] = BenchPreset.nominal,
+        SimulationPreset, typer.Option("--preset", help="How well the simulations behave.")
+    ] = SimulationPreset.nominal,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace chapters that are there.")
     ] = False,
@@ -46,7 +47,7 @@ def reproduce(
     """
     del debug
     from jointz.report.chapter_text import chapter_text
-    from jointz.workflows.reproduce import CHAPTERS
+    from jointz.workflows.reproduce import CHAPTERS, PAGE
     from jointz.workflows.reproduce import reproduce as run_chapters
 
     wanted = CHAPTERS if chapter is ChapterName.all else (int(chapter.value),)
@@ -67,3 +68,5 @@ def reproduce(
     for one in made if not quiet else ():
         emit(chapter_text(one.reproduction))
         emit(f"Page: {one.page}")
+    if len(made) > 1 and not quiet:
+        emit(f"All chapters: {out / PAGE}")

@@ -21,6 +21,9 @@ _SIMULATED: Final = {
     4: "on simulated people",
 }
 
+#: What the text says against itself, and what simulated people would have led to.
+_NOT_COUNTED: Final = ("audit", "simulated_statistics")
+
 _Row = dict[str, Any]
 
 
@@ -100,7 +103,8 @@ def _heading(reproduction: Reproduction) -> str:
 
 
 def _lead(chapter: int) -> str:
-    return (
+    published = "The statistics of the published tables come first. " if chapter == 4 else ""
+    return published + (
         f"The experiments of chapter {_ROMAN.get(chapter, str(chapter))} of the dissertation, run "
         f"{_SIMULATED.get(chapter, 'in simulation')} by their protocols. Every printed number "
         "(left, on paper) stands beside two of ours: by the method of the dissertation, and by "
@@ -129,8 +133,9 @@ def _facts(reproduction: Reproduction) -> list[tuple[str, str]]:
     if checked:
         text = "intervals of the recommended method hold the truth of the simulation"
         facts.append((f"{sum(checked)} of {len(checked)}", text))
-    claims = [r for t in reproduction.tables if isinstance(t, ClaimTable) for r in t.rows]
-    told = [claim.verdict for claim in claims]
+    claims = [t for t in reproduction.tables if isinstance(t, ClaimTable)]
+    judged = [table for table in claims if table.name not in _NOT_COUNTED]
+    told = [claim.verdict for table in judged for claim in table.rows]
     verdicts = ("reproduced", "not reproduced", "only with replicates as people")
     return facts + [
         (str(told.count(verdict)), f"printed statements {verdict}")

@@ -208,8 +208,8 @@ def grid_cells(grid: ParticipantGrid) -> _Row:
                 "rows": [
                     {
                         "point": point,
-                        "cells": [_grid_cell(value) for value in row],
-                        "average": _grid_cell(block.average[point]),
+                        "cells": [_grid_cell(value, block.label) for value in row],
+                        "average": _grid_cell(block.average[point], block.label),
                     }
                     for point, row in block.cells.items()
                 ],
@@ -219,5 +219,7 @@ def grid_cells(grid: ParticipantGrid) -> _Row:
     }
 
 
-def _grid_cell(value: float | None) -> str:
-    return DASH if value is None else format_number(value)
+def _grid_cell(value: float | None, label: str) -> str:
+    if value is None:
+        return DASH
+    return _as_printed(value) if label == "printed" else _writer(value, None, 0.0)(value)

@@ -12,16 +12,18 @@ from jointz.core.reproduction import Reproduction
 from jointz.core.whole_file import whole_file
 from jointz.report.chapter2_figures import draw_chapter2
 from jointz.report.chapter3_figures import draw_chapter3
+from jointz.report.chapter4_figures import draw_chapter4
 from jointz.report.chapter_page import render_chapter, render_validation
 from jointz.workflows.reproduce_chapter2 import reproduce_chapter2
 from jointz.workflows.reproduce_chapter3 import reproduce_chapter3
+from jointz.workflows.reproduce_chapter4 import reproduce_chapter4
 from jointz.workflows.reproduction_tasks import Progress
 from jointz.workflows.results_folder import new_folder, write_marker
 
 MARKER = "provenance.json"
 #: All chapters on one page.
 PAGE = "validation.html"
-CHAPTERS = (2, 3)
+CHAPTERS = (2, 3, 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +116,10 @@ def _write(made: Reproduction, figures: Mapping[str, str], folder: Path) -> None
 _CHAPTERS: Mapping[int, Callable[[int, str, Progress], Reproduction]] = {
     2: reproduce_chapter2,
     3: reproduce_chapter3,
+    4: reproduce_chapter4,
 }
 _FIGURES: Mapping[int, Callable[[Mapping[str, Any]], dict[str, str]]] = {
     2: draw_chapter2,
     3: draw_chapter3,
+    4: draw_chapter4,
 }

@@ -6,6 +6,7 @@ from typing import Any
 from jointz.core.reproduction import Reproduction
 from jointz.io.protocols import load_protocol
 from jointz.workflows import chapter2, chapter2_claims, chapter2_loads
+from jointz.workflows.audit_claims import audit_claims
 from jointz.workflows.mechanisms import Mechanism, mechanism_errors, mechanism_table, mechanisms
 from jointz.workflows.reproduction_tasks import (
     Progress,
@@ -59,6 +60,7 @@ def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
             mechanism_table(errors),
             chapter2_loads.pair_table(pairs),
             chapter2_loads.other_devices(),
+            audit_claims(2),
         ),
         curves={
             "bandwidth": bandwidth_curves,

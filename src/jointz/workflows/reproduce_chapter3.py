@@ -7,6 +7,7 @@ from typing import Any
 
 from jointz.core.reproduction import Reproduction
 from jointz.workflows import chapter3, chapter3_stiffness
+from jointz.workflows.audit_claims import audit_claims
 from jointz.workflows.reproduction_tasks import (
     Progress,
     Task,
@@ -53,7 +54,15 @@ def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
     return Reproduction(
         chapter=3,
         title="The quasi-direct-drive actuator on its bench",
-        tables=(models, chirp, static, dither, pulses, chapter3.other_devices()),
+        tables=(
+            models,
+            chirp,
+            static,
+            dither,
+            pulses,
+            chapter3.other_devices(),
+            audit_claims(3),
+        ),
         curves={
             "torque_models": model_curves,
             "chirp": chirp_curves,

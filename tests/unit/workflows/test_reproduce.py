@@ -168,7 +168,7 @@ def test_several_chapters_make_one_page_which_is_kept_like_them(tmp_path, monkey
     reproduce.reproduce([2, 3], out=tmp_path)
     page = tmp_path / "validation.html"
     assert page.read_text(encoding="utf-8").count("Average errors") >= 2
-    with pytest.raises(OutputError, match="validation.html: exists"):
+    with pytest.raises(OutputError, match=r"validation\.html: exists"):
         reproduce.reproduce([2, 3], out=tmp_path)
     page.write_text("old", encoding="utf-8")
     reproduce.reproduce([2, 3], out=tmp_path, overwrite=True)

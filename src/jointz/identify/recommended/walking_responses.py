@@ -29,6 +29,8 @@ LONGEST_LAG_S = 0.03
 LONGEST_WINDOW_S = 0.12
 #: No angle is known better (0.01 degrees), nor does any joint follow the model more closely.
 _FINEST_RAD = 2e-4
+#: Finer than any goniometer resolves; without noise nothing would be new in a sample.
+_RESOLUTION_RAD = 2e-5
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
 _UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
@@ -146,7 +148,8 @@ def _response(
         label=cell.label,
         angle=average[0],
         torque=average[1:],
-        noise=shrunk_covariance(np.cov(missed[usual].T), n_strides) * share
+        noise=shrunk_covariance(np.cov(missed[usual].T) + _RESOLUTION_RAD**2 * np.eye(n), n_strides)
+        * share
         + _FINEST_RAD**2 * np.eye(n),
         period_s=cell.period_s,
         phase=cell.phase,

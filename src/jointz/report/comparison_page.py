@@ -1,0 +1,252 @@
+"""A comparison as one HTML page that needs nothing else."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from jointz.core.comparison import Comparison
+from jointz.core.comparison_rows import Difference, FactorTest, Repeatability, SourceMean
+from jointz.report.comparison_text import equivalence_text, p_text, people_text
+from jointz.report.page import inline_svg
+from jointz.report.wording import (
+    DASH,
+    MINUS,
+    PARAMETERS,
+    format_interval,
+    format_number,
+    format_signed,
+    point_name,
+    pretty_unit,
+)
+
+_WARNING: Final = "WARNING: "
+_HASH_DIGITS: Final = 12
+_ALPHA: Final = 0.05
+
+_Row = dict[str, Any]
+
+
+def render_comparison(made: Comparison, figures: Mapping[str, str]) -> str:
+    """Write a comparison as one HTML page with its figures and styles inside.
+
+    Parameters
+    ----------
+    made : Comparison
+        The comparison.
+    figures : mapping of str to str
+        As :func:`jointz.report.comparison_figures.draw_comparison` returns them.
+
+    Returns
+    -------
+    str
+        HTML that needs no network, no fonts and no script.
+
+    Examples
+    --------
+    >>> empty = Comparison((), (), (), ())
+    >>> "Comparison of nothing</h1>" in render_comparison(empty, {})
+    True
+    """
+    environment = Environment(
+        loader=PackageLoader("jointz.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["unit"] = pretty_unit
+    single = len(made.sources) == 1
+    return environment.get_template("comparison.html.j2").render(
+        title=_title(made),
+        about=[str(made.provenance[key]) for key in ("created",) if key in made.provenance],
+        lead=_lead(made),
+        facts=_facts(made),
+        warnings=[n.removeprefix(_WARNING) for n in made.notes if n.startswith(_WARNING)],
+        notes=[n for n in made.notes if not n.startswith(_WARNING)],
+        figures={
+            name: {
+                "svg": inline_svg(svg, name, f"Figure {number}"),
+                "number": number,
+                "caption": _caption(name, made),
+            }
+            for number, (name, svg) in enumerate(figures.items(), start=1)
+        },
+        single=single,
+        level=f"{100 * made.ci_level:g} %",
+        margin=None if made.margin_pct is None or single else f"{made.margin_pct:g} %",
+        means=_by_parameter([(m.parameter, m.unit, _mean(m)) for m in made.means]),
+        several=len({(d.first, d.second) for d in made.differences}) > 1,
+        contrast=_contrast(made),
+        differences=_by_parameter(
+            [(d.parameter, d.unit, _difference(d, made)) for d in made.differences]
+        ),
+        tests=[_test(t) for t in made.tests],
+        repeatability=_by_parameter(
+            [(r.parameter, r.unit, _repeat(r)) for r in made.repeatability]
+        ),
+        references=[r for r in made.references if r.value is None],
+        provenance=_provenance(made),
+    )
+
+
+def _title(made: Comparison) -> str:
+    names = [source.name for source in made.sources]
+    if not names:
+        return "Comparison of nothing"
+    if len(names) == 1:
+        return f"Timing points of {names[0]}"
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _contrast(made: Comparison) -> str:
+    if not made.differences or len(made.sources) == 1:
+        return "first minus second"
+    one = made.differences[0]
+    same = all((d.first, d.second) == (one.first, one.second) for d in made.differences)
+    return f"{one.first} {MINUS} {one.second}" if same else "first minus second"
+
+
+def _lead(made: Comparison) -> str:
+    told = "Every number counts people: pulses and resamples of one person are no people. "
+    if len(made.sources) == 1:
+        return told + (
+            "A mixed model with participants as a random factor asks whether timing points differ; "
+            "pairs are compared by its error."
+        )
+    designs = {d.design for d in made.differences}
+    told += "Differences are first minus second. "
+    if "paired" in designs:
+        told += "The same people are compared with themselves (paired t test). "
+    if "groups" in designs:
+        told += "Different people are compared as groups (t test of Welch). "
+    return told + (
+        "That a difference is not found does not show that there is none: read its interval."
+    )
+
+
+def _facts(made: Comparison) -> list[tuple[str, str]]:
+    facts = [(str(len(s.participants)), f"people in {s.name}") for s in made.sources[:3]]
+    standing = [d for d in made.differences if d.stands]
+    if standing:
+        below = sum((d.p_adjusted or 0.0) < _ALPHA for d in standing)
+        facts.append((f"{below} of {len(standing)}", "differences below 0.05, adjusted by Holm"))
+    if made.missing:
+        facts.append((str(len(made.missing)), "values missing, named in the notes"))
+    return facts
+
+
+def _caption(name: str, made: Comparison) -> str:
+    if name == "means":
+        thin = "Thin lines: people; where two results have the same people, lines join them. "
+        if len(made.sources) > 1 and not any(d.design == "paired" for d in made.differences):
+            thin = "Dots: people. "
+        beside = (
+            "Open triangles: the dissertation\N{RIGHT SINGLE QUOTATION MARK}s people, some of "
+            "whose values stand at a bound. "
+            if any(r.value is not None for r in made.references)
+            or any(s.published for s in made.sources)
+            else ""
+        )
+        stated = (
+            "Grey boxes: range that the dissertation states in words for another study."
+            if any(r.value is None for r in made.references)
+            else ""
+        )
+        level = f"{100 * made.ci_level:g}"
+        return f"Mean over people with {level} % interval over people. {thin}{beside}{stated}"
+    text = (
+        f"Differences with {100 * made.ci_level:g} % interval, each holding alone; filled: p below "
+        "0.05 by Holm over all differences of the parameter."
+    )
+    if made.margin_pct is not None and len(made.sources) > 1:
+        text += (
+            f" Boxes: {made.margin_pct:g} % of the second mean. Two means are shown to be alike "
+            "where the 90 % interval, a little shorter than the one drawn, lies inside."
+        )
+    return text
+
+
+def _by_parameter(rows: list[tuple[str, str, _Row]]) -> list[_Row]:
+    groups: dict[str, _Row] = {}
+    for parameter, unit, row in rows:
+        name = PARAMETERS[parameter][0]
+        groups.setdefault(parameter, {"name": name, "unit": unit, "rows": []})["rows"].append(row)
+    return list(groups.values())
+
+
+def _mean(m: SourceMean) -> _Row:
+    share = None if not m.error_sd or not m.sd else 100.0 * (m.error_sd / m.sd) ** 2
+    return {
+        "point": point_name(m.timing_point),
+        "source": m.source,
+        "mean": format_interval(m.mean, m.ci_low, m.ci_high),
+        "sd": format_number(m.sd, like=m.mean),
+        "share": DASH if share is None else f"{share:.0f} %",
+        "n": m.n,
+        "missing": m.n_missing or "",
+        "at_bound": m.n_at_bound or "",
+    }
+
+
+def _difference(d: Difference, made: Comparison) -> _Row:
+    pct = None
+    if d.difference is not None and d.mean_second:
+        pct = round(100.0 * d.difference / abs(d.mean_second)) + 0.0
+    effect = DASH
+    if d.effect_size is not None and d.effect_low is not None and d.effect_high is not None:
+        ends = (format_signed(v, decimals=2) for v in (d.effect_low, d.effect_high))
+        effect = f"{format_signed(d.effect_size, decimals=2)} [{', '.join(ends)}]"
+    return {
+        "point": point_name(d.timing_point) if d.timing_point else "",
+        "pair": f"{d.first} {MINUS} {d.second}",
+        "design": d.design,
+        "difference": format_interval(d.difference, d.ci_low, d.ci_high),
+        "pct": DASH if pct is None else f"{format_signed(pct, decimals=0)} %",
+        "p": p_text(d.p),
+        "p_adjusted": p_text(d.p_adjusted),
+        "differs": d.p_adjusted is not None and d.p_adjusted < _ALPHA,
+        "effect_name": d.effect,
+        "effect": effect,
+        "people": people_text(d),
+        "equivalent": equivalence_text(d, made.ci_level),
+        "status": "" if d.stands else d.status,
+    }
+
+
+def _test(t: FactorTest) -> _Row:
+    row = {"parameter": PARAMETERS[t.parameter][0], "factor": t.factor.replace("_", " "),
+           "where": t.where, "reason": t.reason}  # fmt: skip
+    if t.fit is None:
+        return row
+    f, rm = t.fit.f_test, t.fit.repeated_measures
+    return row | {
+        "f": f"F({f.df_num:g}, {f.df_den:.4g}) = {f.F:.4g}",
+        "p": p_text(f.p),
+        "epsilon": DASH if rm is None else f"{rm.epsilon:.2f}",
+        "p_epsilon": DASH if rm is None else p_text(rm.p_epsilon),
+        "icc": format_interval(t.fit.icc.value, t.fit.icc.ci_low, t.fit.icc.ci_high),
+        "n": t.fit.n_participants,
+    }
+
+
+def _repeat(r: Repeatability) -> _Row:
+    return {
+        "point": point_name(r.timing_point),
+        "agreement": format_interval(r.icc_agreement, r.icc_agreement_low, r.icc_agreement_high),
+        "consistency": format_interval(
+            r.icc_consistency, r.icc_consistency_low, r.icc_consistency_high
+        ),
+        "sem": format_interval(r.sem, r.sem_low, r.sem_high),
+        "mdc": format_number(r.mdc),
+        "n": r.n,
+        "status": "" if r.status == "ok" else r.status,
+    }
+
+
+def _provenance(made: Comparison) -> list[tuple[str, str]]:
+    held = made.provenance
+    rows = [(key, str(held[key])) for key in ("jointz", "python", "created") if key in held]
+    rows += [(f"setting {k}", str(v)) for k, v in made.settings.items() if v is not None]
+    inputs = held.get("inputs", ())
+    return rows + [(one["file"], str(one["sha256"])[:_HASH_DIGITS]) for one in inputs]

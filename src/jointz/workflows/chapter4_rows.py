@@ -1,0 +1,259 @@
+"""Chapter IV again: the printed tables where rows of a cell count as people (4.3.2.2).
+
+Rows of a cell are pulses or bootstrap replicates of one person at one timing point. In balanced
+data the mean and the scatter of every cell hold all that the analysis of rows uses, so that no row
+is needed here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import fdtrc, fdtri, stdtrit
+
+from jointz.reference import chapter4
+
+#: Parameter -> (its name in sentences, unit).
+PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
+    "stiffness_per_mass": ("stiffness", "N*m/rad/kg"),
+    "damping_per_mass": ("damping", "N*m*s/rad/kg"),
+    "inertia": ("inertia", "kg*m^2"),
+}
+#: Pulses a timing point (4.2.2); the number of bootstrap groups is not stated.
+N_ROWS: Final = 50
+#: Printed limit of p (4.3.2.2).
+STRICT: Final = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class MeanSquares:
+    """Mean squares of complete tables of participants by timing points, one value a cell.
+
+    Parameters
+    ----------
+    point, participant, error : (...) float
+        Of timing points, participants, and the rest, in the unit of the cells squared.
+    n_participants, n_points : int
+        Size of a table.
+    """
+
+    point: np.ndarray
+    participant: np.ndarray
+    error: np.ndarray
+    n_participants: int
+    n_points: int
+
+    @property
+    def df(self) -> tuple[int, int, int]:
+        """Degrees of freedom of timing points, participants, and the rest."""
+        p, t = self.n_participants, self.n_points
+        return t - 1, p - 1, (p - 1) * (t - 1)
+
+    def p_of_cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return p of timing point and of participant, one value a cell."""
+        points, people, rest = self.df
+        return (
+            fdtrc(points, rest, self.point / self.error),
+            fdtrc(people, rest, self.participant / self.error),
+        )
+
+    def p_of_rows(self, scatter: np.ndarray | float, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return both p where every row counts as independent: ``y ~ tp + subject`` over rows.
+
+        Parameters
+        ----------
+        scatter : (...) float
+            Variance of rows inside their cell, with one degree of freedom less than rows.
+        n_rows : int
+            Rows a cell.
+
+        Notes
+        -----
+        That of the timing point is also that of ``y ~ tp + (1 | subject)`` over rows, as long as
+        the variance of participants is above 0.
+        """
+        points, people, _ = self.df
+        error, rest = self.error_of_rows(scatter, n_rows), self.df_of_rows(n_rows)
+        return (
+            fdtrc(points, rest, n_rows * self.point / error),
+            fdtrc(people, rest, n_rows * self.participant / error),
+        )
+
+    def error_of_rows(self, scatter: np.ndarray | float, n_rows: int) -> np.ndarray:
+        """Return the mean square of error over rows.
+
+        Parameters
+        ----------
+        scatter : (...) float
+            Variance of rows inside their cell.
+        n_rows : int
+            Rows a cell.
+        """
+        inside = self.n_participants * self.n_points * (n_rows - 1) * scatter
+        return np.asarray((n_rows * self.df[2] * self.error + inside) / self.df_of_rows(n_rows))
+
+    def df_of_rows(self, n_rows: int) -> int:
+        """Return the degrees of freedom of error over rows.
+
+        Parameters
+        ----------
+        n_rows : int
+            Rows a cell.
+        """
+        return self.n_participants * self.n_points * n_rows - sum(self.df[:2]) - 1
+
+
+def mean_squares(cells: np.ndarray) -> MeanSquares:
+    """Return the mean squares of participants by timing points.
+
+    Parameters
+    ----------
+    cells : (..., n_participant, n_point) float
+        One value a cell, none missing.
+
+    Examples
+    --------
+    >>> made = mean_squares(np.array([[1.0, 2.0], [3.0, 5.0], [2.0, 2.0]]))
+    >>> float(made.point / made.error), made.df
+    (3.0, (1, 2, 2))
+    """
+    people, points = cells.shape[-2:]
+    centred = cells - cells.mean(axis=(-2, -1), keepdims=True)
+    of_point, of_person = centred.mean(axis=-2), centred.mean(axis=-1)
+    rest = centred - of_point[..., None, :] - of_person[..., :, None]
+    return MeanSquares(
+        point=people * (of_point**2).sum(axis=-1) / (points - 1),
+        participant=points * (of_person**2).sum(axis=-1) / (people - 1),
+        error=(rest**2).sum(axis=(-2, -1)) / ((people - 1) * (points - 1)),
+        n_participants=people,
+        n_points=points,
+    )
+
+
+def published_cells(parameter: str) -> np.ndarray:
+    """Return a published table, one row a participant, one column a timing point.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as ``stiffness_per_mass``.
+    """
+    table = chapter4.TABLES[parameter]
+    return np.array([[row[s].value for row in table.values()] for s in chapter4.SUBJECTS])
+
+
+# --- the published tables ------------------------------------------------------------------------
+
+
+def fitting_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float, float] | None:
+    """Return the scatter of rows with which the printed claims come out of the printed tables.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as ``stiffness_per_mass``.
+    n_rows : int
+        Rows a cell, at least 2, all taken as independent.
+
+    Returns
+    -------
+    (float, float) or None
+        Smallest and largest SD of rows inside their cell, over the residual SD of one value a
+        cell, with which both factors have p < 0.001 and every pair called different or similar is,
+        at 0.05 with Bonferroni over 15 pairs. None where no scatter does.
+
+    Notes
+    -----
+    The means of rows are taken to be the cells of tables 4.1 to 4.3, as printed. That there is
+    such a scatter is consistent with rows taken as people; it is no proof that they were.
+
+    Examples
+    --------
+    >>> low, high = fitting_scatter("stiffness_per_mass")
+    >>> low, round(high, 1)
+    (0.0, 1.3)
+    >>> fitting_scatter("stiffness_per_mass", 1000)[0] > 1
+    True
+    """
+    cells = published_cells(parameter)
+    squares = mean_squares(cells)
+    alike, apart = _printed_differences(parameter, cells.mean(axis=0))
+    # Of the error over rows: what leaves those alike unfound, and what still finds the others.
+    per_square = 1.0 / _critical_difference(squares, 1.0, n_rows) ** 2
+    highest = min(apart**2 * per_square, *_largest_errors(squares, n_rows))
+    low, high = (_scatter_of(squares, e, n_rows) for e in (alike**2 * per_square, highest))
+    if high < max(low, 0.0):
+        return None
+    return float(np.sqrt(max(low, 0.0))), float(np.sqrt(high))
+
+
+def largest_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float | None, float | None]:
+    """Return up to which scatter of rows timing point and subject have p < 0.001.
+
+    Parameters
+    ----------
+    parameter, n_rows : str, int
+        As of :func:`fitting_scatter`.
+
+    Returns
+    -------
+    (float or None, float or None)
+        Of timing point and of subject, in residual SD; None where no scatter is small enough.
+
+    Examples
+    --------
+    >>> [round(largest, 1) for largest in largest_scatter("inertia")]
+    [3.5, 6.1]
+    """
+    squares = mean_squares(published_cells(parameter))
+    found = [_scatter_of(squares, e, n_rows) for e in _largest_errors(squares, n_rows)]
+    point, subject = (float(np.sqrt(of)) if of >= 0.0 else None for of in found)
+    return point, subject
+
+
+def critical_difference(parameter: str, scatter: float, n_rows: int = N_ROWS) -> float:
+    """Return the difference of two timing points that rows as people find, Bonferroni at 0.05.
+
+    Parameters
+    ----------
+    parameter, n_rows : str, int
+        As of :func:`fitting_scatter`.
+    scatter : float
+        SD of rows inside their cell, over the residual SD of one value a cell.
+    """
+    squares = mean_squares(published_cells(parameter))
+    error = squares.error_of_rows(scatter**2 * squares.error, n_rows)
+    return _critical_difference(squares, float(error), n_rows)
+
+
+def _critical_difference(squares: MeanSquares, error: float, n_rows: int) -> float:
+    n_pairs = squares.n_points * (squares.n_points - 1) // 2
+    tail = chapter4.SIGNIFICANCE_LEVEL / 2.0 / n_pairs
+    t = float(stdtrit(squares.df_of_rows(n_rows), 1.0 - tail))
+    return float(t * np.sqrt(2.0 * error / (n_rows * squares.n_participants)))
+
+
+def _largest_errors(squares: MeanSquares, n_rows: int) -> list[float]:
+    """Return the largest errors over rows with p < 0.001 of timing point, of participant."""
+    rest = squares.df_of_rows(n_rows)
+    return [
+        n_rows * float(of) / float(fdtri(df, rest, 1.0 - STRICT))
+        for of, df in zip((squares.point, squares.participant), squares.df[:2], strict=True)
+    ]
+
+
+def _printed_differences(parameter: str, means: np.ndarray) -> tuple[float, float]:
+    """Return the largest difference called similar and the smallest called different."""
+    place = {point: k for k, point in enumerate(chapter4.TABLES[parameter])}
+    sizes: dict[str, list[float]] = {"similar": [], "different": [], "not stated": []}
+    for (a, b), claim in chapter4.PAIRS[parameter].items():
+        sizes[claim].append(abs(float(means[place[a]] - means[place[b]])))
+    return max(sizes["similar"]), min(sizes["different"])
+
+
+def _scatter_of(squares: MeanSquares, error: float, n_rows: int) -> float:
+    """Return the variance inside cells, over that of error, that makes an error over rows."""
+    inside = squares.n_participants * squares.n_points * (n_rows - 1)
+    own = float(squares.error)
+    return (error * squares.df_of_rows(n_rows) - n_rows * squares.df[2] * own) / inside / own

@@ -1,0 +1,240 @@
+"""What a reader of a comparison must know: who is missing, what is unlike, what stands beside."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+
+from jointz.core.comparison import Comparison
+from jointz.core.comparison_rows import GROUPS, PAIRED, PersonValue, ReferenceRange, SourceMean
+from jointz.reference.literature import STUDIES, stated_stiffness_range
+from jointz.workflows.comparison_cells import comparison_cells, mean_of
+from jointz.workflows.comparison_sources import (
+    PUBLISHED,
+    SHARED,
+    Results,
+    published_results,
+)
+
+#: Settings that decide on a value.
+_DECISIVE = ("baseline", "window_s", "cutoff_hz", "timing_points")
+#: A share of the variance over people that is worth a word.
+_LARGE_SHARE = 0.25
+
+
+def comparison_references(
+    read: Sequence[Results], places: Sequence[tuple[str, str]]
+) -> tuple[ReferenceRange, ...]:
+    """Return published numbers of the knee that stand beside the means.
+
+    Parameters
+    ----------
+    read : sequence of Results
+        What is compared.
+    places : sequence of (str, str)
+        Parameters and timing points.
+    """
+    if {results.joint for results in read} != {"knee"}:
+        return ()
+    made = []
+    if not any(results.source.published for results in read):
+        shared = ("inertia", SHARED) in places
+        made += [
+            row for row in _published(shared=shared) if (row.parameter, row.timing_point) in places
+        ]
+    for parameter, point in places:
+        for key, study in STUDIES.items() if parameter == "stiffness_per_mass" else ():
+            if (stated := _stated(key, point)) is not None:
+                words = "range that the dissertation states in words (4.4), not the study's values"
+                made.append(ReferenceRange(study.name, parameter, point, None, *stated, words))
+    return tuple(made)
+
+
+def _stated(study: str, point: str) -> tuple[float, float] | None:
+    try:
+        return stated_stiffness_range(study, point)
+    except KeyError:  # a timing point of the user's own
+        return None
+
+
+def _published(*, shared: bool) -> Iterator[ReferenceRange]:
+    results = published_results()
+    cells = dict(comparison_cells((results,)))
+    if shared:
+        people = results.source.participants
+        cells["inertia", SHARED] = [{person: results.shared_inertia(person) for person in people}]
+    for place, row in cells.items():
+        mean = mean_of(row[0], place)
+        if mean.mean is not None and mean.ci_low is not None and mean.ci_high is not None:
+            words = f"mean of the dissertation's {mean.n} people, 95 % interval over them"
+            yield ReferenceRange(PUBLISHED, *place, mean.mean, mean.ci_low, mean.ci_high, words)
+
+
+# --- notes ---------------------------------------------------------------------------------------
+
+
+def comparison_notes(
+    made: Comparison, read: Sequence[Results], designs: Mapping[tuple[str, str], str]
+) -> tuple[str, ...]:
+    """Return what a reader of the numbers must know.
+
+    Parameters
+    ----------
+    made : Comparison
+        The numbers.
+    read : sequence of Results
+        What they were made of.
+    designs : mapping
+        Whether two sources have the same people.
+    """
+    return (
+        *_people(read, designs),
+        *_unlike(read),
+        *_masses(read, made.parameters),
+        *_points(read),
+        *_inertia(read, made),
+        *_missing(made.missing),
+        *_at_bound(made.at_bound),
+        *_measurement(made.means),
+        *(f"{test.parameter}: no mixed model over {test.factor.replace('_', ' ')}s: {test.reason}."
+          for test in made.tests if test.fit is None),
+    )  # fmt: skip
+
+
+def _people(read: Sequence[Results], designs: Mapping[tuple[str, str], str]) -> Iterator[str]:
+    for one, other in combinations(read, 2):
+        a, b = one.source, other.source
+        mine, theirs = set(a.participants), set(b.participants)
+        both, lone = mine & theirs, sorted(mine ^ theirs)
+        if designs[a.name, b.name] == PAIRED:
+            left = f"; left out, as in one only: {', '.join(lone)}" if lone else ""
+            yield (
+                f"{a.name} and {b.name} have {len(both)} participants of the same id, who are "
+                f"compared with themselves (--groups where they are different people){left}."
+            )
+        elif both and not (a.published or b.published):
+            yield (
+                f"{a.name} and {b.name} are compared as different people, though "
+                f"{len(both)} ids are the same."
+            )
+    if GROUPS in designs.values():
+        yield (
+            "Groups differ in more than their name: age, mass, speed, device and method are in "
+            "their differences too."
+        )
+
+
+def _unlike(read: Sequence[Results]) -> Iterator[str]:
+    methods = {results.source.name: " and ".join(results.source.methods) for results in read}
+    if len(set(methods.values())) > 1:
+        told = "; ".join(f"{name} by {method}" for name, method in methods.items())
+        yield (
+            f"WARNING: estimates by unlike methods ({told}): a difference may be the method's. "
+            "Analyse both by one method before you compare people or conditions."
+        )
+    for one, other in combinations(read, 2):
+        if one.recordings and one.recordings == other.recordings:
+            yield (
+                f"WARNING: {one.source.name} and {other.source.name} are analyses of the same "
+                "recordings: their difference is that of the analysis, not of two measurements."
+            )
+        unlike = [key for key in _DECISIVE if one.settings.get(key) != other.settings.get(key)]
+        unlike = unlike if one.settings and other.settings else []
+        if unlike:
+            yield (
+                f"WARNING: {one.source.name} and {other.source.name} were analysed with unlike "
+                f"settings: {', '.join(unlike)}."
+            )
+
+
+def _masses(read: Sequence[Results], parameters: Sequence[str]) -> Iterator[str]:
+    without = [r.source.name for r in read if not r.per_mass]
+    if not without:
+        return
+    names = " and ".join(without)
+    if "stiffness" in parameters:
+        yield (
+            f"{names}: no values per kg of body mass (mass_kg in study.toml); stiffness and "
+            "damping are compared as they are, and heavier people are stiffer."
+        )
+    else:
+        yield (
+            f"WARNING: {names}: no values per kg of body mass. The published stiffness and damping "
+            "are per kg only: inertia alone is compared. Give mass_kg in study.toml."
+        )
+
+
+def _points(read: Sequence[Results]) -> Iterator[str]:
+    common = [p for p in read[0].points if all(p in results.points for results in read)]
+    for results in read:
+        own = [point for point in results.points if point not in common]
+        if own:
+            yield f"{results.source.name} alone has {', '.join(own)}: no difference there."
+
+
+def _inertia(read: Sequence[Results], made: Comparison) -> Iterator[str]:
+    averaged = {
+        v.source: sum(w.source == v.source and w.status == v.status for w in made.values)
+        for v in made.values
+        if v.status == "mean_over_points"
+    }
+    for name, n in averaged.items():
+        yield (
+            f"inertia: {name} has one a timing point, another has one of all: compared is the "
+            f"mean over the timing points of each of {n} participants."
+        )
+    drawn = [r.source.name for r in read if "recommended" in r.source.methods]
+    if drawn:
+        yield (
+            "inertia: the recommended method draws the inertias of a person's timing points "
+            f"towards one ({', '.join(drawn)}: constant_inertia_probability in models.csv). That "
+            "they are alike is its assumption as much as a finding, and rows of several timing "
+            "points tell the same thing again."
+        )
+    if any(r.source.published for r in read) or any(x.name == PUBLISHED for x in made.references):
+        yield "inertia: the published one is that of device and joint together."
+
+
+def _missing(values: Sequence[PersonValue]) -> Iterator[str]:
+    if values:
+        yield (
+            f"{len(values)} values are missing, the others of these people are used: "
+            f"{_named(values)}."
+        )
+
+
+def _at_bound(values: Sequence[PersonValue]) -> Iterator[str]:
+    if values:
+        yield (
+            f"{len(values)} values stand at their bound and are used as they are, which draws "
+            f"means towards it and makes spreads too small: {_named(values)}."
+        )
+
+
+def _named(values: Sequence[PersonValue]) -> str:
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for v in values:
+        groups.setdefault((v.source, v.parameter, v.status), []).append(
+            f"{v.participant} {v.timing_point}"
+        )
+    return "; ".join(
+        f"{source} {parameter} ({status}): {', '.join(where)}"
+        for (source, parameter, status), where in groups.items()
+    )
+
+
+def _measurement(means: Sequence[SourceMean]) -> Iterator[str]:
+    """Say where people look unlike because they were measured badly."""
+    for source, parameter in dict.fromkeys((m.source, m.parameter) for m in means):
+        told = [
+            f"{m.timing_point} {100.0 * share:.0f} %"
+            for m in means
+            if (m.source, m.parameter) == (source, parameter)
+            and m.error_sd is not None
+            and m.sd
+            and (share := (m.error_sd / m.sd) ** 2) > _LARGE_SHARE
+        ]
+        if told:
+            yield (
+                f"{source} {parameter}: errors of the estimates are a large share of the variance "
+                f"over people ({', '.join(told)}): people differ less than it seems, and effect "
+                "sizes are too small. More pulses help here, not only more people."
+            )

@@ -1,0 +1,300 @@
+"""What is compared, as it is read: results folders, and the published tables."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.comparison_rows import PersonValue, Source
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.registry import RawTable, file_sha256, read_table
+from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
+
+#: Stands for the dissertation's tables 4.1 to 4.3 where a results folder could stand.
+PUBLISHED = "published"
+#: The timing point of a value that all timing points of a participant share.
+SHARED = "all"
+_ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
+_NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
+_LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
+_STANDING = ("ok", "at_bound")
+_PER_MASS = ("stiffness_per_mass", "damping_per_mass")
+
+
+@dataclass(frozen=True)
+class Results:
+    """One of the things compared, with every estimate in it.
+
+    Parameters
+    ----------
+    source : Source
+        Name and people.
+    values : mapping of (str, str, str) to PersonValue
+        By parameter, timing point and participant.
+    onsets_pct : mapping of str to float
+        Timing point -> % of the gait cycle, where it is known.
+    joint : str
+        Empty where it is not known.
+    recordings : str
+        Hash of the study; empty where it is not known.
+    settings : mapping
+        Of the analysis.
+    inputs : tuple of mapping
+        Files that were read, with their hashes.
+    """
+
+    source: Source
+    values: Mapping[tuple[str, str, str], PersonValue]
+    onsets_pct: Mapping[str, float] = field(default_factory=dict)
+    joint: str = ""
+    recordings: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    inputs: tuple[Mapping[str, Any], ...] = ()
+
+    @cached_property
+    def points(self) -> tuple[str, ...]:
+        """Timing points in the order of the gait cycle, else as they stand; without ``all``."""
+        found = list(dict.fromkeys(point for _, point, _ in self.values if point != SHARED))
+        if all(point in self.onsets_pct for point in found):
+            found.sort(key=self.onsets_pct.__getitem__)
+        return tuple(found)
+
+    @cached_property
+    def per_mass(self) -> bool:
+        """Whether somebody has values per kg of body mass."""
+        return any(
+            v.value is not None for (parameter, _, _), v in self.values.items()
+            if parameter in _PER_MASS
+        )  # fmt: skip
+
+    @cached_property
+    def shares_inertia(self) -> bool:
+        """Whether an inertia is one of all timing points."""
+        return any(
+            parameter == "inertia" and point == SHARED for parameter, point, _ in self.values
+        )
+
+    def value(self, parameter: str, point: str, person: str) -> PersonValue:
+        """Return a value, ``absent`` where there is no row.
+
+        Parameters
+        ----------
+        parameter, point, person : str
+            Which.
+        """
+        name = self.source.name
+        none = PersonValue(name, person, parameter, point, None, status="absent")
+        return self.values.get((parameter, point, person), none)
+
+    def shared_inertia(self, person: str) -> PersonValue:
+        """Return a participant's inertia of all timing points, else the mean over them.
+
+        Parameters
+        ----------
+        person : str
+            Whose.
+        """
+        one = self.value("inertia", SHARED, person)
+        if one.status != "absent":
+            return one
+        rows = [self.value("inertia", point, person) for point in self.points]
+        held = [row.value for row in rows if row.value is not None]
+        if not held:
+            status = rows[0].status if rows else "absent"
+            return PersonValue(self.source.name, person, "inertia", SHARED, None, status=status)
+        mean = float(np.mean(held))
+        return PersonValue(
+            self.source.name, person, "inertia", SHARED, mean, status="mean_over_points"
+        )
+
+
+def read_sources(given: Sequence[str | Path]) -> tuple[Results, ...]:
+    """Read everything that is compared.
+
+    Parameters
+    ----------
+    given : sequence of str or path
+        Results folders, and the word ``published``.
+
+    Raises
+    ------
+    DataError
+        When one is no results folder, is given twice, is of a bench or another joint.
+    """
+    paths = [None if str(one) == PUBLISHED else Path(one) for one in given]
+    twice = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
+    if twice:
+        raise DataError(f"{twice[0] or PUBLISHED}: given twice. Name every one of them once.")
+    names = _names(paths)
+    made = tuple(
+        published_results() if path is None else read_results(path, name)
+        for path, name in zip(paths, names, strict=True)
+    )
+    joints = {results.joint for results in made if results.joint}
+    if len(joints) > 1:
+        raise DataError(
+            "compare: expected one joint, found "
+            + ", ".join(f"{r.joint} in {r.source.name}" for r in made)
+            + ". Impedances of unlike joints are no conditions of each other."
+        )
+    return made
+
+
+def _names(paths: Sequence[Path | None]) -> list[str]:
+    """Name folders by the end of their path, as short as tells them apart."""
+    parts = [None if path is None else path.resolve().parts for path in paths]
+    longest = max((len(p) for p in parts if p), default=1)
+    for length in range(1, longest + 1):
+        names = [PUBLISHED if p is None else "/".join(p[-length:]) for p in parts]
+        if len(set(names)) == len(names):
+            break
+    return names
+
+
+def published_results() -> Results:
+    """Return tables 4.1 to 4.3 of the dissertation as results."""
+    table = participant_table()
+    parameters = (*_PER_MASS, "inertia")
+    values = {
+        (parameter, str(row["timing_point"]), str(row["participant"])): PersonValue(
+            PUBLISHED,
+            str(row["participant"]),
+            parameter,
+            str(row["timing_point"]),
+            float(row[parameter]),
+            status="at_bound" if row[parameter] < NUMERICALLY_ZERO else "ok",
+        )
+        for row in table.to_dict("records")
+        for parameter in parameters
+    }
+    onsets = {str(point): float(pct) for point, pct in
+              zip(table["timing_point"], table["onset_gait_pct"], strict=True)}  # fmt: skip
+    people = tuple(dict.fromkeys(map(str, table["participant"])))
+    source = Source(PUBLISHED, people, ("dissertation",), published=True)
+    return Results(source, values, onsets, joint="knee")
+
+
+def read_results(folder: Path, name: str) -> Results:
+    """Read a results folder of ``jointz analyze``.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The folder.
+    name : str
+        What to call it.
+
+    Raises
+    ------
+    DataError
+        When it is none, is damaged, or is of a bench.
+    """
+    provenance = _provenance(folder)
+    study = provenance.get("study") or {}
+    if study.get("kind") == "bench":
+        raise DataError(
+            f"{folder}: results of a bench study. Its participants are loads, and a mean over "
+            "unlike loads means nothing. Compare results of walking studies."
+        )
+    file = folder / _ESTIMATES
+    table = read_table(file, numeric=_NUMBERS, labels=_LABELS, files=FilesSpec())
+    values = _values(table, file, name)
+    people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
+    methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
+    inputs = tuple(
+        {"file": f"{name}/{one}", "sha256": file_sha256(folder / one)}
+        for one in (_ESTIMATES, _PROVENANCE)
+    )
+    return Results(
+        Source(name, people, methods),
+        values,
+        _onsets(table),
+        joint=str(study.get("joint", "")),
+        recordings=str(provenance.get("study_sha256", "")),
+        settings=dict(provenance.get("settings") or {}),
+        inputs=inputs,
+    )
+
+
+def _provenance(folder: Path) -> dict[str, Any]:
+    for name in (_ESTIMATES, _PROVENANCE):
+        if not (folder / name).is_file():
+            what = "is not there" if not folder.exists() else f"holds no {name}"
+            raise DataError(
+                f"{folder}: {what}. Expected a results folder of jointz analyze, or the word "
+                f"'{PUBLISHED}' for the dissertation's tables."
+            )
+    file = folder / _PROVENANCE
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise DataError(
+            f"{file}: cannot be read ({exc}). Run jointz analyze again.", path=str(file)
+        ) from exc
+    if not isinstance(content, dict):
+        raise DataError(
+            f"{file}: expected a JSON object. Run jointz analyze again.", path=str(file)
+        )
+    return content
+
+
+def _values(table: RawTable, file: Path, name: str) -> dict[tuple[str, str, str], PersonValue]:
+    values: dict[tuple[str, str, str], PersonValue] = {}
+    columns = {key: table.columns[key].tolist() for key in (*_NUMBERS, *_LABELS)}
+    for i, parameter in enumerate(columns["parameter"]):
+        row = {key: column[i] for key, column in columns.items()}
+        where = (parameter, row["timing_point"], row["participant"])
+        line = table.first_row + i
+        if where in values:
+            raise DataError(
+                f"{file}, row {line}: a second {' of '.join(where)}. Estimates have one row each; "
+                "run jointz analyze again.",
+                path=str(file),
+                row=line,
+            )
+        if PARAMETER_UNITS.get(parameter) != row["unit"]:
+            raise DataError(
+                f"{file}, row {line}: expected {parameter} in {PARAMETER_UNITS.get(parameter)}, "
+                f"found {row['unit']}. Values of other units cannot be compared.",
+                path=str(file),
+                row=line,
+            )
+        values[where] = _value(row, name, file, line)
+    return values
+
+
+def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonValue:
+    stands = row["status"] in _STANDING
+    number = _number(row["value"])
+    if stands == (number is None):
+        raise DataError(
+            f"{file}, row {line}: status {row['status']!r} with "
+            f"{'no value' if number is None else 'a value'}. Run jointz analyze again.",
+            path=str(file),
+            row=line,
+        )
+    low, high = _number(row["ci_low"]), _number(row["ci_high"])
+    place = (row["participant"], row["parameter"], row["timing_point"])
+    return PersonValue(name, *place, number, low, high, row["status"])
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _onsets(table: RawTable) -> dict[str, float]:
+    points, onsets = table.columns["timing_point"], table.columns["onset_gait_pct"]
+    means = {}
+    for point in dict.fromkeys(points.tolist()):
+        known = onsets[(points == point) & np.isfinite(onsets)]
+        if point != SHARED and known.size:
+            turns = np.exp(2j * np.pi * known / 100.0)
+            means[str(point)] = float(np.angle(turns.mean()) / (2 * np.pi) * 100.0 % 100.0)
+    return means

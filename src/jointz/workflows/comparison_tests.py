@@ -1,0 +1,244 @@
+"""Tests between sources, between timing points, and how well people repeat."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
+from jointz.core.comparison_rows import (
+    GROUPS,
+    PAIRED,
+    POOLED,
+    Difference,
+    FactorTest,
+    Repeatability,
+)
+from jointz.core.errors import DataError, EstimationError
+from jointz.core.mixed_model_fit import MixedModelFit
+from jointz.kernels.anova import holm
+from jointz.stats.comparison import (
+    MeanDifference,
+    NoSpreadError,
+    group_difference,
+    paired_difference,
+    repeatability,
+)
+from jointz.stats.mixed_model import mixed_model
+from jointz.workflows.comparison_cells import Cells, Own, standing
+from jointz.workflows.comparison_sources import SHARED, Results
+
+_TOO_FEW = Failure.TOO_FEW_PARTICIPANTS.status
+_NO_SPREAD = "no_spread"
+Designs = Mapping[tuple[str, str], str]
+
+
+def between_sources(
+    read: Sequence[Results],
+    cells: Cells,
+    designs: Designs,
+    margin_pct: float | None,
+) -> tuple[Difference, ...]:
+    """Return every pair of sources at every parameter and timing point, first minus second.
+
+    Parameters
+    ----------
+    read : sequence of Results
+        What is compared.
+    cells : mapping
+        Their values.
+    designs : mapping
+        Whether their people are the same.
+    margin_pct : float or None
+        Of equivalence, % of the second mean.
+    """
+    rows = [
+        _difference(place, row[i], row[j], design=designs[names], margin_pct=margin_pct)
+        for place, row in cells.items()
+        for i, j in combinations(range(len(read)), 2)
+        if row[i] and row[j] and (names := (read[i].source.name, read[j].source.name))
+    ]
+    return _by_holm(rows)
+
+
+def _difference(
+    place: tuple[str, str],
+    first: Own,
+    second: Own,
+    *,
+    design: str,
+    margin_pct: float | None,
+) -> Difference:
+    mine, theirs = standing(first), standing(second)
+    if design == PAIRED:
+        both = [person for person in mine if person in theirs]
+        mine, theirs = {p: mine[p] for p in both}, {p: theirs[p] for p in both}
+    a, b = np.array(list(mine.values())), np.array(list(theirs.values()))
+    used = [*(first[p] for p in mine), *(second[p] for p in theirs)]
+    made = Difference(
+        parameter=place[0],
+        unit=PARAMETER_UNITS[place[0]],
+        timing_point=place[1],
+        first=next(iter(first.values())).source,
+        second=next(iter(second.values())).source,
+        design=design,
+        n_first=a.size,
+        n_second=b.size,
+        n_at_bound=sum(v.status == "at_bound" for v in used),
+        mean_first=float(a.mean()) if a.size else None,
+        mean_second=float(b.mean()) if b.size else None,
+    )
+    if min(a.size, b.size) < 2:
+        return replace(made, status=_TOO_FEW)
+    test: Callable[[np.ndarray, np.ndarray], MeanDifference] = (
+        paired_difference if design == PAIRED else group_difference
+    )
+    try:
+        found = test(a, b)
+    except NoSpreadError:
+        return replace(made, difference=float(a.mean() - b.mean()), status=_NO_SPREAD)
+    margin = None if margin_pct is None else abs(float(b.mean())) * margin_pct / 100.0
+    numbers = {name: getattr(found, name) for name in MeanDifference.__slots__ if name != "se"}
+    return replace(
+        made,
+        **numbers,
+        effect="" if found.effect_size is None else ("g_z" if design == PAIRED else "g"),
+        margin=margin,
+        p_equivalence=None if margin is None else found.equivalence_p(margin),
+    )
+
+
+def _by_holm(rows: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Adjust p over all differences of a parameter."""
+    adjusted: dict[int, float] = {}
+    for parameter in dict.fromkeys(row.parameter for row in rows):
+        tested = [(i, row.p) for i, row in enumerate(rows)
+                  if row.parameter == parameter and row.p is not None]  # fmt: skip
+        p = holm(np.array([p for _, p in tested]))
+        adjusted |= {i: float(value) for (i, _), value in zip(tested, p, strict=True)}
+    return tuple(replace(row, p_adjusted=adjusted.get(i)) for i, row in enumerate(rows))
+
+
+def between_points(tests: Sequence[FactorTest], cells: Cells) -> tuple[Difference, ...]:
+    """Return the pairs of timing points of the mixed models, with Holm's p.
+
+    Parameters
+    ----------
+    tests : sequence of FactorTest
+        Of the timing points of one source.
+    cells : mapping
+        Its values.
+    """
+    return tuple(
+        row for test in tests if test.fit is not None for row in _point_pairs(test, test.fit, cells)
+    )
+
+
+def _point_pairs(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Difference]:
+    means = {m.level: m for m in fit.means}
+    at_bound = {
+        point: sum(v.status == "at_bound" for v in cells[test.parameter, point][0].values())
+        for point in means
+    }
+    alone, adjusted = fit.pairs("none"), fit.pairs("holm")["p_adjusted"]
+    rows = []
+    for pair, p_adjusted in zip(alone.to_dict("records"), adjusted, strict=True):
+        first, second = means[pair["first"]], means[pair["second"]]
+        numbers: dict[str, Any] = {key: float(pair[key]) for key in
+                   ("difference", "ci_low", "ci_high", "t", "df", "p")}  # fmt: skip
+        rows.append(
+            Difference(
+                parameter=test.parameter,
+                unit=test.unit,
+                timing_point="",
+                first=pair["first"],
+                second=pair["second"],
+                design=POOLED,
+                n_first=first.n_participants,
+                n_second=second.n_participants,
+                n_at_bound=at_bound[first.level] + at_bound[second.level],
+                mean_first=first.mean,
+                mean_second=second.mean,
+                **numbers,
+                p_adjusted=float(p_adjusted),
+            )
+        )
+    return rows
+
+
+# --- mixed models and repeatability --------------------------------------------------------------
+
+
+def factor_tests(read: Sequence[Results], cells: Cells, designs: Designs) -> tuple[FactorTest, ...]:
+    """Return a mixed model over timing points of one source, or over three and more sources.
+
+    Parameters
+    ----------
+    read : sequence of Results
+        What is compared.
+    cells : mapping
+        Their values.
+    designs : mapping
+        Whether their people are the same: only then there is a model over sources.
+    """
+    if len(read) == 1:
+        tests = []
+        for parameter in dict.fromkeys(parameter for parameter, _ in cells):
+            levels = {point: row[0] for (name, point), row in cells.items() if name == parameter}
+            tests.append(_factor(parameter, "timing_point", read[0].source.name, levels))
+        return tuple(tests)
+    if len(read) < 3 or GROUPS in designs.values():
+        return ()
+    return tuple(
+        _factor(parameter, "condition", point,
+                {r.source.name: own for r, own in zip(read, row, strict=True)})
+        for (parameter, point), row in cells.items()
+        if all(row)
+    )  # fmt: skip
+
+
+def _factor(parameter: str, factor: str, where: str, levels: Mapping[str, Own]) -> FactorTest:
+    made = FactorTest(parameter, PARAMETER_UNITS[parameter], factor, where, None)
+    if set(levels) == {SHARED}:
+        return replace(made, reason="one value a participant, of all timing points")
+    rows = [
+        (person, level, value)
+        for level, own in levels.items()
+        for person, value in standing(own).items()
+    ]
+    table = pd.DataFrame(rows, columns=["participant", factor, parameter])
+    try:
+        fit = mixed_model(table, response=parameter, within=factor, participant="participant")
+    except (DataError, EstimationError) as exc:
+        return replace(made, reason=str(exc))
+    return replace(made, fit=fit)
+
+
+def repeats_at(place: tuple[str, str], row: Sequence[Own]) -> Repeatability:
+    """Return how well the people repeat who have a value in every source.
+
+    Parameters
+    ----------
+    place : (str, str)
+        Parameter and timing point.
+    row : sequence of mapping of str to PersonValue
+        Values of every source, by participant.
+    """
+    held = [standing(own) for own in row]
+    people = [person for person in held[0] if all(person in own for own in held)]
+    made = Repeatability(place[0], PARAMETER_UNITS[place[0]], place[1], len(people), len(held))
+    if len(people) < 2:
+        return replace(made, status=_TOO_FEW)
+    try:
+        found = repeatability(np.array([[own[p] for own in held] for p in people]))
+    except NoSpreadError:
+        return replace(made, status=_NO_SPREAD)
+    numbers: dict[str, Any] = {"mdc": found.mdc}
+    for name in ("icc_agreement", "icc_consistency", "sem"):
+        value, low, high = getattr(found, name)
+        numbers |= {name: value, f"{name}_low": low, f"{name}_high": high}
+    return replace(made, **numbers)

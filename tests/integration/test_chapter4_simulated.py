@@ -1,0 +1,77 @@
+"""A short simulated study of chapter IV, and a short pilot: every table and figure comes out."""
+
+import pytest
+
+from jointz.core.reproduction import Reproduction
+from jointz.io.protocols import load_protocol
+from jointz.report.chapter4_figures import DRAWINGS, draw_chapter4
+from jointz.workflows.chapter4_pilot import pilot_results, pilot_study
+from jointz.workflows.chapter4_simulated import simulated_chapter
+from jointz.workflows.chapter4_walking import walking_study
+
+PEOPLE, PULSES, STRIDES = 3, 3, 15
+
+
+def short(name, people):
+    """Return a protocol with few people, pulses and strides."""
+    protocol = load_protocol(name)
+    conditions = []
+    for condition in protocol.conditions:
+        if condition.perturbations is None:
+            few = {"strides": STRIDES}
+        else:
+            plan = condition.perturbations.model_copy(update={"count_per_point": PULSES})
+            few = {"perturbations": plan}
+        conditions.append(condition.model_copy(update=few))
+    return protocol.model_copy(update={"conditions": tuple(conditions), "participants": people})
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    told = []
+    found = walking_study(
+        tmp_path_factory.mktemp("walking"),
+        1,
+        "nominal",
+        lambda done, total, what: told.append((done, total, what)),
+        protocol=short("walking", PEOPLE),
+        resamples=20,
+    )
+    return found, told
+
+
+@pytest.fixture(scope="module")
+def pilot(tmp_path_factory):
+    return pilot_study(
+        tmp_path_factory.mktemp("pilot"), 1, "nominal", protocol=short("walking-pilot", 2)
+    )
+
+
+def test_all_tables_and_figures_of_the_simulated_chapter_come_out(walked, pilot):
+    found, told = walked
+    tables, curves = simulated_chapter(found)
+    pilot_table, curves["pilot"] = pilot_results(pilot)
+    made = Reproduction(4, "Walking", (*tables, pilot_table), curves)
+    assert Reproduction.from_dict(made.to_dict()) == made
+    assert list(draw_chapter4(curves)) == [
+        f for f, (curve, _) in DRAWINGS.items() if curve in curves
+    ]
+    assert told[-1] == (PEOPLE, PEOPLE, "done")
+
+
+def test_both_methods_and_the_truth_are_there_for_every_cell(walked):
+    found, _ = walked
+    counts = found.estimates.groupby(["source", "parameter"]).size()
+    assert (counts == 6 * PEOPLE).all()
+    assert len(counts) == 9
+    assert found.of("truth", "inertia")["value"].between(0.03, 0.07).all()
+
+
+def test_unperturbed_strides_are_there_without_and_with_the_device(walked):
+    found, _ = walked
+    for person in found.gait.values():
+        assert abs(len(person.no_device) - STRIDES) <= 1
+        assert person.device.shape == person.torque.shape
+        # A knee of walking: bent by some 60 degrees at most; a device of little torque.
+        assert 0.7 < person.device.mean(axis=0).max() < 1.4
+        assert abs(person.torque).max() < 5.0

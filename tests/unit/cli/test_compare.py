@@ -1,0 +1,229 @@
+"""``jointz compare``: a table of one's own, results folders, and what is neither."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.stats import mixed_model
+
+COLUMNS = ("--response", "stiffness", "--within", "point", "--participant", "who")
+
+
+def long_table():
+    rng = np.random.default_rng(2)
+    rows = [(f"S{k}", point) for k in range(6) for point in ("TST", "LRE", "MST")]
+    table = pd.DataFrame(rows, columns=["who", "point"])
+    table["stiffness"] = rng.normal(0.0, 1.0, 18).round(4) + np.tile([3.0, 1.0, 0.0], 6)
+    table["damping"] = rng.normal(5.0, 1.0, 18).round(4)
+    return table
+
+
+@pytest.fixture
+def table(tmp_path):
+    file = tmp_path / "table.csv"
+    long_table().to_csv(file, index=False)
+    return file
+
+
+# --- a table -------------------------------------------------------------------------------------
+
+
+def test_a_table_gives_the_figures_of_the_mixed_model(jointz, table):
+    outcome = jointz("compare", table, *COLUMNS, "--json")
+
+    fit = mixed_model(long_table(), response="stiffness", within="point", participant="who")
+    made = outcome.json
+    assert (outcome.code, outcome.err, made["status"]) == (0, "", "ok")
+    for name in ("F", "df_num", "df_den", "p"):
+        assert made["f_test"][name] == pytest.approx(getattr(fit.f_test, name))
+    assert made["variances"]["residual"] == pytest.approx(fit.variances.residual)
+    assert made["levels"] == ["TST", "LRE", "MST"]
+    assert [p["p_adjusted"] for p in made["pairs"]] == pytest.approx(
+        list(fit.pairs()["p_adjusted"])
+    )
+
+
+@pytest.mark.real_data
+def test_the_published_table_gives_its_known_numbers(jointz, real_data):
+    file = real_data / "dissertation" / "knee_impedance_60.csv"
+    names = ("stiffness_Nm_per_rad_per_kg", "damping_Nms_per_rad_per_kg", "inertia_kgm2")
+    responses = [word for name in names for word in ("--response", name)]
+    columns = ("--within", "timing_point", "--participant", "subject")
+
+    made = jointz("compare", file, *responses, *columns, "--json").json["responses"]
+
+    found = [made[name]["f_test"]["F"] for name in names]
+    assert found == pytest.approx([6.83472, 1.98101, 1.07921], abs=5e-6)
+    below = {(p["first"], p["second"]): p["p_adjusted"] for p in made[names[0]]["pairs"]
+             if p["p_adjusted"] < 0.05}  # fmt: skip
+    assert below == {
+        ("LRE", "MST"): pytest.approx(0.0025, abs=5e-5),
+        ("LRE", "ISW"): pytest.approx(0.00017, abs=5e-6),
+        ("LRE", "MSW"): pytest.approx(0.00031, abs=2e-5),
+    }
+
+
+def test_the_choices_reach_the_model(jointz, table):
+    options = ("--df", "satterthwaite", "--adjust", "holm", "--error", "paired")
+    made = jointz("compare", table, *COLUMNS, *options, "--json").json
+
+    fit = mixed_model(
+        long_table(), response="stiffness", within="point", participant="who", df="satterthwaite"
+    )
+    known = fit.pairs("holm", error="paired")
+    assert made["df_method"] == "satterthwaite"
+    assert [p["p_adjusted"] for p in made["pairs"]] == pytest.approx(list(known["p_adjusted"]))
+
+
+def test_a_table_is_told_in_words(jointz, table):
+    outcome = jointz("compare", table, *COLUMNS, "--response", "damping")
+
+    assert outcome.code == 0
+    for words in ("stiffness ~ point + (1 | who): 18 rows of 6 participants", "Kenward-Roger",
+                  "Greenhouse-Geisser", "intraclass correlation", "damping ~ point",
+                  "Means of stiffness", "TST - LRE", "p (bonferroni)"):  # fmt: skip
+        assert words in outcome.out
+    assert jointz("compare", table, *COLUMNS, "--quiet").out == ""
+
+
+def test_an_empty_cell_is_missing_and_named(jointz, table):
+    lines = table.read_text().splitlines()
+    lines[2] = ",".join([*lines[2].split(",")[:2], "", "5.0"])
+    table.write_text("\n".join(lines) + "\n")
+
+    made = jointz("compare", table, *COLUMNS, "--json").json
+
+    assert made["missing"] == [["S0", "LRE"]]
+    assert made["n_rows"] == 17
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("t.csv", {"sep": ";"}), ("t.csv", {"sep": ";", "decimal": ","}), ("t.txt", {"sep": "\t"})],
+)
+def test_a_table_may_have_other_delimiters(jointz, table, tmp_path, name, options):
+    other = tmp_path / name
+    long_table().to_csv(other, index=False, **options)
+
+    made, known = (jointz("compare", f, *COLUMNS, "--json").json for f in (other, table))
+
+    assert made["f_test"] == known["f_test"]
+
+
+def test_labels_that_are_numbers_stay_labels(jointz, tmp_path):
+    table = long_table()
+    table["who"] = table["who"].str.lstrip("S").astype(int)
+    table.to_csv(tmp_path / "t.csv", index=False)
+
+    assert jointz("compare", tmp_path / "t.csv", *COLUMNS, "--json").json["n_participants"] == 6
+
+
+def test_pulses_are_no_people(jointz, table, tmp_path):
+    pulses = tmp_path / "pulses.csv"
+    rng = np.random.default_rng(0)
+    repeated = pd.concat([long_table() for _ in range(4)])
+    repeated["stiffness"] += rng.normal(0.0, 0.1, len(repeated))
+    repeated.to_csv(pulses, index=False)
+
+    refused = jointz("compare", pulses, *COLUMNS)
+    nested = jointz("compare", pulses, *COLUMNS, "--nested", "--json")
+
+    assert refused.code == 2
+    assert "replicates, not people" in refused.err
+    assert nested.json["variances"]["cell"] > 0.0
+
+
+def test_a_column_that_is_not_there_is_told_with_those_that_are(jointz, table):
+    outcome = jointz("compare", table, *COLUMNS[:-1], "person")
+
+    assert outcome.code == 2
+    assert "no column 'person'. The file has: who, point, stiffness, damping" in outcome.err
+
+
+def test_text_among_numbers_is_told_with_its_row(jointz, table):
+    table.write_text(table.read_text().replace("S1,TST,", "S1,TST,stiff"))
+
+    outcome = jointz("compare", table, *COLUMNS)
+
+    assert outcome.code == 2
+    assert "row 5, column 'stiffness': expected a number, found 'stiff" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (COLUMNS[:4], "needs --participant too"),
+        ((), "needs --response, --within, --participant too"),
+        ((*COLUMNS, "--margin", "10"), "are of results folders"),
+        ((*COLUMNS, "--out", "somewhere"), "are of results folders"),
+        ((*COLUMNS[:-1], "point"), "expected unlike columns"),
+        ((*COLUMNS[:-1], "stiffness"), "expected unlike columns"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(jointz, table, arguments, words):
+    outcome = jointz("compare", table, *arguments)
+
+    assert outcome.code == 2
+    assert words in " ".join(outcome.err.split())
+
+
+def test_a_blank_label_is_refused(jointz, table):
+    table.write_text(table.read_text().replace("S1,TST", ",TST"))
+
+    outcome = jointz("compare", table, *COLUMNS)
+
+    assert outcome.code == 2
+    assert "column 'who' must name every row, 1 have none" in outcome.err
+
+
+# --- results folders -----------------------------------------------------------------------------
+
+
+def test_the_published_tables_need_no_folder(jointz, tmp_path):
+    out = tmp_path / "comparison"
+
+    told = jointz("compare", "published", "--out", out)
+    made = jointz("compare", "published", "--json").json
+
+    assert told.code == 0
+    assert "F\tdf\tp" in told.out
+    assert f"Page: {out / 'comparison.html'}" in told.out
+    assert (made["status"], made["schema"]) == ("ok", "jointz.Comparison/1")
+    assert json.loads((out / "comparison.json").read_text())["differences"] == made["differences"]
+    assert jointz("compare", "published", "--out", out).code == 2
+    assert jointz("compare", "published", "--out", out, "--overwrite", "--quiet").out == ""
+
+
+def test_where_nothing_stands_the_exit_status_is_1(jointz, tmp_path):
+    header = (
+        "participant,timing_point,onset_gait_pct,parameter,value,unit,ci_low,ci_high,method,status"
+    )
+    rows = [f"S{k},LRE,7,stiffness,,N*m/rad,,,recommended,undecided" for k in (1, 2)]
+    (tmp_path / "estimates.csv").write_text("\n".join([header, *rows]) + "\n")
+    (tmp_path / "provenance.json").write_text("{}")
+
+    outcome = jointz("compare", tmp_path, "--json")
+
+    assert (outcome.code, outcome.json["status"]) == (1, "nothing_stands")
+    assert jointz("compare", tmp_path, "--out", tmp_path / "out").code == 1
+    assert "Timing points of" in (tmp_path / "out" / "comparison.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere",), "nowhere: is not there"),
+        (("published", "published"), "given twice"),
+        (("published", *COLUMNS), "no reader for this kind of file"),
+        (("published", "more", *COLUMNS), "--response is of one table"),
+        (("published", "--nested"), "--nested is of a table"),
+        (("published", "--days"), "days are two or more results"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(jointz, arguments, words):
+    outcome = jointz("compare", *arguments)
+
+    assert outcome.code == 2
+    assert words in " ".join(outcome.err.split())

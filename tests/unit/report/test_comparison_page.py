@@ -1,0 +1,139 @@
+"""The page, the figures and the text of a comparison."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from jointz.core.comparison import Comparison
+from jointz.core.comparison_rows import Difference, PersonValue, Source, SourceMean
+from jointz.report.comparison_figures import draw_comparison
+from jointz.report.comparison_page import render_comparison
+from jointz.report.comparison_text import comparison_tables, equivalence_text, p_text
+from jointz.workflows.comparison import compare_results
+
+UNIT = "N*m/rad/kg"
+
+
+def two_groups(first="<b>patients</b>", second="controls", **more):
+    people = ("S1", "S2", "S3")
+    values = {first: (1.0, 2.0, 3.0), second: (2.0, 2.5, None)}
+    means = tuple(
+        SourceMean(name, "stiffness_per_mass", UNIT, "LRE", n, 3 - n, 0, 2.0, 0.8, 1.0, 3.0, 0.4)
+        for name, n in ((first, 3), (second, 2))
+    )
+    difference = Difference(
+        "stiffness_per_mass", UNIT, "LRE", first, second, "groups", 3, 2, 0, 2.0, 2.25, -0.25,
+        -2.0, 1.5, -0.4, 2.6, 0.7, 0.7, "g", -0.3, -1.9, 1.2, 0.45, 0.38,
+    )  # fmt: skip
+    return Comparison(
+        sources=(Source(first, people), Source(second, tuple("ABC"))),
+        values=tuple(
+            PersonValue(name, person, "stiffness_per_mass", "LRE", value)
+            for name, row in values.items()
+            for person, value in zip(people, row, strict=True)
+        ),
+        means=means,
+        differences=(difference,),
+        margin_pct=20.0,
+        **more,
+    )
+
+
+class Page(HTMLParser):
+    """Counts tags that do not close, and whatever would be fetched."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.wrong, self.fetched = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        self.fetched += [
+            v for k, v in attrs if k in ("src", "href", "xlink:href") and not v.startswith("#")
+        ]
+
+    def handle_startendtag(self, tag, attrs):
+        pass
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+
+@pytest.fixture(scope="module")
+def published():
+    return compare_results(["published"])
+
+
+@pytest.mark.parametrize("make", [two_groups, lambda: compare_results(["published"])])
+def test_the_page_is_whole_and_fetches_nothing(make):
+    made = make()
+    page = Page(render_comparison(made, draw_comparison(made)))
+
+    assert (page.open, page.wrong, page.fetched) == ([], [], [])
+
+
+def test_names_of_folders_are_no_markup():
+    page = render_comparison(two_groups(), draw_comparison(two_groups()))
+
+    assert "<b>patients</b>" not in page
+    assert "&lt;b&gt;patients&lt;/b&gt;" in page
+
+
+def test_the_page_states_people_effect_and_equivalence():
+    page = render_comparison(two_groups("a", "b"), {})
+
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", page)
+    assert "3 and 2" in cells
+    assert any(cell.startswith("g \N{MINUS SIGN}0.30 [") for cell in cells)
+    assert "not shown (p 0.38)" in cells
+    assert "t test of Welch" in page
+    assert "25 %" in cells  # of the variance between people is measurement error
+
+
+def test_warnings_stand_above_the_notes():
+    page = render_comparison(two_groups("a", "b", notes=("WARNING: beware", "by the way")), {})
+
+    assert page.index("beware") < page.index('id="differences"') < page.index("by the way")
+    assert "WARNING" not in page
+
+
+def test_the_figures_of_the_published_tables_are_small_and_deterministic(published):
+    figures = draw_comparison(published)
+
+    assert list(figures) == ["means", "differences"]
+    assert figures == draw_comparison(published)
+    assert all(len(svg) < 300_000 for svg in figures.values())
+
+
+def test_nothing_to_draw_draws_nothing():
+    assert draw_comparison(Comparison((), (), (), ())) == {}
+
+
+def test_the_text_has_one_row_a_difference(published):
+    tables = {title.split(" ")[0]: rows for title, _, rows in comparison_tables(published)}
+
+    assert len(tables["First"]) == 3 * 15
+    assert len(tables["Means"]) == 3 * 6
+    assert tables["Mixed"][0][3:6] == ["6.835", "5, 45", "< 0.0001"]
+
+
+def test_every_row_is_as_wide_as_its_header():
+    for made in (two_groups(), compare_results(["published"])):
+        for _, header, rows in comparison_tables(made):
+            assert {len(row) for row in rows} == {len(header)}
+
+
+def test_equivalence_is_shown_below_the_level_only():
+    (row,) = two_groups().differences
+
+    assert equivalence_text(row, 0.95) == "not shown (p 0.38)"
+    assert equivalence_text(row, 0.5) == "yes (p 0.38)"
+
+
+@pytest.mark.parametrize(("p", "text"), [(0.0123, "0.012"), (9e-5, "< 0.0001"), (None, "-")])
+def test_a_probability_is_written_as_it_is_read(p, text):
+    assert p_text(p) == text

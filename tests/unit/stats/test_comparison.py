@@ -1,0 +1,188 @@
+"""Differences, effect sizes, equivalence and repeatability against textbooks and scipy."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import quad
+
+from jointz.stats.comparison import (
+    NoSpreadError,
+    group_difference,
+    hedges_correction,
+    paired_difference,
+    repeatability,
+)
+
+#: Shrout and Fleiss 1979, Psychol. Bull. 86, table 2: six targets, four judges.
+RATED = np.array(
+    [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
+)
+
+
+@pytest.fixture
+def pair():
+    rng = np.random.default_rng(11)
+    first = rng.normal(3.0, 1.0, 9)
+    return first, 0.7 * first + rng.normal(0.6, 0.4, 9)
+
+
+def test_the_same_people_are_compared_by_the_paired_t_test(pair):
+    made, known = paired_difference(*pair), stats.ttest_rel(*pair)
+
+    assert (made.t, made.p, made.df) == pytest.approx((known.statistic, known.pvalue, 8.0))
+    interval = known.confidence_interval(0.95)
+    assert (made.ci_low, made.ci_high) == pytest.approx((interval.low, interval.high))
+
+
+def test_groups_are_compared_by_welch(pair):
+    first, second = pair[0], pair[1][:6] * 3.0
+    made, known = group_difference(first, second), stats.ttest_ind(first, second, equal_var=False)
+
+    assert (made.t, made.p, made.df) == pytest.approx((known.statistic, known.pvalue, known.df))
+    interval = known.confidence_interval(0.95)
+    assert (made.ci_low, made.ci_high) == pytest.approx((interval.low, interval.high))
+
+
+def test_the_correction_is_the_ratio_of_gamma_functions():
+    # Gamma(1) / Gamma(1/2) and Gamma(2) / (sqrt(2) Gamma(3/2)), and Hedges' approximation.
+    assert hedges_correction(2.0) == pytest.approx(1 / np.sqrt(np.pi))
+    assert hedges_correction(4.0) == pytest.approx(np.sqrt(2 / np.pi))
+    assert hedges_correction(50.0) == pytest.approx(1 - 3 / (4 * 50 - 1), abs=1e-4)
+
+
+def noncentral_t(t, df, noncentrality):
+    """Return the probability below t by the integral over the spread: slow and obvious."""
+
+    def integrand(s):
+        spread = stats.chi.pdf(s * np.sqrt(df), df) * np.sqrt(df)
+        return stats.norm.cdf(t * s - noncentrality) * spread
+
+    return quad(integrand, 0.0, 12.0, limit=400)[0]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_ends_of_g_z_are_the_effects_at_which_its_t_is_as_rare(pair, sign):
+    made = paired_difference(sign * pair[0], sign * pair[1])
+
+    ends = np.array([made.effect_low, made.effect_high]) * np.sqrt(9)
+    tails = [noncentral_t(made.t, 8.0, end) for end in ends]
+    np.testing.assert_allclose(tails, [0.975, 0.025], atol=1e-6)
+    d = pair[0] - pair[1]
+    assert made.effect_size == pytest.approx(
+        sign * hedges_correction(8.0) * d.mean() / d.std(ddof=1)
+    )
+
+
+def test_the_ends_of_g_are_those_of_the_pooled_t_test(pair):
+    first, second = pair[0], pair[1][:5]
+    made, pooled = group_difference(first, second), stats.ttest_ind(first, second)
+
+    reach = np.sqrt(1 / 9 + 1 / 5)
+    ends = np.array([made.effect_low, made.effect_high]) / reach
+    tails = [noncentral_t(pooled.statistic, 12.0, end) for end in ends]
+    np.testing.assert_allclose(tails, [0.975, 0.025], atol=1e-6)
+    assert made.effect_size == pytest.approx(hedges_correction(12.0) * pooled.statistic * reach)
+
+
+def test_where_people_hardly_differ_the_effect_is_still_found_quickly():
+    # Beyond scipy's reach the interval goes on as the spread's alone does.
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(8)
+    below, above = (paired_difference(1.0 + s * noise, np.zeros(8)) for s in (2.9e-3, 2.7e-3))
+    far = paired_difference(1.0 + 1e-9 * noise, np.zeros(8))
+
+    for made in (above, far):
+        assert made.effect_low / made.t == pytest.approx(below.effect_low / below.t, rel=1e-4)
+        assert made.effect_high / made.t == pytest.approx(below.effect_high / below.t, rel=1e-4)
+
+
+def test_two_pairs_have_no_effect_size():
+    made = paired_difference(np.array([1.0, 2.0]), np.array([0.0, 3.0]))
+
+    assert (made.effect_size, made.effect_low, made.effect_high) == (None, None, None)
+    assert made.p == pytest.approx(1.0)
+
+
+def test_equivalence_is_shown_exactly_where_the_90_percent_interval_lies_inside(pair):
+    made = paired_difference(*pair)
+    half = made.se * stats.t.ppf(0.95, made.df)
+    reach = abs(made.difference) + half
+
+    assert made.equivalence_p(reach) == pytest.approx(0.05)
+    assert made.equivalence_p(1.01 * reach) < 0.05 < made.equivalence_p(0.99 * reach)
+
+
+def test_equivalence_is_the_larger_of_two_one_sided_tests(pair):
+    lower = stats.ttest_rel(pair[0], pair[1] - 0.5, alternative="greater").pvalue
+    upper = stats.ttest_rel(pair[0], pair[1] + 0.5, alternative="less").pvalue
+
+    assert paired_difference(*pair).equivalence_p(0.5) == pytest.approx(max(lower, upper))
+
+
+def test_repeatability_is_that_of_shrout_and_fleiss():
+    made = repeatability(RATED)
+
+    # Printed there: .29 and .71; their intervals are those that R's psych::ICC has for them.
+    np.testing.assert_allclose(made.icc_agreement, (0.2898, 0.0188, 0.7611), atol=5e-5)
+    np.testing.assert_allclose(made.icc_consistency, (0.7148, 0.3425, 0.9459), atol=5e-5)
+    assert made.sem[0] ** 2 == pytest.approx(1.0194, abs=5e-5)  # their error mean square, 1.02
+    assert made.mdc == pytest.approx(1.96 * np.sqrt(2) * made.sem[0], rel=1e-4)
+
+
+def test_the_standard_error_of_two_days_is_that_of_their_difference(pair):
+    made = repeatability(np.column_stack(pair))
+
+    assert made.sem[0] == pytest.approx(np.std(pair[0] - pair[1], ddof=1) / np.sqrt(2))
+
+
+def test_a_shift_between_days_counts_in_agreement_only():
+    rng = np.random.default_rng(3)
+    people = rng.normal(0.0, 1.0, 30)[:, None] + 0.2 * rng.standard_normal((30, 2))
+    still, shifted = repeatability(people), repeatability(people + np.array([0.0, 2.0]))
+
+    assert shifted.icc_consistency == pytest.approx(still.icc_consistency)
+    assert shifted.icc_agreement[0] < 0.5 < still.icc_agreement[0]
+
+
+@pytest.mark.slow
+def test_intervals_of_effect_and_repeatability_hold_what_they_should():
+    rng = np.random.default_rng(5)
+    n, trials, held = 12, 1500, np.zeros(3)
+    for _ in range(trials):
+        person = rng.normal(0.0, 1.0, n)
+        a, b = person + rng.normal(0.5, 0.5, n), person + rng.normal(0.0, 0.5, n)
+        paired, apart = paired_difference(a, b), group_difference(a, rng.normal(0, 1.25**0.5, n))
+        held[0] += paired.effect_low <= 0.5 / 0.5**0.5 <= paired.effect_high
+        held[1] += apart.effect_low <= 0.5 / 1.25**0.5 <= apart.effect_high
+        low, high = repeatability(np.column_stack([a, b])).icc_consistency[1:]
+        held[2] += low <= 1.0 / 1.25 <= high
+    # Binomial band of 95 % over 1500 trials, 3 standard errors.
+    np.testing.assert_allclose(held / trials, 0.95, atol=3 * np.sqrt(0.95 * 0.05 / trials))
+
+
+@pytest.mark.parametrize(
+    "nothing_varies",
+    [
+        lambda: paired_difference(np.array([1.1, 2.1, 3.1]), np.array([0.1, 1.1, 2.1])),
+        lambda: group_difference(np.array([2.0, 2.0]), np.array([1.0, 1.0, 1.0])),
+        lambda: repeatability(np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]])),
+    ],
+)
+def test_where_nothing_varies_there_is_no_test(nothing_varies):
+    with pytest.raises(NoSpreadError):
+        nothing_varies()
+
+
+@pytest.mark.parametrize(
+    "too_few",
+    [
+        lambda: paired_difference(np.array([1.0]), np.array([2.0])),
+        lambda: paired_difference(np.array([1.0, 2.0]), np.array([2.0])),
+        lambda: group_difference(np.array([1.0]), np.array([2.0, 3.0])),
+        lambda: group_difference(np.array([1.0, np.nan]), np.array([2.0, 3.0])),
+        lambda: repeatability(np.array([[1.0, 2.0]])),
+    ],
+)
+def test_too_few_people_are_refused(too_few):
+    with pytest.raises(ValueError, match="expected"):
+        too_few()

@@ -1,0 +1,412 @@
+"""Results folders compared: who with whom, in what, with which warnings."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from jointz.core.comparison import Comparison
+from jointz.core.errors import DataError, OutputError
+from jointz.core.estimates import ESTIMATE_COLUMNS
+from jointz.reference.chapter4 import participant_table
+from jointz.workflows.comparison import compare_results, write_comparison
+
+POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5}
+UNITS = {
+    "stiffness": "N*m/rad",
+    "damping": "N*m*s/rad",
+    "inertia": "kg*m^2",
+    "stiffness_per_mass": "N*m/rad/kg",
+    "damping_per_mass": "N*m*s/rad/kg",
+}
+SIZES = {"stiffness": 75.0, "damping": 3.0, "inertia": 0.05}
+MASS_KG = 70.0
+
+
+def estimates(people, *, seed=0, scale=1.0):
+    """Return estimates.csv of people who keep their size, whatever the seed of the noise."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k, person in enumerate(people):
+        for j, (point, onset) in enumerate(POINTS.items()):
+            for name, unit in UNITS.items():
+                size = SIZES[name.removesuffix("_per_mass")] / (MASS_KG if "mass" in name else 1.0)
+                value = scale * size * (1.0 + 0.1 * k - 0.2 * j + 0.03 * rng.standard_normal())
+                row = (person, point, onset, name, value, unit, 0.97 * value, 1.03 * value)
+                rows.append((*row, 0.95, 99.0, 50, 0, "recommended", "ok"))
+    return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))
+
+
+@pytest.fixture
+def results(tmp_path):
+    """Write a results folder and return its path."""
+
+    def write(name, people="ABCDE", *, table=None, kind="walking", joint="knee", **options):
+        folder = tmp_path / name
+        folder.mkdir(parents=True)
+        table = estimates(people, **options) if table is None else table
+        table.to_csv(folder / "estimates.csv", index=False)
+        study = {"kind": kind, "joint": joint}
+        content = {"study": study, "study_sha256": name, "settings": {"window_s": 0.1}}
+        (folder / "provenance.json").write_text(json.dumps(content))
+        return folder
+
+    return write
+
+
+def lose(table, person, point, parameter, *, status="undecided"):
+    """Return the table with a value that does not stand."""
+    table = table.copy()
+    at = (table["participant"] == person) & (table["timing_point"] == point)
+    at &= table["parameter"] == parameter
+    table.loc[at, ["value", "ci_low", "ci_high"]] = np.nan
+    table.loc[at, "status"] = status
+    return table
+
+
+def of(table, parameter, point):
+    rows = table.query("parameter == @parameter and timing_point == @point")
+    return rows.set_index("participant")["value"]
+
+
+def row(made, parameter, point):
+    (found,) = (d for d in made.differences if (d.parameter, d.timing_point) == (parameter, point))
+    return found
+
+
+def said(made, words):
+    return [note for note in made.notes if words in note]
+
+
+# --- designs -------------------------------------------------------------------------------------
+
+
+def test_the_same_people_are_compared_with_themselves(results):
+    before, after = estimates("ABCDE"), estimates("ABCDE", seed=1, scale=1.1)
+    made = compare_results([results("after", table=after), results("before", table=before)])
+
+    found = row(made, "stiffness_per_mass", "MST")
+    known = stats.ttest_rel(
+        of(after, "stiffness_per_mass", "MST"), of(before, "stiffness_per_mass", "MST")
+    )
+    assert (found.first, found.second, found.design) == ("after", "before", "paired")
+    assert (found.t, found.p) == pytest.approx((known.statistic, known.pvalue))
+    assert (found.n_first, found.effect) == (5, "g_z")
+    assert said(made, "participants of the same id")
+
+
+def test_people_are_matched_by_id_not_by_row(results):
+    table = estimates("ABCDE", seed=1)
+    turned = table.iloc[::-1].reset_index(drop=True)
+    base = results("base", "ABCDE")
+
+    straight = compare_results([results("straight", table=table), base])
+    backward = compare_results([results("backward", table=turned), base])
+
+    assert [d.t for d in straight.differences] == pytest.approx(
+        [row(backward, d.parameter, d.timing_point).t for d in straight.differences]
+    )
+
+
+def test_other_people_are_compared_as_groups(results):
+    mine, others = estimates("ABCDE"), estimates("VWXYZ", seed=1, scale=1.3)
+    made = compare_results([results("a", table=mine), results("b", table=others)])
+
+    found = row(made, "damping_per_mass", "LRE")
+    known = stats.ttest_ind(
+        of(mine, "damping_per_mass", "LRE"), of(others, "damping_per_mass", "LRE"), equal_var=False
+    )
+    assert (found.design, found.effect) == ("groups", "g")
+    assert (found.t, found.df, found.p) == pytest.approx((known.statistic, known.df, known.pvalue))
+
+
+def test_people_in_one_folder_only_ask_for_a_decision(results):
+    sources = [results("a", "ABCD"), results("b", "BCDE", seed=1)]
+
+    with pytest.raises(DataError, match=r"share 3 of 5 participants .A, E in one only.*--paired"):
+        compare_results(sources)
+
+    paired, apart = (compare_results(sources, paired=choice) for choice in (True, False))
+    assert {d.n_first for d in paired.differences} == {3}
+    assert said(paired, "left out, as in one only: A, E")
+    assert {(d.design, d.n_first) for d in apart.differences} == {("groups", 4)}
+    assert said(apart, "though 3 ids are the same")
+
+
+def test_equal_ids_may_be_different_people(results):
+    made = compare_results([results("a"), results("b", seed=1)], paired=False)
+
+    assert {d.design for d in made.differences} == {"groups"}
+
+
+def test_holm_counts_the_timing_points_of_a_parameter(results):
+    made = compare_results([results("a", scale=1.02), results("b", seed=1)])
+
+    own = sorted(d.p for d in made.differences if d.parameter == "inertia")
+    adjusted = sorted(d.p_adjusted for d in made.differences if d.parameter == "inertia")
+    steps = np.maximum.accumulate(np.multiply(own, [3, 2, 1])).clip(max=1.0)
+    np.testing.assert_allclose(adjusted, steps)
+
+
+# --- one folder ----------------------------------------------------------------------------------
+
+
+def test_the_published_tables_give_their_known_tests():
+    made = compare_results(["published"])
+
+    assert [test.fit.f_test.F for test in made.tests] == pytest.approx(
+        [6.83472, 1.98101, 1.07921], abs=5e-6
+    )
+    below = {(d.first, d.second) for d in made.differences if d.p_adjusted < 0.05}
+    assert below == {("LRE", "MST"), ("LRE", "ISW"), ("LRE", "MSW")}
+    assert len(made.at_bound) == 7
+    assert {d.n_at_bound for d in made.differences if "LRE" in (d.first, d.second)} >= {1, 2, 3}
+    assert said(made, "S5 LRE")
+
+
+def test_one_folder_is_beside_the_published_values(results):
+    made = compare_results([results("own")])
+
+    means = participant_table().groupby("timing_point", observed=True)["stiffness_per_mass"].mean()
+    beside = {r.timing_point: r.value for r in made.references
+              if (r.name, r.parameter) == ("published", "stiffness_per_mass")}  # fmt: skip
+    assert beside == pytest.approx(means[list(POINTS)].to_dict())
+
+
+def test_an_ankle_is_not_beside_the_published_knee(results):
+    assert compare_results([results("own", joint="ankle")]).references == ()
+
+
+def test_one_person_has_no_statistics_but_is_no_error(results):
+    made = compare_results([results("one", "A")])
+
+    assert not made.stands
+    assert all(test.fit is None and test.reason for test in made.tests)
+
+
+# --- more folders --------------------------------------------------------------------------------
+
+
+def test_three_conditions_are_first_tested_together(results):
+    made = compare_results([results(n, seed=k) for k, n in enumerate("abc")])
+
+    assert {(t.factor, t.fit.levels) for t in made.tests} == {("condition", ("a", "b", "c"))}
+    assert len(made.differences) == 3 * 3 * 3
+
+
+def test_two_conditions_and_the_published_people_are_compared_each_as_it_is(results):
+    made = compare_results([results("a"), results("b", seed=1), "published"])
+
+    designs = {(d.first, d.second): d.design for d in made.differences}
+    assert designs == {
+        ("a", "b"): "paired", ("a", "published"): "groups", ("b", "published"): "groups",
+    }  # fmt: skip
+    assert said(made, "published alone has PSW, ISW, MSW")
+
+
+def test_days_tell_how_well_people_repeat(results):
+    days = [estimates("ABCDE", seed=k) for k in (0, 1)]
+    made = compare_results([results(f"d{k}", table=t) for k, t in enumerate(days)], days=True)
+
+    (found,) = (r for r in made.repeatability
+                if (r.parameter, r.timing_point) == ("inertia", "TST"))  # fmt: skip
+    apart = of(days[0], "inertia", "TST") - of(days[1], "inertia", "TST")
+    assert found.sem == pytest.approx(apart.std() / np.sqrt(2))
+    assert found.icc_consistency > 0.8
+    assert (found.n, found.k) == (5, 2)
+
+
+def test_days_need_the_same_people(results):
+    with pytest.raises(DataError, match="same people"):
+        compare_results([results("a"), results("b", "VWXYZ")], days=True)
+
+
+def test_conditions_that_are_nearly_equal_are_shown_to_be(results):
+    made = compare_results([results("a"), results("b", seed=1)], margin_pct=20.0)
+
+    found = row(made, "stiffness_per_mass", "LRE")
+    assert found.margin == pytest.approx(0.2 * found.mean_second)
+    assert found.p_equivalence < 0.05 < found.p
+
+
+@pytest.mark.parametrize("margin", [0.0, -5.0, float("nan")])
+def test_a_margin_is_above_zero(results, margin):
+    with pytest.raises(DataError, match="margin above 0"):
+        compare_results([results("a"), results("b")], margin_pct=margin)
+
+
+# --- what is missing or unlike -------------------------------------------------------------------
+
+
+def test_a_missing_value_is_counted_and_named_and_costs_nobody_else(results):
+    table = lose(estimates("ABCDE"), "B", "MST", "stiffness_per_mass")
+    made = compare_results([results("a", table=table), results("b", seed=1)])
+
+    assert row(made, "stiffness_per_mass", "MST").n_first == 4
+    assert row(made, "stiffness_per_mass", "LRE").n_first == 5
+    assert row(made, "damping_per_mass", "MST").n_first == 5
+    (mean,) = (m for m in made.means if (m.source, m.parameter, m.timing_point)
+               == ("a", "stiffness_per_mass", "MST"))  # fmt: skip
+    assert (mean.n, mean.n_missing) == (4, 1)
+    (note,) = said(made, "missing")
+    assert "a stiffness_per_mass (undecided): B MST" in note
+
+
+def test_a_value_at_its_bound_is_used_and_named(results):
+    table = estimates("ABCDE")
+    at = table.index[table["parameter"] == "damping_per_mass"][0]
+    table.loc[at, ["value", "ci_low"]] = 0.0
+    table.loc[at, "status"] = "at_bound"
+    made = compare_results([results("a", table=table), results("b", seed=1)])
+
+    found = row(made, "damping_per_mass", "LRE")
+    assert (found.n_first, found.n_at_bound) == (5, 1)
+    assert found.mean_first == pytest.approx(of(table, "damping_per_mass", "LRE").mean())
+    (note,) = said(made, "at their bound")
+    assert "a damping_per_mass (at_bound): A LRE" in note
+
+
+def test_without_masses_stiffness_itself_is_compared(results):
+    table = estimates("ABCDE")
+    for person in "ABCDE":
+        for point in POINTS:
+            for name in ("stiffness_per_mass", "damping_per_mass"):
+                table = lose(table, person, point, name, status="failed:mass_missing")
+    folder = results("light", table=table)
+
+    made = compare_results([folder, results("b", seed=1)])
+    beside = compare_results([folder, "published"])
+
+    assert made.parameters == ("stiffness", "damping", "inertia")
+    assert said(made, "light: no values per kg")
+    assert beside.parameters == ("inertia",)
+    assert said(beside, "WARNING: light: no values per kg")
+
+
+def test_an_inertia_of_all_points_is_beside_the_mean_over_points(results):
+    table = estimates("ABCDE")
+    shared = table.query("parameter == 'inertia' and timing_point == 'LRE'")
+    shared = shared.assign(timing_point="all", onset_gait_pct=np.nan, value=0.05 + shared["value"])
+    rest = table[table["parameter"] != "inertia"]
+    other = estimates("ABCDE", seed=1)
+    made = compare_results(
+        [results("one", table=pd.concat([rest, shared])), results("each", table=other)]
+    )
+
+    found = row(made, "inertia", "all")
+    over_points = other.query("parameter == 'inertia'").groupby("participant")["value"].mean()
+    assert found.mean_second == pytest.approx(over_points.mean())
+    assert found.mean_first == pytest.approx(shared["value"].mean())
+    assert {d.timing_point for d in made.differences if d.parameter == "inertia"} == {"all"}
+    assert said(made, "mean over the timing points of each of 5")
+
+
+def test_unlike_methods_and_equal_recordings_are_a_warning(results):
+    other = estimates("ABCDE", seed=1).assign(method="dissertation")
+    folders = [results("a"), results("b", table=other)]
+    file = folders[1] / "provenance.json"
+    settings = {"study": {}, "study_sha256": "a", "settings": {"window_s": 0.2}}
+    file.write_text(json.dumps(settings))
+
+    made = compare_results(folders)
+
+    assert said(made, "WARNING: estimates by unlike methods (a by recommended; b by dissertation)")
+    assert said(made, "WARNING: a and b are analyses of the same recordings")
+    assert said(made, "WARNING: a and b were analysed with unlike settings: window_s")
+
+
+def test_badly_measured_people_are_told(results):
+    table = estimates("ABCDE")
+    table["ci_low"], table["ci_high"] = 0.7 * table["value"], 1.3 * table["value"]
+
+    assert said(compare_results([results("a", table=table)]), "a large share of the variance")
+    assert not said(compare_results([results("b")]), "a large share of the variance")
+
+
+def test_folders_of_one_name_are_told_apart(results):
+    made = compare_results([results("day1/results"), results("day2/results", seed=1)])
+
+    assert [s.name for s in made.sources] == ["day1/results", "day2/results"]
+
+
+# --- input that cannot be trusted ----------------------------------------------------------------
+
+
+def test_a_bench_is_refused(results):
+    with pytest.raises(DataError, match="participants are loads"):
+        compare_results([results("bench", kind="bench")])
+
+
+def test_another_joint_is_refused(results):
+    with pytest.raises(DataError, match="expected one joint, found knee in a, ankle in b"):
+        compare_results([results("a"), results("b", joint="ankle")])
+
+
+def test_other_units_are_refused(results):
+    table = estimates("AB").replace({"unit": {"N*m/rad": "N*m/deg"}})
+
+    with pytest.raises(DataError, match=r"row 2: expected stiffness in N.m/rad, found N.m/deg"):
+        compare_results([results("a", table=table)])
+
+
+def test_a_row_twice_is_refused(results):
+    table = estimates("AB")
+
+    with pytest.raises(DataError, match="row 32: a second stiffness of LRE of A"):
+        compare_results([results("a", table=pd.concat([table, table[:1]]))])
+
+
+def test_a_status_that_belies_its_value_is_refused(results):
+    table = estimates("AB").assign(status="undecided")
+
+    with pytest.raises(DataError, match="row 2: status 'undecided' with a value"):
+        compare_results([results("a", table=table)])
+
+
+def test_no_timing_point_in_common_is_refused(results):
+    other = estimates("ABCDE").replace({"timing_point": dict(zip(POINTS, "xyz", strict=True))})
+
+    with pytest.raises(DataError, match="no timing point in common: a has LRE, MST, TST; b has x"):
+        compare_results([results("a"), results("b", table=other)])
+
+
+def test_what_is_no_results_folder_is_refused(results, tmp_path):
+    folder = results("a")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match=r"holds no estimates\.csv"):
+        compare_results([tmp_path / "empty"])
+    with pytest.raises(DataError, match="is not there"):
+        compare_results([tmp_path / "nowhere"])
+    with pytest.raises(DataError, match="given twice"):
+        compare_results([folder, f"{folder}/."])
+    (folder / "provenance.json").write_text("{")
+    with pytest.raises(DataError, match="cannot be read"):
+        compare_results([folder])
+
+
+# --- what is written -----------------------------------------------------------------------------
+
+
+def test_the_folder_holds_tables_figures_and_the_page(results, tmp_path):
+    made = compare_results([results("a"), results("b", seed=1)], days=True, margin_pct=10.0)
+    out = tmp_path / "comparison"
+
+    page = write_comparison(made, out)
+
+    names = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
+    assert names == {
+        "comparison.csv", "means.csv", "repeatability.csv", "comparison.json", "comparison.html",
+        "figures/means.svg", "figures/differences.svg", "provenance.json",
+    }  # fmt: skip
+    assert page == out / "comparison.html"
+    again = Comparison.from_dict(json.loads((out / "comparison.json").read_text()))
+    assert again == made
+    written = json.loads((out / "provenance.json").read_text())
+    assert [one["file"] for one in written["inputs"]] == [
+        "a/estimates.csv", "a/provenance.json", "b/estimates.csv", "b/provenance.json",
+    ]  # fmt: skip
+    with pytest.raises(OutputError, match="exists and is kept"):
+        write_comparison(made, out)
+    write_comparison(made, out, overwrite=True)
