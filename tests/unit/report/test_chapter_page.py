@@ -305,7 +305,7 @@ def test_participants_stand_in_columns_with_their_average():
     page = Page(render_chapter(CHAPTER_4, {}))
     texts = [" ".join(text.split()) for _, text in page.cells]
     row = texts.index("LRE")
-    assert texts[row : row + 4] == ["LRE", "1.88", "0", "0.940"]
+    assert texts[row : row + 4] == ["LRE", "1.88", "0", "0.94"]
     second = texts.index("LRE", row + 1)
     assert texts[second + 2] in ("-", "\N{EN DASH}", "\N{EM DASH}")
 
