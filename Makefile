@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow browser check docs benchmark accuracy clean
+.PHONY: demo test test-slow browser check docs benchmark accuracy validation clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -41,6 +41,11 @@ benchmark: $(VENV)/.installed-test
 # Every method on simulated people whose truth is known; what is done is kept in .accuracy-cache.
 accuracy: $(VENV)/.installed
 	$(BIN)/python -m benchmarks.accuracy
+
+# The page of all chapters that the README links to.
+validation: $(VENV)/.installed
+	$(BIN)/jointz reproduce all --out build/reproduced --overwrite --quiet
+	cp build/reproduced/validation.html docs/validation.html
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
