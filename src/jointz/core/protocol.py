@@ -22,6 +22,9 @@ from jointz.core.references import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, _version
 from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 
+#: What a session does when the page of its operator is lost.
+WithoutConsole = Literal["go_on", "stop"]
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 #: Slower, samples are too old to act on; faster than any loop of a computer.
@@ -350,6 +353,7 @@ class Protocol(CheckedModel):
     gait: GaitSpec | None = None
     pulse: PulseSpec | None = None
     safety: LimitsOverride = LimitsOverride()
+    without_console: WithoutConsole = "go_on"
     loads: tuple[LoadSpec, ...] = Field(default=(), strict=False)
     conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)
 

@@ -72,6 +72,17 @@ class BenchTrial:
         """End the trial soon: torque is faded out first."""
         self._stopping = True
 
+    def pause(self, *, on: bool) -> bool:
+        """Return False: a trial of a bench is one record, there is nothing to pause.
+
+        Parameters
+        ----------
+        on : bool
+            What was asked for.
+        """
+        del on
+        return False
+
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
         """Do everything that is to be done in one slot.
 

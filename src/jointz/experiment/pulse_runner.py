@@ -42,10 +42,12 @@ class PulseRunner:
     __slots__ = (
         "_broken_off",
         "_condition",
+        "_counted",
         "_half_period_ns",
         "_journal",
         "_onset_ns",
         "_onset_slot",
+        "_paused",
         "_scheduler",
         "_segment",
         "_shape",
@@ -73,7 +75,7 @@ class PulseRunner:
         self._journal = journal
         self._half_period_ns = period_ns // 2
         self._onset_ns = self._onset_slot = self._slot = 0
-        self._was_steady = False
+        self._was_steady = self._paused = self._counted = False
         self._broken_off, self._why = 0, ""
         self.active: PlannedPulse | None = None
         self.aborted = False
@@ -85,12 +87,27 @@ class PulseRunner:
         return self.active is None and not self._scheduler.queue
 
     def stride(self) -> None:
-        """Take note of an accepted stride."""
-        self._missed(self._scheduler.stride(), "timing point passed")
+        """Take note of an accepted stride; while paused it counts towards no gap."""
+        self._counted = not self._paused
+        if self._counted:
+            self._missed(self._scheduler.stride(), "timing point passed")
 
     def retract_stride(self) -> None:
         """Take note that the last accepted stride was none."""
-        self._scheduler.retract_stride()
+        if self._counted:
+            self._scheduler.retract_stride()
+
+    def pause(self, *, on: bool) -> None:
+        """Begin no more pulses, or go on; a pulse that is on is done to its end.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to pause.
+        """
+        self._paused = on
+        if on:
+            self._missed(self._scheduler.miss(), "paused")
 
     def torque(self, slot: int, slot_ns: int, watch: GaitWatch) -> float:
         """Return the perturbation torque that the plan wants now, N*m.

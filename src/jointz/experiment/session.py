@@ -31,6 +31,8 @@ from jointz.core.provenance import software
 from jointz.core.session_log import BENCH, WALKING
 from jointz.devices.interface import Device, Devices, Rig
 from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
+from jointz.experiment.console_link import ConsoleLink
+from jointz.experiment.control_box import ControlBox
 from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.journal import (
     Event,
@@ -46,6 +48,7 @@ from jointz.experiment.plan import PlannedPulse, make_plan
 from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.session_files import (
+    CONTROL_FILE,
     JOURNAL_FILE,
     bench_plan_of,
     keep_description,
@@ -128,6 +131,8 @@ class Session:
         Told after every accepted stride.
     real_time : bool
         Whether to keep the machine's scheduler and garbage collector out of the loop.
+    attended : bool
+        Whether an operator's page starts, pauses and stops instead of the operator.
     """
 
     def __init__(
@@ -139,6 +144,7 @@ class Session:
         operator: Operator,
         progress: Progress,
         real_time: bool,
+        attended: bool = False,
     ) -> None:
         self._plan = plan
         self._rig = rig
@@ -146,6 +152,8 @@ class Session:
         self._operator = operator
         self._progress = progress
         self._real_time = real_time
+        self._attended = attended
+        self._link: ConsoleLink | None = None
         self._trial: AnyTrial | None = None
         self._stop_requested = False
 
@@ -176,16 +184,33 @@ class Session:
         """
         folder = self._plan.folder
         make_folder(folder / "logs")
-        with Journal(folder / JOURNAL_FILE) as journal:
+        with Journal(folder / JOURNAL_FILE) as journal, self._linked(journal):
             with drivers_answer_for({"rig": self._rig}):
                 self._write_down_once()
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
                 left = [name for name in condition.trial_names if not is_completed(events, name)]
-                if left:
+                if left and self._link is not None:
+                    self._link.await_start(left[0], condition.prompt)
+                elif left:
                     self._operator.prompt(condition.prompt)
                 for name in left:
                     self._run_trial_of(condition, name, events, journal)
+
+    @contextmanager
+    def _linked(self, journal: Journal) -> Iterator[None]:
+        """Obey the operator's page, where there is one."""
+        if not self._attended:
+            yield
+            return
+        with ControlBox(self._plan.folder / CONTROL_FILE) as box:
+            self._link = ConsoleLink(
+                box,
+                journal,
+                request_stop=self.request_stop,
+                without_console=self._plan.protocol.without_console,
+            )
+            yield
 
     def _write_down_once(self) -> None:
         """Write the plan and what the session is of; an interrupted session has them already."""
@@ -252,7 +277,7 @@ class Session:
                 clock=clock,
             )
             trial = (self._walking if walking else self._bench)(setup, events, journal)
-            self._run_trial(trial, devices, gate, clock)
+            self._run_trial(trial, name, devices, gate, clock)
             # How long the log is then: one that is found shorter has lost something.
             size = recorder.size_bytes
             journal.write("condition_completed", condition=name, segment=segment, log_bytes=size)
@@ -279,10 +304,16 @@ class Session:
         )
 
     def _run_trial(
-        self, trial: AnyTrial, devices: Devices, gate: SafetyGate | None, clock: Clock
+        self,
+        trial: AnyTrial,
+        name: str,
+        devices: Devices,
+        gate: SafetyGate | None,
+        clock: Clock,
     ) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
         self._trial = trial
+        tick = trial.tick if self._link is None else self._link.attended(trial, name)
         with ExitStack() as stack:
             stack.callback(setattr, self, "_trial", None)
             # The last is called first: the actuator is stopped before all others.
@@ -293,7 +324,7 @@ class Session:
             for device in devices.all():
                 device.activate()
             with undisturbed() if self._real_time else nullcontext():
-                ControlLoop(clock, self._plan.period_ns).run(trial.tick)
+                ControlLoop(clock, self._plan.period_ns).run(tick)
         if gate is not None and gate.tripped is not None:
             raise SafetyStop(gate.tripped, gate.detail)
         if self._stop_requested:

@@ -11,6 +11,8 @@ from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.whole_files import read_object, write_whole
 
 JOURNAL_FILE = "journal.jsonl"
+#: Where the operator's page leaves its commands, while there is one.
+CONTROL_FILE = "control"
 _SESSION_FILE, _PLAN_FILE = "session.json", "plan.json"
 
 

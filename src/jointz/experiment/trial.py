@@ -131,6 +131,24 @@ class Trial:
         """End the trial soon: a pulse that is on is faded out first."""
         self._stopping = True
 
+    def pause(self, *, on: bool) -> bool:
+        """Begin no more pulses while the participant walks on, or go on with them.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to pause.
+
+        Returns
+        -------
+        bool
+            False where there are no pulses to pause.
+        """
+        if self._pulses is None:
+            return False
+        self._pulses.pause(on=on)
+        return True
+
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
         """Do everything that is to be done in one slot.
 

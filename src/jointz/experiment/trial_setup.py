@@ -35,6 +35,10 @@ class AnyTrial(Protocol):
         """End the trial soon; torque is faded out first."""
         ...
 
+    def pause(self, *, on: bool) -> bool:
+        """Begin no more pulses, or go on; False where there are none."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class TrialSetup:

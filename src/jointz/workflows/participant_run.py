@@ -69,6 +69,7 @@ def run_participant(
         operator=operator,
         progress=progress,
         real_time=settings.clock == "real",
+        attended=settings.attended,
     )
     with _stopped_by_signals(session):
         write_down_losses(folder, settings.protocol)

@@ -70,6 +70,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     participants: int | None = None,
     workers: int = 1,
     resume: bool = False,
+    attended: bool = False,
     operator: Operator | None = None,
     progress: RunProgress | None = None,
 ) -> StudyRun:
@@ -96,6 +97,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         not depend on it.
     resume : bool
         Go on with a run that was interrupted; starts where nothing is there.
+    attended : bool
+        Whether an operator's page starts, pauses and stops (``jointz console``).
     operator : Operator, optional
         Asked before every condition.
     progress : callable, optional
@@ -126,7 +129,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             f"expected 1 to {_MOST_PARTICIPANTS} participants and at least one worker, got "
             f"{count}, {workers}."
         )
-    settings = RunSettings(spec, rig.seed, clock, Path(out))
+    settings = RunSettings(spec, rig.seed, clock, Path(out), attended)
     check = partial(_refuse_beyond_limits, spec, rig)
     with claimed(settings, rig, count, resume=resume, check=check):
         reports = run_people(

@@ -27,12 +27,15 @@ class RunSettings:
         Virtual or the machine's.
     study : pathlib.Path
         The study's folder.
+    attended : bool
+        Whether an operator's page starts, pauses and stops.
     """
 
     protocol: Protocol
     seed: int
     clock: Literal["fast", "real"]
     study: Path
+    attended: bool = False
 
     def session_folder(self, participant: str) -> Path:
         """Return where a participant's session is kept.

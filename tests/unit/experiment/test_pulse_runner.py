@@ -260,3 +260,38 @@ def test_whatever_happens_every_pulse_is_completed_once_in_the_journal(
     assert set(pulses_done(one.events(), "perturbed")) == set(done)
     ended = Counter(e["event"] for e in one.events())
     assert ended["pulse_started"] == ended["pulse_completed"] + ended["pulse_aborted"]
+
+
+# --- pauses --------------------------------------------------------------------------------------
+
+
+def test_while_paused_no_pulse_begins_and_its_stride_counts_towards_no_gap(tmp_path):
+    walk = Walk(tmp_path, PlannedPulse(1, "MST", 20.0, 17.0, 2))
+    walk.runner.pause(on=True)
+    walk.until(5 * STRIDE)
+    assert set(walk.torque.values()) == {0.0}
+    walk.runner.pause(on=False)
+    walk.until(6.1 * STRIDE)
+    assert set(walk.torque.values()) == {0.0}  # the gap of two strides begins only now
+    walk.until(8 * STRIDE)
+    assert walk.runner.completed == 1
+
+
+def test_a_pulse_that_is_on_when_a_pause_begins_is_done_to_its_end(tmp_path):
+    walk = Walk(tmp_path, PlannedPulse(1, "MST", 20.0, 17.0, 1))
+    while walk.runner.active is None:
+        walk.until((walk.slot + 2) * PERIOD)
+    walk.runner.pause(on=True)
+    walk.until((walk.slot + 400) * PERIOD)
+    assert walk.runner.completed == 1
+
+
+def test_a_pulse_that_was_due_when_a_pause_began_is_written_down_and_done_later(tmp_path):
+    walk = Walk(tmp_path, PlannedPulse(1, "MST", 20.0, 17.0, 1))
+    walk.until(0.1 * STRIDE)
+    walk.runner.pause(on=True)
+    missed = [e for e in read_journal(walk.file) if e["event"] == "pulse_missed"]
+    assert [e["reason"] for e in missed] == ["paused"]
+    walk.runner.pause(on=False)
+    walk.until(4 * STRIDE)
+    assert walk.runner.completed == 1
