@@ -68,5 +68,5 @@ def reproduce(
     for one in made if not quiet else ():
         emit(chapter_text(one.reproduction))
         emit(f"Page: {one.page}")
-    if len(made) > 1 and not quiet:
+    if not quiet:
         emit(f"All chapters: {out / PAGE}")

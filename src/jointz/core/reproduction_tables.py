@@ -6,10 +6,12 @@ from typing import Any, Literal
 
 import pandas as pd
 
-#: What became of a printed statement.
+#: What became of a printed statement. ``not shown``: the test comes out as printed, and what the
+#: text makes of it does not follow, as likeness from a test that did not reject.
 Verdict = Literal[
     "reproduced",
     "not reproduced",
+    "not shown",
     "only with replicates as people",
     "contradiction",
     "not possible",

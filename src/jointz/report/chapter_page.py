@@ -136,7 +136,7 @@ def _facts(reproduction: Reproduction) -> list[tuple[str, str]]:
     claims = [t for t in reproduction.tables if isinstance(t, ClaimTable)]
     judged = [table for table in claims if table.name not in _NOT_COUNTED]
     told = [claim.verdict for table in judged for claim in table.rows]
-    verdicts = ("reproduced", "not reproduced", "only with replicates as people")
+    verdicts = ("reproduced", "not reproduced", "not shown", "only with replicates as people")
     return facts + [
         (str(told.count(verdict)), f"printed statements {verdict}")
         for verdict in verdicts

@@ -27,6 +27,7 @@ _PLUS_MINUS: Final = "\N{PLUS-MINUS SIGN}"
 _BADGES: Final[Mapping[str, str]] = {
     "reproduced": "held",
     "not reproduced": "not-held",
+    "not shown": "not-held",
     "only with replicates as people": "replicates",
     "contradiction": "not-held",
     "not possible": "not-held",

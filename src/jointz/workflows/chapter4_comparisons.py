@@ -105,12 +105,12 @@ def spm_table() -> ClaimTable:
             "4.3.1",
             "'gait was not affected by donning the exoskeleton'",
             "the null hypothesis is accepted",
-            f"differences of up to {2 * printed / people**0.5:.2f} SD of a person's difference "
-            "stay inside the band that the threshold allows",
-            "not tested",
-            f"no rejection is no equality: the interval at every node is ±{printed:g} / "
-            f"sqrt({people}) = ±{printed / people**0.5:.2f} SD about a mean difference that may "
-            "itself be as large; a band of what does not matter is not printed",
+            f"a mean difference of up to {printed / people**0.5:.2f} SD of a person's difference "
+            "would not have been found",
+            "not shown",
+            f"no rejection is no equality: the interval reaches {printed:g} / sqrt({people}) = "
+            f"{printed / people**0.5:.2f} SD to both sides of the mean that was seen; what "
+            "difference does not matter is not printed",
         ),
     )
     return ClaimTable(
@@ -160,7 +160,7 @@ def quasi_stiffness_table() -> ClaimTable:
             "similar",
             f"Q - K = {found.difference:.2f} [{found.ci_low:.2f}, {found.ci_high:.2f}] {unit} "
             f"beside a mean K of {mean:.2f}",
-            "not reproduced",
+            "not shown",
             "a test that did not reject; its interval holds differences as large as K itself",
         ),
         Claim(

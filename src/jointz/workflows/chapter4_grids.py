@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.reproduction_tables import Compared, ComparedTable, GridBlock, ParticipantGrid
-from jointz.reference import chapter4, row_mean
+from jointz.reference import chapter4
 from jointz.workflows.chapter4_walking import PARAMETERS, WalkedStudy
 
 _NAMES = {"stiffness_per_mass": "Stiffness", "damping_per_mass": "Damping", "inertia": "Inertia"}
@@ -147,8 +147,9 @@ def means_table(found: WalkedStudy) -> ComparedTable:
     return ComparedTable(
         "means",
         "Means over people",
-        "Mean and standard deviation over people, computed from the printed tables and from the "
-        "dissertation's method on the simulated people. The recommended mean is the mean of the "
+        "Printed: the averages of tables 4.1 to 4.4; the standard deviation over the printed "
+        "people, which is not printed, stands in the note. Dissertation's method: mean and "
+        "standard deviation over the simulated people. The recommended mean is the mean of the "
         "population that the people are drawn from (of inertia the geometric one), with its 95 % "
         "interval; undecided values count by what they tell. Truth: the mean over the ten "
         "simulated people, whose values were drawn about the printed means, so that a mean like "
@@ -165,14 +166,14 @@ def _mean_row(found: WalkedStudy, name: str, point: str) -> Compared:
     return Compared(
         quantity=f"{_NAMES[name].lower()} at {point}",
         unit=PARAMETERS[name],
-        printed=round(row_mean(chapter4.TABLES[name][point]), 3),
-        printed_sd=_printed_sd(name, point),
+        printed=chapter4.MEANS[name][point].value,
         dissertation=_mean(ours),
         dissertation_sd=_sd(ours),
         recommended=_known(mean.get("value")),
         recommended_low=_known(mean.get("ci_low")),
         recommended_high=_known(mean.get("ci_high")),
         truth=_mean(truth),
+        note=_sd_of_printed(name, point),
     )
 
 
@@ -185,17 +186,17 @@ def _vaf_row(found: WalkedStudy, point: str) -> Compared:
         quantity=f"VAF at {point}",
         unit="%",
         printed=chapter4.VAF_MEANS[point].value,
-        printed_sd=_printed_sd("vaf", point),
         dissertation=_mean(ours),
         dissertation_sd=_sd(ours),
         recommended=_mean(theirs),
+        note=_sd_of_printed("vaf", point),
     )
 
 
-def _printed_sd(name: str, point: str) -> float:
+def _sd_of_printed(name: str, point: str) -> str:
     row = chapter4.TABLES[name][point]
     sd = stdev(row[subject].value for subject in chapter4.SUBJECTS)
-    return float(f"{sd:.{_PRINTED_DIGITS}g}")
+    return f"printed people: SD {sd:.{_PRINTED_DIGITS}g}"
 
 
 def _sd(values: Sequence[float]) -> float | None:

@@ -89,6 +89,7 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
     fits = fitting_scatter(parameter)
     numbers = {point: number for number, point in chapter4.POINT_NUMBERS.items()}
     found = fit.pairs("bonferroni")
+    paired = fit.pairs("none", error="paired")
     return {
         "name": name,
         "unit": unit,
@@ -105,9 +106,11 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
                 "ci_low": float(row["ci_low"]),
                 "ci_high": float(row["ci_high"]),
                 "p": float(row["p_adjusted"]),
+                "p_alone": float(row["p"]),
+                "p_paired": float(p_paired),
                 "alike": _alike(row, band),
             }
-            for _, row in found.iterrows()
+            for (_, row), p_paired in zip(found.iterrows(), paired["p"], strict=True)
         ],
     }
 
@@ -120,31 +123,45 @@ def _alike(row: "pd.Series[Any]", band: float) -> bool:
 
 def _claim(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> Claim:
     first, second = pair["numbers"]
-    low, high, band = pair["ci_low"], pair["ci_high"], curve["band"]
-    p, unit = pair["p"], curve["unit"]
-    differs = p < chapter4.SIGNIFICANCE_LEVEL
-    verdict: Verdict = "reproduced"
-    remark = ""
-    if pair["printed"] == "similar":
-        inside = -band < low and high < band
-        verdict = "not reproduced" if differs else "reproduced"
-        remark = (
-            f"inside ±{band:.2g} {unit}: alike"
-            if inside
-            else f"no rejection, but not shown to be alike: the interval leaves ±{band:.2g} {unit}"
-        )
-    elif not differs:
-        as_people = curve["rows_find"] is not None
-        verdict = "only with replicates as people" if as_people else "not reproduced"
-        remark = _CONSISTENT if as_people else ""
+    judge = _of_likeness if pair["printed"] == "similar" else _of_difference
+    verdict, remark = judge(curve, pair)
     return Claim(
         where="4.3.2.2",
         claim=f"{curve['name']}, {first} and {second} ({' and '.join(pair['points'])})",
         printed=str(pair["printed"]),
-        ours=f"{pair['difference']:.3g} [{low:.3g}, {high:.3g}] {unit}, p {p_text(p)}",
+        ours=(
+            f"{pair['difference']:.3g} [{pair['ci_low']:.3g}, {pair['ci_high']:.3g}] "
+            f"{curve['unit']}, p {p_text(pair['p'])}"
+        ),
         verdict=verdict,
         remark=remark,
     )
+
+
+def _of_likeness(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
+    band, unit = curve["band"], curve["unit"]
+    if pair["p"] < chapter4.SIGNIFICANCE_LEVEL:
+        return "not reproduced", ""
+    if -band < pair["ci_low"] and pair["ci_high"] < band:
+        return "reproduced", f"inside ±{band:.2g} {unit}: alike"
+    return "not shown", f"no rejection here either; the interval leaves ±{band:.2g} {unit}"
+
+
+def _of_difference(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
+    level = chapter4.SIGNIFICANCE_LEVEL
+    if pair["p"] < level:
+        return "reproduced", ""
+    if curve["rows_find"] is None:
+        return "not reproduced", ""
+    without = {"pooled": pair["p_alone"], "paired": pair["p_paired"]}
+    alone = [f"{name} p {p_text(p)}" for name, p in without.items() if p < level]
+    if alone:
+        return (
+            "not reproduced",
+            "comes out with replicates as people, and with people where p is not corrected for 15 "
+            f"pairs ({', '.join(alone)}); 4.2.4 says that it is",
+        )
+    return "only with replicates as people", _CONSISTENT
 
 
 def p_text(p: float) -> str:

@@ -1,5 +1,6 @@
 """Statistics of 4.3 on the simulated study, and all of its tables and curves."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -7,7 +8,7 @@ import pandas as pd
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.mixed_model_fit import MixedModelFit, RandomEffectTest
-from jointz.core.reproduction_tables import Claim, ClaimTable, Table
+from jointz.core.reproduction_tables import Claim, ClaimTable, Table, Verdict
 from jointz.core.waveform_test import WaveformTest
 from jointz.reference import chapter4
 from jointz.stats.mixed_model import mixed_model
@@ -27,6 +28,12 @@ _METHODS = {
     "recommended": "by the recommended method",
 }
 _SIGNIFICANT = 0.001
+#: What the band of the difference makes of 'no effect'.
+_DEVICE_VERDICT: Mapping[str, Verdict] = {
+    "equivalent": "reproduced",
+    "different": "not reproduced",
+    "undecided": "not shown",
+}
 #: The person whom figure 4.2 shows is the ninth.
 _SHOWN_PERSON = 8
 _DEGREES = 57.29577951308232
@@ -250,7 +257,7 @@ def _device_claims(tests: tuple[WaveformTest, WaveformTest] | None) -> list[Clai
             "accepting the null hypothesis",
             f"differences up to {left_open:.1f}\N{DEGREE SIGN} remain open; within "
             f"\N{PLUS-MINUS SIGN}{margin:.0f}\N{DEGREE SIGN} at {inside} of {len(field.t)} nodes",
-            "reproduced" if field.verdict == "equivalent" else "not reproduced",
+            _DEVICE_VERDICT[field.verdict],
             "That nothing was found does not show that nothing is there. Equivalent would be a "
             f"95 % band inside \N{PLUS-MINUS SIGN}{margin:.0f}\N{DEGREE SIGN} at every node.",
         ),

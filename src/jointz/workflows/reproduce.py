@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jointz.core.errors import OutputError
 from jointz.core.reproduction import Reproduction
 from jointz.core.whole_file import whole_file
 from jointz.report.chapter2_figures import draw_chapter2
@@ -18,7 +17,7 @@ from jointz.workflows.reproduce_chapter2 import reproduce_chapter2
 from jointz.workflows.reproduce_chapter3 import reproduce_chapter3
 from jointz.workflows.reproduce_chapter4 import reproduce_chapter4
 from jointz.workflows.reproduction_tasks import Progress
-from jointz.workflows.results_folder import new_folder, write_marker
+from jointz.workflows.results_folder import check_free, new_folder, write_marker
 
 MARKER = "provenance.json"
 #: All chapters on one page.
@@ -58,8 +57,8 @@ def reproduce(
     chapters : iterable of int
         Of :data:`CHAPTERS`.
     out : path
-        A folder of its own for every chapter is made in it; of several chapters also
-        :data:`PAGE`, which holds them all.
+        A folder of its own for every chapter is made in it, and of all chapters that are
+        there :data:`PAGE`.
     seed : int
         Of the simulations.
     preset : str
@@ -77,29 +76,41 @@ def reproduce(
     Raises
     ------
     OutputError
-        When a folder or page exists and may not be replaced, or cannot be written.
+        When a folder exists and may not be replaced, or cannot be written.
     """
     tell = progress or (lambda _done, _total, _what: None)
-    wanted = tuple(chapters)
-    page = Path(out) / PAGE if len(wanted) > 1 else None
-    if page is not None and page.exists() and not overwrite:
-        raise OutputError(f"{page}: exists. Name another folder, or replace it with --overwrite.")
-    written, drawn = [], []
-    for number in wanted:
-        folder = Path(out) / f"chapter{number}"
+    folders = {number: _folder(Path(out), number) for number in chapters}
+    for folder in folders.values():  # before hours of work, not after
+        check_free(folder, marker=MARKER, overwrite=overwrite)
+    written = []
+    for number, folder in folders.items():
         with new_folder(folder, marker=MARKER, overwrite=overwrite) as partial:
             made = _CHAPTERS[number](seed, preset, tell)
-            figures = _FIGURES[number](made.curves)
-            _write(made, figures, partial)
+            _write(made, partial)
         written.append(Chapter(folder / f"chapter{number}.html", made))
-        drawn.append((made, figures))
-    if page is not None:
-        with whole_file(page) as under:
-            under.write_text(render_validation(drawn), encoding="utf-8")
+    _write_page(Path(out))
     return tuple(written)
 
 
-def _write(made: Reproduction, figures: Mapping[str, str], folder: Path) -> None:
+def _folder(out: Path, number: int) -> Path:
+    return out / f"chapter{number}"
+
+
+def _write_page(out: Path) -> None:
+    """Write all chapters that are there as one page: it never shows an older one."""
+    files = [_folder(out, number) / f"chapter{number}.json" for number in CHAPTERS]
+    there = [
+        Reproduction.from_dict(json.loads(file.read_text(encoding="utf-8")))
+        for file in files
+        if file.exists()
+    ]
+    page = render_validation([(made, _FIGURES[made.chapter](made.curves)) for made in there])
+    with whole_file(out / PAGE) as under:
+        under.write_text(page, encoding="utf-8")
+
+
+def _write(made: Reproduction, folder: Path) -> None:
+    figures = _FIGURES[made.chapter](made.curves)
     name = f"chapter{made.chapter}"
     (folder / "tables").mkdir()
     (folder / "figures").mkdir()

@@ -135,8 +135,8 @@ def test_means_stand_beside_print_with_spread_interval_and_truth():
     assert len(table.rows) == 24
     row = table.rows[0]
     assert (row.quantity, row.unit) == ("stiffness at LRE", "N*m/rad/kg")
-    assert row.printed == pytest.approx(2.131)
-    assert row.printed_sd == 1.91
+    assert (row.printed, row.printed_sd) == (2.13, None)
+    assert row.note == "printed people: SD 1.91"
     assert row.dissertation == pytest.approx(1.2 * row.truth, rel=0.02)
     assert (row.recommended, row.recommended_low, row.recommended_high) == (1.0, 0.9, 1.1)
     assert table.rows[-1].printed == 90.02

@@ -163,16 +163,31 @@ def test_a_chapter_that_is_there_is_kept(tmp_path):
 
 
 @pytest.mark.usefixtures("tiny")
-def test_several_chapters_make_one_page_which_is_kept_like_them(tmp_path, monkeypatch):
-    monkeypatch.setitem(reproduce._CHAPTERS, 3, reproduce._CHAPTERS[2])
-    reproduce.reproduce([2, 3], out=tmp_path)
+def test_one_page_holds_all_chapters_that_are_there(tmp_path, monkeypatch):
+    def third(seed, preset, tell):
+        del preset, tell
+        table = ComparedTable("errors", f"Errors of seed {seed}", "", (Compared("error"),))
+        return Reproduction(3, "The actuator", (table,))
+
+    monkeypatch.setitem(reproduce._CHAPTERS, 3, third)
+    reproduce.reproduce([2, 3], out=tmp_path, seed=1)
     page = tmp_path / "validation.html"
-    assert page.read_text(encoding="utf-8").count("Average errors") >= 2
-    with pytest.raises(OutputError, match=r"validation\.html: exists"):
-        reproduce.reproduce([2, 3], out=tmp_path)
-    page.write_text("old", encoding="utf-8")
-    reproduce.reproduce([2, 3], out=tmp_path, overwrite=True)
-    assert page.read_text(encoding="utf-8") != "old"
+    assert "Errors of seed 1" in page.read_text(encoding="utf-8")
+    reproduce.reproduce([3], out=tmp_path, seed=99, overwrite=True)
+    text = page.read_text(encoding="utf-8")
+    assert "Errors of seed 99" in text
+    assert "Errors of seed 1<" not in text
+    assert "The bench" in text
+
+
+@pytest.mark.usefixtures("tiny")
+def test_a_chapter_that_is_there_is_found_before_another_is_made(tmp_path, monkeypatch):
+    reproduce.reproduce([2], out=tmp_path)
+    made = []
+    monkeypatch.setitem(reproduce._CHAPTERS, 3, lambda *_: made.append(3))
+    with pytest.raises(OutputError, match="exists and is kept"):
+        reproduce.reproduce([3, 2], out=tmp_path)
+    assert made == []
 
 
 @pytest.mark.usefixtures("tiny")
