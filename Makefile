@@ -55,7 +55,7 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark playwright
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-check: $(VENV)/.installed-test

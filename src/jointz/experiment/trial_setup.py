@@ -36,7 +36,18 @@ class AnyTrial(Protocol):
         ...
 
     def pause(self, *, on: bool) -> bool:
-        """Begin no more pulses, or go on; False where there are none."""
+        """Begin no more pulses, or go on with them.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to pause.
+
+        Returns
+        -------
+        bool
+            False where there are none.
+        """
         ...
 
 

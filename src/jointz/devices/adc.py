@@ -1,0 +1,279 @@
+"""Goniometer and footswitch on an ADS1115: ``pip install "jointz[adc]"`` (smbus2).
+
+**Never tried on hardware.** It was run against smbus2 on a stand-in for the kernel's I2C bus,
+with the registers of the data sheet (SBAS444).
+
+What to know of the time of its samples:
+
+- The chip converts at most 860 times a second, by an oscillator of its own that is good to 10 %,
+  and over I2C it tells nobody when a conversion was ready. It is read by a thread at the stated
+  rate, at most nine tenths of its own, so that no conversion is read twice; some are skipped.
+- Each value is an average over the conversion and waits until it is read: it is old by one
+  conversion (:attr:`Ads1115Sensor.lag_s`), more or less by up to half of one, evenly spread
+  (:attr:`Ads1115Sensor.lag_sd_s`): 1.2 ms and 0.34 ms at 860 a second. State both as
+  ``angle_lag_s``, or measure the lag. A stamp says when the value was read.
+- A thread of Python waits its turn: samples come 0.1 ms late, and sometimes some ms; the stamps
+  say so. One reading takes 0.1 ms of the bus at 400 kHz, 0.5 ms at 100 kHz: set 400 kHz.
+
+A jitter of 0.3 ms is small beside that of a footswitch. For the angle of a perturbed joint a
+converter with a clock that is counted along (an encoder, an EtherCAT or USB data logger) is
+the better choice.
+"""
+
+import contextlib
+import importlib
+from collections import deque
+from math import nan, sqrt
+from typing import Any
+
+from jointz.core.clock import Clock
+from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.config import ADS1115_RATES, Ads1115Spec
+from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
+from jointz.devices.lifecycle import Lived
+from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
+
+_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
+_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+
+_CONVERSION, _CONFIG = 0x00, 0x01
+_INPUTS = ("0-1", "0-3", "1-3", "2-3", "0", "1", "2", "3")
+_FULL_SCALES_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)
+#: Comparator off; continuous conversion is a 0.
+_NO_COMPARATOR = 0b11
+#: The highest bit says whether a conversion is going on, not what was written.
+_WRITTEN = 0x7FFF
+_LOWEST, _HIGHEST = -32_768, 32_767
+_READ_OF_RATE = 0.9
+#: Failures in a row for so long, or no reading at all, mean that the chip is gone.
+_LOST_S, _SILENCE_NS = 0.02, 1_000_000_000
+_KEPT_S = 2.0
+
+
+class Ads1115Sensor(Lived):
+    """One input of an ADS1115 as a sensor of an experiment; see the module for its timing.
+
+    A value at the end of the range is NaN for an angle: what lies beyond is not known.
+
+    Parameters
+    ----------
+    spec : Ads1115Spec
+        Bus, address, input, gain and offset.
+    channel : str
+        What it measures: ``angle``, ``contact``, ...
+    clock : Clock
+        The host's; it stamps the samples.
+    repeat : callable
+        Runs the sampling.
+
+    Attributes
+    ----------
+    dropped : int
+        Samples that nobody read within two seconds, and readings that the bus did not give.
+    """
+
+    def __init__(
+        self,
+        spec: Ads1115Spec,
+        channel: str,
+        *,
+        clock: Clock,
+        repeat: Repeat = RepeatingThread,
+    ) -> None:
+        super().__init__(f"ADS1115 at {spec.address:#x} on I2C bus {spec.bus}")
+        self._spec = spec
+        self._channel = channel
+        self._now_ns = clock.now_ns
+        self._repeat = repeat
+        self._per_count = spec.full_scale_v / 32_768.0
+        wanted_hz = spec.sample_rate_hz / _READ_OF_RATE
+        self._rate_hz = next(rate for rate in ADS1115_RATES if rate >= wanted_hz - 1.0)
+        self._most_failures = max(3, round(_LOST_S * spec.sample_rate_hz))
+        self._bus: Any = None
+        self._sampling: Repeating | None = None
+        self._queue: deque[SensorSample] = deque(maxlen=round(_KEPT_S * spec.sample_rate_hz) + 1)
+        self._failures = 0
+        self._failure = ""
+        self._sampled_ns = 0
+        self._closed = False
+        self.dropped = 0
+
+    @property
+    def lag_s(self) -> float:
+        """How old a value is when it is stamped, on average, s."""
+        return 1.0 / self._rate_hz
+
+    @property
+    def lag_sd_s(self) -> float:
+        """Standard deviation of how old a value is when it is stamped, s."""
+        return 1.0 / (self._rate_hz * sqrt(12.0))
+
+    def describe(self) -> SensorDescription:
+        """Return what the sensor says about itself; in any state."""
+        contact = self._channel == "contact"
+        return SensorDescription(
+            name=f"{self._name}, input {self._spec.input}",
+            model="ADS1115 through smbus2 (driver never tried on hardware)",
+            serial=self._spec.serial,
+            channel=self._channel,
+            unit=self._unit(),
+            sample_rate_hz=self._spec.sample_rate_hz,
+            kind=self._spec.kind if contact else "",
+        )
+
+    def configure(self) -> None:
+        """Connect and set the chip up; afterwards ``INACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the bus or the chip does not answer.
+        DeviceError
+            When smbus2 is not installed, or something else is at the address.
+        """
+        self._require(_UNCONFIGURED)
+        library = _smbus2(self._name)
+        wanted = self._config()
+        try:
+            self._bus = library.SMBus(self._spec.bus)
+            self._bus.write_i2c_block_data(
+                self._spec.address, _CONFIG, list(wanted.to_bytes(2, "big"))
+            )
+            found = self._register(_CONFIG)
+        except OSError as exc:
+            self._let_go_of_bus()
+            raise NotConnectedError(
+                self._name,
+                f"does not answer ({exc}). Check the wiring and the address (i2cdetect -y "
+                f"{self._spec.bus}), that I2C is switched on and the user is in the group i2c.",
+            ) from exc
+        if (found ^ wanted) & _WRITTEN:
+            self._let_go_of_bus()
+            raise DeviceError(
+                self._name,
+                f"expected {wanted:#06x} in its register, found {found:#06x}: no ADS1115, or "
+                "another program sets it too.",
+            )
+        self._state = _INACTIVE
+
+    def activate(self) -> None:
+        """Begin to sample; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        DeviceError
+            When it is not ``INACTIVE``.
+        """
+        self._require(_INACTIVE)
+        self._queue.clear()
+        self._failures = 0
+        self._sampled_ns = self._now_ns()
+        self._state = _ACTIVE
+        self._sampling = self._repeat(self._take, 1.0 / self._spec.sample_rate_hz)
+
+    def stop(self) -> None:
+        """Sample no more; never raises, never blocks."""
+        if self._sampling is not None:
+            self._sampling.cancel()
+            self._sampling = None
+        if self._state is _ACTIVE:
+            self._state = _INACTIVE
+
+    def close(self) -> None:
+        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
+        self.stop()
+        self._state = _FINALISED
+        self._let_go_of_bus()
+
+    def read(self) -> list[SensorSample]:
+        """Return all samples queued since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the chip stopped to answer.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        self._require(_ACTIVE)
+        if self._failures >= self._most_failures:
+            raise NotConnectedError(
+                self._name, f"stopped to answer ({self._failure}). Check the wiring."
+            )
+        # The thread only appends: as many as stand there now can be taken.
+        queue = self._queue
+        samples = [queue.popleft() for _ in range(len(queue))]
+        if not samples and self._now_ns() - self._sampled_ns > _SILENCE_NS:
+            raise NotConnectedError(
+                self._name, "gave no sample for a second: the bus hangs. Check the wiring."
+            )
+        return samples
+
+    # --- in the sampling thread ----------------------------------------------------------------
+
+    def _take(self) -> None:
+        """Read the newest conversion and queue it."""
+        if self._state is not _ACTIVE:
+            return
+        before_ns = self._now_ns()
+        try:
+            raw = self._register(_CONVERSION)
+        except (OSError, AttributeError, TypeError) as exc:  # the last two: closed meanwhile
+            self._failures += 1
+            self.dropped += 1
+            self._failure = str(exc)
+            return
+        now_ns = self._now_ns()
+        self._failures = 0
+        self._sampled_ns = now_ns
+        self.dropped += len(self._queue) == self._queue.maxlen
+        counts = raw - 65_536 if raw > _HIGHEST else raw
+        self._queue.append(SensorSample((before_ns + now_ns) // 2, now_ns, self._value(counts)))
+
+    def _value(self, counts: int) -> float:
+        spec = self._spec
+        volts = counts * self._per_count
+        if self._channel != "contact":
+            if counts in (_LOWEST, _HIGHEST):
+                return nan
+            return spec.gain_per_v * (volts - spec.offset_v)
+        if spec.kind == "voltage":
+            return spec.gain_per_v * (volts - spec.offset_v)
+        # Between the two thresholds a contact stays what it was.
+        self._closed = volts >= (spec.release_v if self._closed else spec.threshold_v)
+        return float(self._closed)
+
+    # --- the chip ------------------------------------------------------------------------------
+
+    def _config(self) -> int:
+        spec = self._spec
+        return (
+            _INPUTS.index(spec.input) << 12
+            | _FULL_SCALES_V.index(spec.full_scale_v) << 9
+            | ADS1115_RATES.index(self._rate_hz) << 5
+            | _NO_COMPARATOR
+        )
+
+    def _register(self, pointer: int) -> int:
+        high, low = self._bus.read_i2c_block_data(self._spec.address, pointer, 2)
+        return int(high) << 8 | int(low)
+
+    def _unit(self) -> str:
+        if self._channel != "contact":
+            return "rad"
+        return "V" if self._spec.kind == "voltage" else "1"
+
+    def _let_go_of_bus(self) -> None:
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with contextlib.suppress(OSError):
+                bus.close()
+
+
+def _smbus2(name: str) -> Any:
+    try:
+        return importlib.import_module("smbus2")
+    except ImportError as exc:
+        raise DeviceError(
+            name, 'smbus2 is not installed. Install it: pip install "jointz[adc]".'
+        ) from exc

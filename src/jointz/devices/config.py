@@ -1,0 +1,322 @@
+"""The devices of a laboratory as its people write them down: ``device.toml``.
+
+Sections ``[actuator]``, ``[angle]``, ``[contact]``, each with a ``driver`` and its keys, and
+``[calibration]`` as in a study. Reading the file is not done here: these models take what
+:mod:`tomllib` makes of it. Drivers, and the libraries that they need, are imported when the
+devices are opened.
+"""
+
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
+from jointz.core.clock import Clock
+from jointz.core.errors import DataError
+from jointz.core.limits import SafetyLimits
+from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.devices.dephy_units import WindingSpec
+from jointz.devices.interface import Actuator, Devices, Sensor
+
+#: The ADS1115 converts so often a second; its oscillator is 10 % wide, so that this many
+#: can be read without reading one twice.
+ADS1115_RATES = (8, 16, 32, 64, 128, 250, 475, 860)
+ADS1115_FASTEST_HZ = 774.0
+_OSL_MODULE = "jointz.devices.opensourceleg"
+
+Positive = Annotated[float, Field(gt=0)]
+Text = Annotated[str, Field(min_length=1)]
+ContactKind = Literal["contact", "voltage"]
+
+
+class DeviceFileError(DataError):
+    """One or more problems of a ``device.toml``.
+
+    Parameters
+    ----------
+    where : str
+        The file.
+    problems : sequence of str
+        One sentence a problem.
+    """
+
+    def __init__(self, where: str, problems: list[str]) -> None:
+        self.problems = tuple(problems)
+        head = f"{where}: {len(problems)} problem{'s' if len(problems) != 1 else ''}"
+        super().__init__("\n".join([head, *(f"  - {p}" for p in problems)]), path=where)
+
+
+class DephySpec(CheckedModel):
+    """A Dephy ActPack: ``driver = "dephy"``.
+
+    ``direction`` is 1 where the motor of a right device turns in the study's positive
+    direction; a left one turns against it. ``library`` is flexsea's compiled library as a
+    file; without it flexsea downloads the one of the firmware, once.
+    """
+
+    driver: Literal["dephy"] = "dephy"
+    port: Text
+    firmware: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")]
+    side: Literal["left", "right"]
+    torque_model: TorqueModelSpec
+    limits: SafetyLimits
+    direction: Literal[1, -1] = 1
+    zero_counts: int = 0
+    sample_rate_hz: float = 500.0
+    command_timeout_s: Annotated[float, Field(ge=0.01, le=0.5)] = 0.1
+    current_gains: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=1000)], ...],
+        Field(min_length=3, max_length=3, strict=False),
+    ] = (40, 400, 128)
+    winding: WindingSpec = WindingSpec()
+    serial: str = ""
+    library: str = ""
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the keys."""
+        return (self._rate_is_one_of_the_firmware, self._torque_has_a_constant)
+
+    def _rate_is_one_of_the_firmware(self) -> Iterator[Problem]:
+        if self.sample_rate_hz not in (500.0, 1000.0):
+            yield Problem(
+                ("sample_rate_hz",),
+                f"expected 500 or 1000, which the firmware streams; got {self.sample_rate_hz:g}.",
+            )
+
+    def _torque_has_a_constant(self) -> Iterator[Problem]:
+        if self.torque_model.torque_constant <= 0.0:
+            yield Problem(
+                ("torque_model", "torque_constant"),
+                f"expected more than 0, got {self.torque_model.torque_constant:g}. Direction is "
+                "given by side and direction.",
+            )
+
+
+class Ads1115Spec(CheckedModel):
+    """One input of an ADS1115 on an I2C bus: ``driver = "ads1115"``.
+
+    ``value = gain_per_v * (volts - offset_v)``, rad for an angle. A contact is the voltage
+    itself, or with ``kind = "contact"`` 1 above ``threshold_v`` and 0 below ``release_v``.
+    """
+
+    driver: Literal["ads1115"] = "ads1115"
+    bus: Annotated[int, Field(ge=0, le=63)] = 1
+    address: Annotated[int, Field(ge=0x48, le=0x4B)] = 0x48
+    input: Literal["0", "1", "2", "3", "0-1", "0-3", "1-3", "2-3"] = "0"
+    full_scale_v: float = 4.096
+    sample_rate_hz: Positive = 500.0
+    gain_per_v: float = 1.0
+    offset_v: float = 0.0
+    kind: ContactKind = "voltage"
+    threshold_v: float = 1.5
+    release_v: float = 1.0
+    serial: str = ""
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the keys."""
+        return (self._can_be_converted, self._threshold_above_release, self._gain_is_one)
+
+    def _can_be_converted(self) -> Iterator[Problem]:
+        if self.sample_rate_hz > ADS1115_FASTEST_HZ:
+            yield Problem(
+                ("sample_rate_hz",),
+                f"expected at most {ADS1115_FASTEST_HZ:g} Hz, got {self.sample_rate_hz:g}: the "
+                "chip converts 860 times a second, give or take 10 %, and tells nobody when.",
+            )
+        if self.full_scale_v not in (6.144, 4.096, 2.048, 1.024, 0.512, 0.256):
+            yield Problem(
+                ("full_scale_v",),
+                f"expected 6.144, 4.096, 2.048, 1.024, 0.512 or 0.256 V; got "
+                f"{self.full_scale_v:g}.",
+            )
+
+    def _threshold_above_release(self) -> Iterator[Problem]:
+        if self.kind == "contact" and self.threshold_v <= self.release_v:
+            yield Problem(
+                ("threshold_v",),
+                f"expected more than release_v = {self.release_v:g} V, got {self.threshold_v:g}.",
+            )
+
+    def _gain_is_one(self) -> Iterator[Problem]:
+        if self.gain_per_v == 0.0:
+            yield Problem(("gain_per_v",), "expected a number that is not 0, got 0.")
+
+
+class LslSpec(CheckedModel):
+    """One channel of a stream of Lab Streaming Layer: ``driver = "lsl"``.
+
+    ``value = gain * (received - offset)``, rad for an angle.
+    """
+
+    driver: Literal["lsl"] = "lsl"
+    stream: Text
+    source_id: str = ""
+    index: Annotated[int, Field(ge=0)] = 0
+    sample_rate_hz: Positive
+    gain: float = 1.0
+    offset: float = 0.0
+    kind: ContactKind = "voltage"
+    timeout_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+
+
+class OpenSourceLegSpec(BaseModel):
+    """An actuator or a sensor of opensourceleg: ``driver = "opensourceleg"``.
+
+    Its other keys are checked by :mod:`jointz.devices.opensourceleg` when it is opened.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    driver: Literal["opensourceleg"]
+
+
+ActuatorSpec = Annotated[DephySpec | OpenSourceLegSpec, Field(discriminator="driver")]
+SensorSpec = Annotated[Ads1115Spec | LslSpec | OpenSourceLegSpec, Field(discriminator="driver")]
+
+
+class DeviceFile(CheckedModel):
+    """The whole of a ``device.toml``."""
+
+    actuator: ActuatorSpec | None = None
+    angle: SensorSpec | None = None
+    contact: SensorSpec | None = None
+    calibration: CalibrationSpec = CalibrationSpec()
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds between the sections."""
+        return (self._something_is_there, self._a_chip_for_each, self._angle_has_a_gain)
+
+    def _something_is_there(self) -> Iterator[Problem]:
+        if self.actuator is None and self.angle is None and self.contact is None:
+            yield Problem(("actuator",), "missing, and so are angle and contact; give one.")
+
+    def _angle_has_a_gain(self) -> Iterator[Problem]:
+        if isinstance(self.angle, Ads1115Spec) and "gain_per_v" not in self.angle.model_fields_set:
+            yield Problem(("angle", "gain_per_v"), "missing; rad per volt, as calibrated.")
+
+    def _a_chip_for_each(self) -> Iterator[Problem]:
+        one, other = self.angle, self.contact
+        if not (isinstance(one, Ads1115Spec) and isinstance(other, Ads1115Spec)):
+            return
+        if (one.bus, one.address) == (other.bus, other.address):
+            yield Problem(
+                ("contact", "address"),
+                f"expected another chip than [angle] has, got {other.address:#x} on bus "
+                f"{other.bus} for both: one that switches its input converts neither in time.",
+            )
+
+
+def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> DeviceFile:
+    """Check what a ``device.toml`` says.
+
+    Parameters
+    ----------
+    raw : mapping
+        As parsed.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    DeviceFileError
+        Naming every problem.
+
+    Examples
+    --------
+    >>> device_file({"angle": {"driver": "lsl", "stream": "Gonio", "sample_rate_hz": 500}}).angle
+    ... # doctest: +ELLIPSIS
+    LslSpec(driver='lsl', stream='Gonio', ...)
+    """
+    try:
+        return DeviceFile.model_validate(dict(raw))
+    except ValidationError as exc:
+        problems = [_sentence(dict(e)) for e in exc.errors()]
+        raise DeviceFileError(where, problems) from exc
+
+
+def open_devices(config: DeviceFile | Mapping[str, Any], *, clock: Clock) -> Devices:
+    """Return the devices that a file names, ``UNCONFIGURED``.
+
+    Parameters
+    ----------
+    config : DeviceFile or mapping
+        What the file says.
+    clock : Clock
+        The host's.
+
+    Raises
+    ------
+    DeviceFileError
+        When a mapping is no such file.
+    NotConnectedError
+        When the library of a driver is not installed.
+    """
+    checked = config if isinstance(config, DeviceFile) else device_file(config)
+    return Devices(
+        angle=_sensor(checked.angle, "angle", clock),
+        contact=_sensor(checked.contact, "contact", clock),
+        actuator=_actuator(checked.actuator, clock),
+    )
+
+
+def _actuator(spec: DephySpec | OpenSourceLegSpec | None, clock: Clock) -> Actuator | None:
+    if spec is None:
+        return None
+    if isinstance(spec, DephySpec):
+        from jointz.devices.dephy import DephyActPack
+
+        return DephyActPack(spec, clock=clock)
+    made: Actuator = importlib.import_module(_OSL_MODULE).open_actuator(_keys(spec), clock=clock)
+    return made
+
+
+def _sensor(
+    spec: Ads1115Spec | LslSpec | OpenSourceLegSpec | None, channel: str, clock: Clock
+) -> Sensor | None:
+    if spec is None:
+        return None
+    if isinstance(spec, Ads1115Spec):
+        from jointz.devices.adc import Ads1115Sensor
+
+        return Ads1115Sensor(spec, channel, clock=clock)
+    if isinstance(spec, LslSpec):
+        from jointz.devices.lsl import LslSensor
+
+        return LslSensor(spec, channel, clock=clock)
+    module = importlib.import_module(_OSL_MODULE)
+    made: Sensor = module.open_sensor(_keys(spec), channel, clock=clock)
+    return made
+
+
+def _keys(spec: OpenSourceLegSpec) -> dict[str, Any]:
+    return dict(spec.model_extra or {})
+
+
+# --- sentences ---------------------------------------------------------------------------------
+
+_DRIVERS = {
+    "actuator": ("dephy", "opensourceleg"),
+    "angle": ("ads1115", "lsl", "opensourceleg"),
+    "contact": ("ads1115", "lsl", "opensourceleg"),
+}
+
+
+def _sentence(error: Mapping[str, Any]) -> str:
+    location = tuple(error["loc"])
+    section = location[0] if location else ""
+    drivers = _DRIVERS.get(str(section), ())
+    if len(location) > 1 and location[1] in drivers:  # pydantic puts the driver between the keys
+        location = (section, *location[2:])
+    place, kind, shown = place_of(location), error["type"], repr(error["input"])
+    if kind.startswith("union_tag"):
+        got = error["input"].get("driver") if isinstance(error["input"], Mapping) else None
+        told = "missing" if got is None else f"got {got!r}"
+        return f"{place}.driver: expected one of {', '.join(drivers)}; {told}."
+    if kind == "extra_forbidden":
+        return f"{place}: unknown key. Remove it, or look at its spelling."
+    if kind == "missing":
+        return f"{place}: missing; it is required."
+    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    return f"{place}: {told}" if kind == "inconsistent" else f"{place}: {told}; got {shown}."

@@ -1,0 +1,349 @@
+"""Dephy ActPack through flexsea: ``pip install "jointz[dephy]"`` (flexsea 12).
+
+**Never tried on hardware.** It was run against the classes of flexsea 12 on a stand-in for the
+compiled library that talks to the device. What only the device can tell - the sign of its
+current, the real units of its fields, what its firmware does when the cable is pulled - is to
+be checked on a bench before anybody wears it.
+
+What guards the wearer, from inside outwards:
+
+- the current is clamped here, to the limits of this device and less when it is warm, whatever
+  the safety gate lets through;
+- a thread sends zero current when no command came for ``command_timeout_s``: this covers a loop
+  that hangs, not a program that was killed or a computer that froze;
+- from firmware 9.1 on the device stops its motor when the heartbeats of flexsea stay away for
+  250 ms. They are sent by flexsea's own thread: this covers a cable, a killed program and a
+  frozen computer, not a loop that hangs. **Below 9.1 the motor holds its last current for ever
+  when program or cable die: only an emergency stop in the supply helps then.**
+
+The angle counts from where the encoder stood when the device was powered, within one turn of
+the motor: ``zero_counts`` has to be found anew after every power-up.
+"""
+
+import contextlib
+import logging
+import threading
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+from jointz.core.clock import Clock
+from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.config import DephySpec
+from jointz.devices.dephy_library import flexsea_device, flexsea_kept_quiet
+from jointz.devices.dephy_samples import FAULT_NAMES, Samples
+from jointz.devices.dephy_units import Units, Winding
+from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
+from jointz.devices.lifecycle import Lived
+from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
+
+_LOG = logging.getLogger(__name__)
+_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
+_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
+
+#: The least that flexsea takes, ms; the device waits for five of them.
+HEARTBEAT_MS = 50
+_HEARTBEAT_FIRMWARE = (9, 1, 0)
+
+#: Without a sample for so long a device is gone, whatever the library says.
+_SILENCE_NS = 1_000_000_000
+#: The watchdog looks so many times a timeout.
+_LOOKS = 5
+_LOCK_S = 0.02
+#: What flexsea's calls let through, besides what the system says.
+_LIBRARY_ERRORS = (RuntimeError, OSError, ValueError, AssertionError, AttributeError, TypeError)
+
+
+class DephyActPack(Lived):
+    """A Dephy ActPack as an actuator of an experiment; see the module for what guards the wearer.
+
+    Friction is not compensated here: the experiment does it before the safety gate.
+
+    Parameters
+    ----------
+    spec : DephySpec
+        Port, firmware, side, torque model, limits.
+    clock : Clock
+        The host's.
+    repeat : callable
+        Runs the watchdog of the commands.
+    """
+
+    def __init__(self, spec: DephySpec, *, clock: Clock, repeat: Repeat = RepeatingThread) -> None:
+        super().__init__(f"Dephy ActPack at {spec.port}")
+        sign = spec.direction if spec.side == "right" else -spec.direction
+        model = spec.torque_model
+        self._spec = spec
+        self._now_ns = clock.now_ns
+        self._repeat = repeat
+        self._units = Units(gear_ratio=model.gear_ratio, sign=sign, zero_counts=spec.zero_counts)
+        self._bias = model.bias
+        self._torque_per_ampere = model.gear_ratio * model.torque_constant
+        self._winding = Winding(spec.winding)
+        self._samples = Samples(self._name, self._units, self._winding)
+        self._device: Any = None
+        self._watchdog: Repeating | None = None
+        self._sending = threading.Lock()
+        self._commanded_ns = self._sampled_ns = 0
+        self._relaxed = True
+
+    @property
+    def dropped(self) -> int:
+        """Samples left out so far: the same time again, or garbage."""
+        return self._samples.dropped
+
+    @property
+    def has_heartbeat(self) -> bool:
+        """Whether the firmware stops the motor by itself when the computer is gone."""
+        return _version(self._spec.firmware) >= _HEARTBEAT_FIRMWARE
+
+    def describe(self) -> ActuatorDescription:
+        """Return what the actuator says about itself; in any state."""
+        spec = self._spec
+        guard = (
+            f"heartbeat {HEARTBEAT_MS} ms"
+            if self.has_heartbeat
+            else "NO HEARTBEAT: holds its current when program or cable die"
+        )
+        return ActuatorDescription(
+            name=self._name,
+            model=f"Dephy ActPack, {spec.side} (driver never tried on hardware)",
+            serial=spec.serial,
+            firmware=f"{spec.firmware}, {guard}",
+            sample_rate_hz=spec.sample_rate_hz,
+            command_timeout_s=spec.command_timeout_s,
+            limits=spec.limits,
+            torque_model=spec.torque_model,
+            fault_names=FAULT_NAMES,
+        )
+
+    def configure(self) -> None:
+        """Connect; afterwards ``INACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device does not answer, or flexsea's compiled library cannot be had.
+        DeviceError
+            When flexsea is not installed, or the device is not the one that was described.
+        """
+        self._require(_UNCONFIGURED)
+        if not self.has_heartbeat:
+            _LOG.warning(
+                "%s: firmware %s has no heartbeat (9.1 has): when program or cable die the motor "
+                "holds its last current. Keep an emergency stop in the supply at hand.",
+                self._name,
+                self._spec.firmware,
+            )
+        device_class = flexsea_device(self._name)
+        with flexsea_kept_quiet():
+            try:
+                device = device_class(
+                    firmwareVersion=self._spec.firmware,
+                    port=self._spec.port,
+                    libFile=self._spec.library,
+                    logLevel=6,
+                    interactive=False,
+                    stopMotorOnDisconnect=True,
+                )
+                self._check_firmware(str(device.firmwareVersion))
+                device.open()
+            except DeviceError:
+                raise
+            except Exception as exc:
+                raise NotConnectedError(
+                    self._name,
+                    f"cannot be opened ({type(exc).__name__}: {exc}). Check power, cable and port, "
+                    "and that the user is in the group dialout; the first time flexsea needs the "
+                    "internet for its compiled library.",
+                ) from exc
+        self._device = device
+        self._check_side(device)
+        self._state = _INACTIVE
+
+    def activate(self) -> None:
+        """Begin to sample and to obey; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device does not take it.
+        DeviceError
+            When it is not ``INACTIVE``, or does not send what is needed.
+        """
+        self._require(_INACTIVE)
+        device, spec = self._device, self._spec
+        kp, ki, ff = spec.current_gains
+        try:
+            with flexsea_kept_quiet():
+                if not device.streaming:
+                    device.start_streaming(
+                        int(spec.sample_rate_hz),
+                        heartbeat=HEARTBEAT_MS if self.has_heartbeat else 0,
+                        useSafety=self.has_heartbeat,
+                    )
+                device.set_gains(kp=kp, ki=ki, kd=0, k=0, b=0, ff=ff)
+                device.command_motor_current(0)
+                self._queued()  # of before
+        except _LIBRARY_ERRORS as exc:
+            raise self._gone(exc) from exc
+        self._commanded_ns = self._sampled_ns = self._now_ns()
+        self._relaxed = True
+        self._samples.begin()
+        self._state = _ACTIVE
+        self._watchdog = self._repeat(self._relax_when_forgotten, spec.command_timeout_s / _LOOKS)
+
+    def stop(self) -> None:
+        """Go to zero torque and ``INACTIVE``, whatever the state; never raises, never blocks."""
+        if self._watchdog is not None:
+            self._watchdog.cancel()
+            self._watchdog = None
+        if self._state is _ACTIVE:
+            self._state = _INACTIVE
+        if self._device is not None and self._state is not _FINALISED:
+            self._let_go()
+
+    def close(self) -> None:
+        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
+        self.stop()
+        self._state = _FINALISED
+        device, self._device = self._device, None
+        if device is None:
+            return
+        for step in ("stop_streaming", "close"):
+            with contextlib.suppress(*_LIBRARY_ERRORS), flexsea_kept_quiet():
+                getattr(device, step)()
+
+    def read(self) -> list[ActuatorSample]:
+        """Return all samples queued since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone, or was silent for a second.
+        DeviceError
+            When it is not ``ACTIVE`` or ``FAULT``, or sends other fields than an ActPack.
+        """
+        self._require(_ACTIVE, _FAULT)
+        try:
+            queued = self._queued()
+        except _LIBRARY_ERRORS as exc:
+            raise self._gone(exc) from exc
+        host_ns = self._now_ns()
+        if queued:
+            self._sampled_ns = host_ns
+        elif host_ns - self._sampled_ns > _SILENCE_NS:
+            raise NotConnectedError(
+                self._name, "sent no sample for a second. Check power and cable."
+            )
+        take = self._samples.take
+        samples = [s for data in queued if (s := take(data, host_ns)) is not None]
+        if self._state is _ACTIVE and any(sample.faults for sample in samples):
+            self._state = _FAULT
+            self._let_go()
+        return samples
+
+    def command_torque(self, torque_nm: float) -> None:
+        """Ask for a torque on the joint, until the next command or the command timeout.
+
+        Current by equation 4.1 without friction and inertia, clamped to the limit of this
+        device, and to less the warmer the winding is.
+
+        Parameters
+        ----------
+        torque_nm : float, N*m
+            Wanted torque, positive in the study's direction.
+
+        Raises
+        ------
+        NotConnectedError
+            When the device is gone.
+        DeviceError
+            When it is not ``ACTIVE``, or the torque is no number.
+        """
+        self._require(_ACTIVE)
+        if not isfinite(torque_nm):
+            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        largest = self._spec.limits.current_a * self._winding.share
+        wanted = (torque_nm - self._bias) / self._torque_per_ampere
+        milliamperes = self._units.milliamperes(max(-largest, min(largest, wanted)))
+        try:
+            with self._sending:
+                self._commanded_ns = self._now_ns()
+                self._relaxed = False
+                self._device.command_motor_current(milliamperes)
+        except _LIBRARY_ERRORS as exc:
+            raise self._gone(exc) from exc
+
+    # --- what is sent ------------------------------------------------------------------------
+
+    def _relax_when_forgotten(self) -> None:
+        """Send zero current when no command came for too long; called by the watchdog."""
+        # One look earlier than the timeout: by then it has to be done.
+        after_ns = self._spec.command_timeout_s * 1e9 * (1.0 - 1.0 / _LOOKS)
+        held = self._sending.acquire(timeout=_LOCK_S)
+        try:
+            forgotten = self._now_ns() - self._commanded_ns >= after_ns
+            if self._state is _ACTIVE and not self._relaxed and forgotten:
+                self._relaxed = True
+                self._device.command_motor_current(0)
+        except _LIBRARY_ERRORS:
+            self._relaxed = False  # again at the next look
+        finally:
+            if held:
+                self._sending.release()
+
+    def _let_go(self) -> None:
+        """Send zero current and switch the motor's controller off."""
+        # A call that hangs holds the lock; zero torque does not wait for it.
+        held = self._sending.acquire(timeout=_LOCK_S)
+        try:
+            self._device.command_motor_current(0)
+            self._device.stop_motor()
+        except _LIBRARY_ERRORS as exc:
+            _LOG.error("%s: could not be stopped (%s). Switch its power off.", self._name, exc)
+        finally:
+            self._relaxed = True
+            if held:
+                self._sending.release()
+
+    # --- what is received ----------------------------------------------------------------------
+
+    def _queued(self) -> list[Mapping[str, int]]:
+        """Return everything that the library has queued; never blocks."""
+        device = self._device
+        if not device.streaming:
+            raise RuntimeError("not streaming")
+        # Asked for an empty queue, flexsea prints a line and raises: look first.
+        if device._clib.fxGetReadDataQueueSize(device.id) <= 0:
+            return []
+        return list(device.read(allData=True))
+
+    # --- who it is -----------------------------------------------------------------------------
+
+    def _check_firmware(self, found: str) -> None:
+        if found != self._spec.firmware:
+            raise DeviceError(
+                self._name,
+                f"firmware: flexsea knows no {self._spec.firmware} and would take {found}. Write "
+                "the version that the device runs, as flexsea lists it.",
+            )
+
+    def _check_side(self, device: Any) -> None:
+        side = device.side
+        if side in ("left", "right") and side != self._spec.side:
+            self.close()
+            raise DeviceError(
+                self._name,
+                f"side: expected {self._spec.side}, the device says {side}: torque would "
+                "act the wrong way. Correct side, or take the other device.",
+            )
+
+    def _gone(self, exc: Exception) -> NotConnectedError:
+        return NotConnectedError(
+            self._name, f"does not answer ({type(exc).__name__}: {exc}). Check power and cable."
+        )
+
+
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split("."))

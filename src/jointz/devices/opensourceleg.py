@@ -1,0 +1,348 @@
+"""Actuators and sensors of opensourceleg 3.5 as devices of an experiment.
+
+Install the library with ``pip install "jointz[osl]"``; it wants numpy below 2. What holds here
+was read off its code and tested against the real package, whose DephyActuator,
+TMotorServoActuator, AS5048B and ADS131M0x ran on fakes of their buses. **None of it was ever
+tried on hardware.**
+
+What to know before torque comes near a person:
+
+- opensourceleg offers no command timeout and no heartbeat. The timeout that is described is
+  kept by a thread of this program: it covers a loop that hangs, not a process that is killed
+  or a computer that freezes. An emergency stop must cut the supply.
+- It tells no time of the device. Samples carry the host's time after ``update`` returned, and
+  where a frozen device cannot be told from one that stands still its samples look fresh.
+- Its classes do not agree: DephyActuator counts in mA and mV, TMotorServoActuator in A, and
+  MoteusActuator cannot be used here (its calls are coroutines). ``PROFILES`` of
+  :mod:`jointz.devices.opensourceleg_setup` knows them.
+- Its torque constants are not used. Current is commanded with the calibrated torque model.
+- Its software thermal limit ends an actuator with a fault; its derating is left to the limits.
+"""
+
+import json
+import logging
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from math import isfinite
+from types import MappingProxyType
+from typing import Any
+from weakref import WeakValueDictionary
+
+from jointz.core.clock import Clock
+from jointz.core.errors import DeviceError
+from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
+from jointz.devices.lifecycle import Lived
+from jointz.devices.opensourceleg_polling import (
+    NEVER_TRIED,
+    QUEUE_LENGTH,
+    PolledDevice,
+    PollingOf,
+    PollingThread,
+    drained,
+    made,
+)
+from jointz.devices.opensourceleg_sensors import OpenSourceLegSensor, OpenSourceLegSource
+from jointz.devices.opensourceleg_setup import (
+    ActuatorKeys,
+    ActuatorSetup,
+    SensorKeys,
+    check_port,
+    check_usable,
+    checked_keys,
+    profile_of,
+)
+
+NO_HEARTBEAT = "not read; no heartbeat: only this program keeps the command timeout"
+#: Exceptions of opensourceleg's ``update`` that are faults of a device which still answers.
+FAULTS: Mapping[str, int] = MappingProxyType({"ThermalLimitException": 1, "I2tLimitException": 2})
+_DRIVER_ERROR = 4
+_FAULT_NAMES = MappingProxyType(
+    {1: "software thermal limit", 2: "I2t limit", _DRIVER_ERROR: "error of the motor driver"}
+)
+_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
+_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
+_log = logging.getLogger(__name__)
+#: One sensor for all channels that name it, for as long as one of them is there.
+_sources: WeakValueDictionary[str, OpenSourceLegSource] = WeakValueDictionary()
+
+
+class OpenSourceLegActuator(Lived):
+    """An actuator of opensourceleg (a subclass of its ``ActuatorBase``) as ours.
+
+    A thread updates it and writes the commands; reading and commanding never wait for it. It
+    was never tried on hardware, and has no heartbeat: see the module.
+
+    Parameters
+    ----------
+    actuator : opensourceleg.actuators.base.ActuatorBase
+        Not started.
+    setup : ActuatorSetup
+        Calibration, limits and mounting.
+    clock : Clock
+        The host's.
+    polling : callable
+        Makes the polling: a thread, unless a test brings its own.
+
+    Raises
+    ------
+    DeviceError
+        When the actuator cannot be used so: gear ratio, unknown units, coroutines.
+    """
+
+    def __init__(
+        self,
+        actuator: Any,
+        setup: ActuatorSetup,
+        *,
+        clock: Clock,
+        polling: PollingOf = PollingThread,
+    ) -> None:
+        super().__init__(str(actuator.tag))
+        self._profile = setup.profile or profile_of(actuator)
+        check_usable(actuator, setup)
+        self._device = PolledDevice(
+            actuator,
+            name=self._name,
+            sample_rate_hz=float(actuator.frequency),
+            clock=clock,
+            polling=polling,
+        )
+        model = setup.torque_model
+        self._setup, self._sign = setup, setup.sign
+        self._constant = model.gear_ratio * model.torque_constant
+        self._timeout_ns = round(setup.command_timeout_s * 1e9)
+        self._queue: deque[ActuatorSample] = deque(maxlen=QUEUE_LENGTH)
+        self._wanted = (0.0, 0)  # torque (N*m) and when it was asked for (ns), in one write
+        self._faults = 0
+        self._seen: object = None
+
+    @property
+    def state(self) -> Lifecycle:
+        """Where the device is in its life."""
+        faulty = self._faults and self._state in (_ACTIVE, _INACTIVE)
+        return _FAULT if faulty else self._state
+
+    def describe(self) -> ActuatorDescription:
+        """Return what the actuator says about itself, and that nobody tried it on hardware."""
+        return ActuatorDescription(
+            name=self._name,
+            model=f"opensourceleg {type(self._device.library).__name__}; {NEVER_TRIED}",
+            serial="not read",
+            firmware=NO_HEARTBEAT,
+            sample_rate_hz=self._device.sample_rate_hz,
+            command_timeout_s=self._setup.command_timeout_s,
+            limits=self._setup.limits,
+            torque_model=self._setup.torque_model,
+            fault_names=dict(_FAULT_NAMES),
+        )
+
+    def configure(self) -> None:
+        """Start the library's actuator, in its current or torque mode, at zero torque.
+
+        Raises
+        ------
+        NotConnectedError
+            When it does not start.
+        """
+        self._require(_UNCONFIGURED)
+        check_port(self._device.library, self._name)
+        _log.warning("%s: firmware %s.", self._name, NO_HEARTBEAT)
+        self._device.begin(self._enter_mode, self._poll)
+        self._state = _INACTIVE
+
+    def activate(self) -> None:
+        """Begin to queue samples and to obey; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the actuator is lost.
+        """
+        self._require(_INACTIVE)
+        self._check_sound()
+        self._wanted = (0.0, 0)
+        self._queue.clear()
+        self._state = _ACTIVE
+
+    def read(self) -> list[ActuatorSample]:
+        """Return all samples queued since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the library raised.
+        DeviceError
+            When the actuator is neither ``ACTIVE`` nor in ``FAULT``.
+        """
+        if self.state is not _FAULT:
+            self._require(_ACTIVE)
+        self._device.check()
+        return drained(self._queue)
+
+    def command_torque(self, torque_nm: float) -> None:
+        """Ask for a torque on the joint until the next command or the command timeout.
+
+        Parameters
+        ----------
+        torque_nm : float, N*m
+            Wanted; clamped to the limits of torque and current. Friction is not compensated.
+
+        Raises
+        ------
+        NotConnectedError
+            When the library raised.
+        DeviceError
+            When the actuator is not ``ACTIVE`` or the torque is not finite.
+        """
+        self._require(_ACTIVE)
+        self._check_sound()
+        if not isfinite(torque_nm):
+            raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
+        self._wanted = (torque_nm, self._device.clock.now_ns())
+        self._device.wake()
+
+    def stop(self) -> None:
+        """Go to zero torque and ``INACTIVE``; the thread writes the zero at once."""
+        if self._state is _ACTIVE:
+            self._state = _INACTIVE
+        self._wanted = (0.0, 0)
+        self._device.wake()
+
+    def close(self) -> None:
+        """Stop, end the thread and let the actuator go; afterwards ``FINALISED``."""
+        self.stop()
+        self._state = _FINALISED
+        self._device.end(lambda: self._write(0.0))
+
+    def _check_sound(self) -> None:
+        self._device.check()
+        if self._faults:
+            names = [name for bit, name in _FAULT_NAMES.items() if bit & self._faults]
+            raise DeviceError(self._name, f"is in fault: {', '.join(names)}. Let it cool down.")
+
+    def _enter_mode(self) -> None:
+        library, profile = self._device.library, self._profile
+        modes = type(library.mode)
+        library.set_control_mode(modes.CURRENT if profile.command == "current" else modes.TORQUE)
+        if profile.gains is not None:
+            library.set_current_gains(**profile.gains)
+        self._write(0.0)
+        self._is_new()  # what is there before the first update was not measured in this session
+
+    def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
+        torque_nm, asked_ns = self._wanted
+        held = self._device.clock.now_ns() - asked_ns <= self._timeout_ns
+        try:
+            self._write(torque_nm if held and self.state is _ACTIVE else 0.0)
+            if due:
+                self._update()
+        except Exception:
+            with suppress(Exception):  # it may still take a command
+                self._write(0.0)
+            raise
+
+    def _update(self) -> None:
+        fault = 0
+        try:
+            self._device.library.update()
+        except Exception as exc:
+            fault = FAULTS.get(type(exc).__name__, 0)
+            if not fault:
+                raise
+            _log.exception("%s: in fault, it gives no torque any more.", self._name)
+        if getattr(self._device.library, "error_info", None):  # TMotor: what its driver reports
+            fault = _DRIVER_ERROR
+        self._faults |= fault
+        if fault:
+            self._write(0.0)
+        if (self._is_new() or fault) and self._state is _ACTIVE:
+            self._queue.append(self._sample())
+
+    def _write(self, torque_nm: float) -> None:
+        """Command a torque within the limits: the last line of defence."""
+        limits, library = self._setup.limits, self._device.library
+        most = min(limits.torque_nm, limits.current_a * abs(self._constant))
+        torque_nm = self._sign * min(max(torque_nm, -most), most)
+        if self._profile.command == "torque":
+            library.set_output_torque(torque_nm)
+        else:
+            library.set_motor_current(torque_nm / self._constant / self._profile.ampere)
+
+    def _is_new(self) -> bool:
+        """Tell a measurement from the one before, where the library lets one."""
+        library, before = self._device.library, self._seen
+        message = getattr(library, "_motor_state_async", None)  # TMotor: one object a message
+        if message is not None:
+            self._seen = message
+            return message is not before
+        self._seen = getattr(library, "_data", None)  # Dephy: a mapping with the device's time
+        return not isinstance(self._seen, Mapping | tuple) or self._seen != before
+
+    def _sample(self) -> ActuatorSample:
+        library, profile, sign = self._device.library, self._profile, self._sign
+        now_ns = self._device.clock.now_ns()
+        supply = float(getattr(library, profile.supply)) if profile.supply else float("nan")
+        return ActuatorSample(
+            device_time_ns=now_ns,
+            host_time_ns=now_ns,
+            angle=sign * float(library.output_position) + self._setup.angle_offset_rad,
+            velocity=sign * float(library.output_velocity),
+            current=sign * float(library.motor_current) * profile.ampere,
+            voltage=supply * profile.volt,
+            temperature_c=float(library.winding_temperature),
+            faults=self._faults,
+        )
+
+
+def open_actuator(keys: Mapping[str, Any], *, clock: Clock) -> OpenSourceLegActuator:
+    """Return the actuator of a ``device.toml``, ``UNCONFIGURED``.
+
+    Parameters
+    ----------
+    keys : mapping of str to object
+        Of its section, as :class:`~jointz.devices.opensourceleg_setup.ActuatorKeys` has them.
+    clock : Clock
+        The host's.
+
+    Raises
+    ------
+    DataError
+        Naming every problem of the keys.
+    DeviceError
+        When opensourceleg is not installed, has no such class, or the actuator cannot be used.
+    """
+    spec = checked_keys(ActuatorKeys, keys, "actuator")
+    return OpenSourceLegActuator(made(spec.device, spec.arguments), spec.setup, clock=clock)
+
+
+def open_sensor(keys: Mapping[str, Any], channel: str, *, clock: Clock) -> OpenSourceLegSensor:
+    """Return a sensor of a ``device.toml``, ``UNCONFIGURED``.
+
+    Parameters
+    ----------
+    keys : mapping of str to object
+        Of its section, as :class:`~jointz.devices.opensourceleg_setup.SensorKeys` has them.
+    channel : str
+        ``angle`` or ``contact``.
+    clock : Clock
+        The host's.
+
+    Raises
+    ------
+    DataError
+        Naming every problem of the keys.
+    DeviceError
+        When opensourceleg is not installed or has no such class.
+    """
+    spec = checked_keys(SensorKeys, keys, channel)
+    shared = json.dumps(
+        [spec.device, spec.arguments, spec.sample_rate_hz, id(clock)], sort_keys=True, default=str
+    )
+    source = _sources.get(shared)
+    if source is None:
+        source = OpenSourceLegSource(
+            made(spec.device, spec.arguments), clock=clock, sample_rate_hz=spec.sample_rate_hz
+        )
+        _sources[shared] = source
+    return OpenSourceLegSensor(source, spec.reading(channel))

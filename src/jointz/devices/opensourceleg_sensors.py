@@ -1,0 +1,204 @@
+"""Sensors of opensourceleg 3.5 as devices of an experiment: encoder, ADC, load cell, IMU.
+
+Install the library with ``pip install "jointz[osl]"``. **None of it was ever tried on
+hardware.** Units, as the library's code has them: ``position`` of an encoder in rad (AS5048B:
+-pi to pi, so put its jump outside the joint's range, or use ``abs_ang``), ``data`` of
+``ADS131M0x`` in mV, ``fx`` and ``mx`` of a load cell in N and N*m, ``gyro_x`` and ``acc_x`` of an
+IMU in rad/s and m/s^2 (those of ``LordMicrostrainIMU`` are named ``vel_x``; its ``gyro_x`` is
+always 0). No sensor tells the time of its measurement: samples carry the host's time after
+``update`` returned.
+"""
+
+from collections import deque
+from typing import Any
+
+from jointz.core.clock import Clock
+from jointz.core.errors import DeviceError
+from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
+from jointz.devices.lifecycle import Lived
+from jointz.devices.opensourceleg_polling import (
+    NEVER_TRIED,
+    QUEUE_LENGTH,
+    PolledDevice,
+    PollingOf,
+    PollingThread,
+    drained,
+)
+from jointz.devices.opensourceleg_setup import Reading
+
+_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
+_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+
+
+class OpenSourceLegSource:
+    """A sensor of opensourceleg with a thread of its own, for one or more channels.
+
+    The first channel that is configured starts it, the last that is closed stops it.
+
+    Parameters
+    ----------
+    sensor : opensourceleg.sensors.base.SensorBase
+        Not started.
+    clock : Clock
+        The host's.
+    sample_rate_hz : float, Hz
+        How often it is updated. The sensor must be as fast: a new update is read as a new
+        measurement.
+    polling : callable
+        Makes the polling: a thread, unless a test brings its own.
+
+    Attributes
+    ----------
+    device : PolledDevice
+        The sensor and its polling.
+
+    Raises
+    ------
+    DeviceError
+        When the sensor is offline.
+    """
+
+    def __init__(
+        self,
+        sensor: Any,
+        *,
+        clock: Clock,
+        sample_rate_hz: float,
+        polling: PollingOf = PollingThread,
+    ) -> None:
+        # ADS131M0x of 3.5.0 never calls the constructor that would give it a tag.
+        name = str(getattr(sensor, "tag", type(sensor).__name__))
+        if getattr(sensor, "is_offline", False):
+            raise DeviceError(name, "is offline: what it says is made up. Leave offline=True away.")
+        self.device = PolledDevice(
+            sensor, name=name, sample_rate_hz=sample_rate_hz, clock=clock, polling=polling
+        )
+        self._open: list[OpenSourceLegSensor] = []
+
+    def join(self, sensor: "OpenSourceLegSensor") -> None:
+        """Start the library's sensor for the first channel.
+
+        Parameters
+        ----------
+        sensor : OpenSourceLegSensor
+            The channel.
+
+        Raises
+        ------
+        NotConnectedError
+            When the library's sensor does not start.
+        """
+        self.device.check()
+        if not self._open:
+            self.device.begin(lambda: None, self._poll)
+        self._open = [*self._open, sensor]  # a new list: the thread may be in the old one
+
+    def leave(self, sensor: "OpenSourceLegSensor") -> None:
+        """Stop the library's sensor after the last channel; never raises.
+
+        Parameters
+        ----------
+        sensor : OpenSourceLegSensor
+            The channel.
+        """
+        self._open = [one for one in self._open if one is not sensor]
+        if not self._open:
+            self.device.end()
+
+    def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
+        if due:
+            self.device.library.update()
+            now_ns = self.device.clock.now_ns()
+            for sensor in self._open:
+                sensor.take(now_ns)
+
+
+class OpenSourceLegSensor(Lived):
+    """One channel of a sensor of opensourceleg as our sensor; never tried on hardware.
+
+    Parameters
+    ----------
+    source : OpenSourceLegSource
+        The sensor, shared by its channels.
+    reading : Reading
+        What of it, and in which unit.
+    """
+
+    def __init__(self, source: OpenSourceLegSource, reading: Reading) -> None:
+        super().__init__(f"{source.device.name} {reading.channel}")
+        self._source, self._device, self._reading = source, source.device, reading
+        self._queue: deque[SensorSample] = deque(maxlen=QUEUE_LENGTH)
+
+    def describe(self) -> SensorDescription:
+        """Return what the sensor says about itself, and that nobody tried it on hardware."""
+        return SensorDescription(
+            name=self._name,
+            model=f"opensourceleg {type(self._device.library).__name__}; {NEVER_TRIED}",
+            serial="not read",
+            channel=self._reading.channel,
+            unit=self._reading.unit,
+            sample_rate_hz=self._device.sample_rate_hz,
+            kind=self._reading.kind,
+        )
+
+    def configure(self) -> None:
+        """Start the library's sensor; afterwards ``INACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When it does not start.
+        """
+        self._require(_UNCONFIGURED)
+        self._source.join(self)
+        self._state = _INACTIVE
+
+    def activate(self) -> None:
+        """Begin to queue samples; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the sensor is lost.
+        """
+        self._require(_INACTIVE)
+        self._device.check()
+        self._queue.clear()
+        self._state = _ACTIVE
+
+    def read(self) -> list[SensorSample]:
+        """Return all samples queued since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the library raised.
+        DeviceError
+            When the sensor is not ``ACTIVE``.
+        """
+        self._require(_ACTIVE)
+        self._device.check()
+        return drained(self._queue)
+
+    def stop(self) -> None:
+        """Go to ``INACTIVE``; never raises, never blocks."""
+        if self._state is _ACTIVE:
+            self._state = _INACTIVE
+
+    def close(self) -> None:
+        """Stop and leave the library's sensor; afterwards ``FINALISED``."""
+        self.stop()
+        self._state = _FINALISED
+        self._source.leave(self)
+
+    def take(self, now_ns: int) -> None:
+        """Queue what the library's sensor says, while ``ACTIVE``; called by the source.
+
+        Parameters
+        ----------
+        now_ns : int, ns
+            When its update returned.
+        """
+        if self._state is _ACTIVE:
+            value = self._reading.of(self._device.library)
+            self._queue.append(SensorSample(now_ns, now_ns, value))

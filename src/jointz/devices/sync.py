@@ -1,0 +1,324 @@
+"""Sync pulses on a digital line, in and out, so that other recorders can be aligned.
+
+Lines are those of the kernel (``/dev/gpiochip0`` of a Raspberry Pi), through libgpiod 2:
+``pip install "jointz[gpio]"``. **Never tried on hardware**; it was checked against the calls of
+the package gpiod. A line of a Raspberry Pi takes 3.3 V and gives a few mA: put an optocoupler
+between it and anything that hangs on the mains or on a person.
+
+Edges that come in are stamped by the kernel, to some 10 us. A pulse that goes out carries a
+marker of Lab Streaming Layer with the time between which the line was set, some 50 us wide.
+"""
+
+import contextlib
+import importlib
+import json
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from jointz.core.clock import Clock
+from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.interface import Device, Lifecycle, SensorDescription, SensorSample
+from jointz.devices.lifecycle import Lived
+
+_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
+_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+#: Edges that the kernel keeps for who does not fetch them.
+_KEPT_EDGES = 1024
+#: No more samples than of so long are made at a time.
+_LONGEST_S = 2.0
+
+
+class DigitalOutput(Device, Protocol):
+    """A line that is set high or low."""
+
+    def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
+        """Set the line.
+
+        Parameters
+        ----------
+        high : bool
+            Whether to set it high.
+
+        Raises
+        ------
+        NotConnectedError
+            When the line is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        ...
+
+
+class _Line(Lived):
+    """A line of a chip, in or out."""
+
+    def __init__(self, chip: str, line: int) -> None:
+        super().__init__(f"line {line} of {chip}")
+        self._chip = chip
+        self._line = line
+        self._request: Any = None
+
+    def configure(self) -> None:
+        """Take the line; afterwards ``INACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When there is no such line, or another program has it.
+        DeviceError
+            When gpiod is not installed.
+        """
+        self._require(_UNCONFIGURED)
+        library = _gpiod(self._name)
+        try:
+            self._request = library.request_lines(
+                self._chip,
+                config={self._line: self._settings(library)},
+                consumer="jointz",
+                event_buffer_size=_KEPT_EDGES,
+            )
+        except (OSError, ValueError) as exc:
+            raise NotConnectedError(
+                self._name, f"cannot be taken ({exc}). Is it free, and the user in group gpio?"
+            ) from exc
+        self._state = _INACTIVE
+
+    def close(self) -> None:
+        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
+        self.stop()
+        self._state = _FINALISED
+        request, self._request = self._request, None
+        if request is not None:
+            with contextlib.suppress(OSError):
+                request.release()
+
+    def stop(self) -> None:
+        """Do no more; never raises, never blocks."""
+        if self._state is _ACTIVE:
+            self._state = _INACTIVE
+
+    def _settings(self, library: Any) -> Any:
+        raise NotImplementedError
+
+
+class SyncInput(_Line):
+    """A line that comes in, as a sensor of 0 and 1 in the channel ``sync``.
+
+    Samples stand on a grid of ``sample_rate_hz``; the level at each is that after the last edge
+    before it, by the kernel's stamps. The edges themselves are in :attr:`edges`.
+
+    Parameters
+    ----------
+    chip : str
+        ``/dev/gpiochip0``.
+    line : int
+        Its number on the chip.
+    clock : Clock
+        The host's, which has to be the kernel's monotonic one.
+    sample_rate_hz : float, Hz
+        Of the samples.
+
+    Attributes
+    ----------
+    edges : list of (int, int)
+        Time (ns) and level after each edge of the last read.
+    """
+
+    def __init__(
+        self, chip: str, line: int, *, clock: Clock, sample_rate_hz: float = 1000.0
+    ) -> None:
+        super().__init__(chip, line)
+        self._now_ns = clock.now_ns
+        self._rate_hz = sample_rate_hz
+        self._period_ns = round(1e9 / sample_rate_hz)
+        self._next_ns = 0
+        self._level = 0
+        self.edges: list[tuple[int, int]] = []
+
+    def describe(self) -> SensorDescription:
+        """Return what the sensor says about itself; in any state."""
+        return SensorDescription(
+            name=self._name,
+            model="digital line through gpiod (driver never tried on hardware)",
+            serial="",
+            channel="sync",
+            unit="1",
+            sample_rate_hz=self._rate_hz,
+        )
+
+    def activate(self) -> None:
+        """Begin to sample; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        NotConnectedError
+            When the line is gone.
+        DeviceError
+            When it is not ``INACTIVE``.
+        """
+        self._require(_INACTIVE)
+        self._fetched()
+        self._level = self._asked(lambda: int(bool(self._request.get_value(self._line))))
+        self._next_ns = self._now_ns() // self._period_ns * self._period_ns + self._period_ns
+        self._state = _ACTIVE
+
+    def read(self) -> list[SensorSample]:
+        """Return all samples since the last read, oldest first.
+
+        Raises
+        ------
+        NotConnectedError
+            When the line is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        self._require(_ACTIVE)
+        self.edges = self._fetched()
+        now_ns, at = self._now_ns(), 0
+        self._next_ns = max(self._next_ns, now_ns - round(_LONGEST_S * 1e9))
+        samples = []
+        while self._next_ns <= now_ns:
+            while at < len(self.edges) and self.edges[at][0] <= self._next_ns:
+                self._level = self.edges[at][1]
+                at += 1
+            samples.append(SensorSample(self._next_ns, now_ns, float(self._level)))
+            self._next_ns += self._period_ns
+        self._level = self.edges[-1][1] if self.edges else self._level
+        return samples
+
+    def _fetched(self) -> list[tuple[int, int]]:
+        edges: list[tuple[int, int]] = self._asked(self._fetch)
+        return edges
+
+    def _fetch(self) -> list[tuple[int, int]]:
+        request = self._request
+        edges: list[tuple[int, int]] = []
+        while request.wait_edge_events(0) and len(edges) < _KEPT_EDGES:
+            edges += [
+                (event.timestamp_ns, int(event.event_type is event.Type.RISING_EDGE))
+                for event in request.read_edge_events()
+            ]
+        return edges
+
+    def _asked(self, question: Callable[[], Any]) -> Any:
+        try:
+            return question()
+        except OSError as exc:
+            raise NotConnectedError(self._name, f"is gone ({exc}).") from exc
+
+    def _settings(self, library: Any) -> Any:
+        return library.LineSettings(
+            direction=library.line.Direction.INPUT,
+            edge_detection=library.line.Edge.BOTH,
+            bias=library.line.Bias.PULL_DOWN,
+            event_clock=library.line.Clock.MONOTONIC,
+        )
+
+
+class SyncOutput(_Line):
+    """A line that goes out; low unless it is set high.
+
+    Parameters
+    ----------
+    chip : str
+        ``/dev/gpiochip0``.
+    line : int
+        Its number on the chip.
+    """
+
+    def __init__(self, chip: str, line: int) -> None:
+        super().__init__(chip, line)
+        self._library: Any = None
+
+    def activate(self) -> None:
+        """Begin to obey; afterwards ``ACTIVE``.
+
+        Raises
+        ------
+        DeviceError
+            When it is not ``INACTIVE``.
+        """
+        self._require(_INACTIVE)
+        self._state = _ACTIVE
+
+    def stop(self) -> None:
+        """Set the line low and go to ``INACTIVE``; never raises, never blocks."""
+        if self._state is _ACTIVE:
+            with contextlib.suppress(DeviceError):
+                self.set_high(False)
+        super().stop()
+
+    def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
+        """Set the line.
+
+        Parameters
+        ----------
+        high : bool
+            Whether to set it high.
+
+        Raises
+        ------
+        NotConnectedError
+            When the line is gone.
+        DeviceError
+            When it is not ``ACTIVE``.
+        """
+        self._require(_ACTIVE)
+        value = self._library.line.Value
+        try:
+            self._request.set_value(self._line, value.ACTIVE if high else value.INACTIVE)
+        except OSError as exc:
+            raise NotConnectedError(self._name, f"is gone ({exc}).") from exc
+
+    def _settings(self, library: Any) -> Any:
+        self._library = library
+        return library.LineSettings(
+            direction=library.line.Direction.OUTPUT, output_value=library.line.Value.INACTIVE
+        )
+
+
+def send_pulse(
+    output: DigitalOutput,
+    mark: Callable[[str, int], None],
+    *,
+    clock: Clock,
+    width_s: float = 0.01,
+) -> None:
+    """Send one pulse, and a marker of when it rose.
+
+    It waits for ``width_s``: never call it in the loop of an experiment.
+
+    Parameters
+    ----------
+    output : DigitalOutput
+        The line, ``ACTIVE``.
+    mark : callable
+        Given the marker (JSON) and its time by the clock (ns).
+    clock : Clock
+        The host's.
+    width_s : float, s
+        How long it is high.
+
+    Raises
+    ------
+    DeviceError
+        When the line cannot be set.
+    """
+    before_ns = clock.now_ns()
+    output.set_high(True)
+    after_ns = clock.now_ns()
+    try:
+        told = json.dumps({"event": "sync", "uncertain_ns": after_ns - before_ns})
+        mark(told, (before_ns + after_ns) // 2)
+        clock.wait_until_ns(after_ns + round(width_s * 1e9))
+    finally:
+        output.set_high(False)
+
+
+def _gpiod(name: str) -> Any:
+    try:
+        return importlib.import_module("gpiod")
+    except ImportError as exc:
+        raise DeviceError(
+            name, 'gpiod is not installed. Install it: pip install "jointz[gpio]".'
+        ) from exc

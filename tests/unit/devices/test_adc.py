@@ -1,0 +1,373 @@
+# ruff: noqa: ARG002 - arguments are those of smbus2
+"""The driver of the ADS1115 on a stand-in for the chip, byte by byte.
+
+With smbus2 installed its real class runs on a stand-in for the kernel's bus; elsewhere a small
+class of the same calls does.
+"""
+
+import importlib
+import importlib.util
+import inspect
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from types import ModuleType, SimpleNamespace
+from typing import Any, ClassVar
+
+import pytest
+
+from jointz.core.clock import Clock, RealClock, VirtualClock
+from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.adc import Ads1115Sensor
+from jointz.devices.config import Ads1115Spec
+from jointz.devices.interface import Lifecycle, Sensor
+from jointz.devices.repeating import RepeatingThread
+from jointz.testing import SensorContract
+
+HAS_SMBUS2 = importlib.util.find_spec("smbus2") is not None
+
+
+class HeldClock(VirtualClock):
+    """A clock that, waited for, does on the way what was to be repeated."""
+
+    def __init__(self) -> None:
+        super().__init__(1_000_000_000)
+        self.repeated: list[Any] = []
+
+    def repeat(self, task: Callable[[], None], period_s: float) -> Any:
+        entry = SimpleNamespace(task=task, period_ns=round(period_s * 1e9), cancelled=False)
+        entry.due_ns = self.now_ns() + entry.period_ns
+        entry.cancel = lambda: setattr(entry, "cancelled", True)
+        self.repeated.append(entry)
+        return entry
+
+    def wait_until_ns(self, deadline_ns: int) -> None:
+        while True:
+            due = [e for e in self.repeated if not e.cancelled and e.due_ns <= deadline_ns]
+            if not due:
+                break
+            first = min(due, key=lambda entry: entry.due_ns)
+            super().wait_until_ns(first.due_ns)
+            first.due_ns += first.period_ns
+            first.task()
+        super().wait_until_ns(deadline_ns)
+
+
+@dataclass
+class Chip:
+    """The registers of an ADS1115 with a voltage over the number of the reading."""
+
+    volts: Callable[[int], float] = lambda n: 1.0 + 0.001 * n
+    address: int = 0x48
+    registers: dict[int, bytes] = field(default_factory=lambda: {1: b"\x85\x83"})
+    readings: int = 0
+    gone: bool = False
+    fail: frozenset[int] = frozenset()
+
+    def check(self, address: int) -> None:
+        if self.gone or address != self.address:
+            raise OSError(121, "Remote I/O error")
+
+    def write(self, address: int, pointer: int, data: bytes) -> None:
+        self.check(address)
+        assert len(data) == 2
+        self.registers[pointer] = bytes([data[0] & 0x7F, data[1]])  # no conversion is single
+
+    def read(self, address: int, pointer: int, length: int) -> bytes:
+        self.check(address)
+        assert length == 2
+        if pointer != 0:
+            return self.registers[pointer]
+        self.readings += 1
+        if self.readings in self.fail:
+            raise OSError(121, "Remote I/O error")
+        full_scale = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)[self.registers[1][0] >> 1 & 0b111]
+        counts = round(self.volts(self.readings) / full_scale * 32768)
+        return max(-32768, min(32767, counts)).to_bytes(2, "big", signed=True)
+
+
+class FakeBus:
+    """The calls of smbus2's ``SMBus`` that the driver makes, on the chip."""
+
+    chip: ClassVar[Chip]
+
+    def __init__(self, bus: Any = None, force: bool = False) -> None:
+        self.closed = False
+
+    def read_i2c_block_data(
+        self, i2c_addr: int, register: int, length: int, force: Any = None
+    ) -> list[int]:
+        return list(self.chip.read(i2c_addr, register, length))
+
+    def write_i2c_block_data(
+        self, i2c_addr: int, register: int, data: list[int], force: Any = None
+    ) -> None:
+        self.chip.write(i2c_addr, register, bytes(data))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def put_in_place(monkeypatch: pytest.MonkeyPatch, chip: Chip, *, real: bool) -> None:
+    if not real:
+        module = ModuleType("smbus2")
+        module.SMBus = type("SMBus", (FakeBus,), {"chip": chip})
+        monkeypatch.setitem(sys.modules, "smbus2", module)
+        return
+    library = importlib.import_module("smbus2.smbus2")
+    address = 0
+
+    def ioctl(_: int, request: int, argument: Any) -> int:
+        """Do what the kernel does with a transfer of a block."""
+        nonlocal address
+        if request == library.I2C_FUNCS:
+            argument.value = 0xFFFF_FFFF
+        elif request == library.I2C_SLAVE:
+            address = argument
+        else:
+            block = argument.data.contents.block
+            assert argument.size == library.I2C_SMBUS_I2C_BLOCK_DATA
+            pointer = argument.command
+            pointer = pointer if isinstance(pointer, int) else pointer[0]
+            if argument.read_write == library.I2C_SMBUS_WRITE:
+                chip.write(address, pointer, bytes(block[1 : block[0] + 1]))
+            else:
+                for i, byte in enumerate(chip.read(address, pointer, block[0])):
+                    block[i + 1] = byte
+        return 0
+
+    monkeypatch.setattr(library, "ioctl", ioctl)
+    system = SimpleNamespace(open=lambda *_: 99, close=lambda _: None, O_RDWR=2)
+    monkeypatch.setattr(library, "os", system)
+
+
+class _OnAChip(SensorContract):
+    real: ClassVar[bool] = False
+    channel: ClassVar[str] = "angle"
+
+    @pytest.fixture(autouse=True)
+    def _place(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.monkeypatch = monkeypatch
+
+    def make_clock(self) -> Clock:
+        return HeldClock()
+
+    def make(self, clock: Clock) -> Sensor:
+        self.chip = Chip()
+        put_in_place(self.monkeypatch, self.chip, real=self.real)
+        repeat = clock.repeat if isinstance(clock, HeldClock) else RepeatingThread
+        return Ads1115Sensor(Ads1115Spec(), self.channel, clock=clock, repeat=repeat)
+
+    def disconnect(self, device: Sensor) -> None:
+        self.chip.gone = True
+        clock = device._now_ns.__self__
+        wait(clock, 0.05)
+
+
+class TestContractOfAGoniometer(_OnAChip):
+    channel = "angle"
+
+
+class TestContractOfAFootswitch(_OnAChip):
+    channel = "contact"
+
+
+@pytest.mark.skipif(not HAS_SMBUS2, reason="smbus2 is not installed")
+class TestContractOnTheRealBus(_OnAChip):
+    real = True
+
+
+class TestContractWithTheSamplingThread(_OnAChip):
+    def make_clock(self) -> Clock:
+        return RealClock()
+
+    def disconnect(self, device: Sensor) -> None:
+        pytest.skip("it would wait; the same is tested in virtual time")
+
+
+def wait(clock: Clock, seconds: float) -> None:
+    clock.wait_until_ns(clock.now_ns() + round(seconds * 1e9))
+
+
+Made = Callable[..., tuple[Ads1115Sensor, Chip, HeldClock]]
+
+
+@pytest.fixture(
+    params=[
+        False,
+        pytest.param(
+            True, marks=pytest.mark.skipif(not HAS_SMBUS2, reason="smbus2 is not installed")
+        ),
+    ],
+    ids=["stand-in", "smbus2"],
+)
+def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Made]:
+    sensors: list[Ads1115Sensor] = []
+
+    def make(
+        channel: str = "angle", *, chip: Chip | None = None, **keys: Any
+    ) -> tuple[Ads1115Sensor, Chip, HeldClock]:
+        clock, chip = HeldClock(), chip or Chip()
+        put_in_place(monkeypatch, chip, real=request.param)
+        sensors.append(
+            Ads1115Sensor(Ads1115Spec(**keys), channel, clock=clock, repeat=clock.repeat)
+        )
+        return sensors[-1], chip, clock
+
+    yield make
+    for sensor in sensors:
+        sensor.close()
+
+
+def begin(sensor: Ads1115Sensor) -> None:
+    sensor.configure()
+    sensor.activate()
+
+
+@pytest.mark.skipif(not HAS_SMBUS2, reason="smbus2 is not installed")
+@pytest.mark.parametrize("name", ["read_i2c_block_data", "write_i2c_block_data", "close"])
+def test_the_stand_in_is_called_like_the_real_bus(name: str) -> None:
+    real = importlib.import_module("smbus2").SMBus
+    ours, theirs = (inspect.signature(getattr(c, name)) for c in (FakeBus, real))
+    assert [(p.name, p.default) for p in ours.parameters.values()] == [
+        (p.name, p.default) for p in theirs.parameters.values()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("keys", "register"),
+    [
+        # single-ended 0, 4.096 V, continuous, 860 a second, no comparator
+        ({"sample_rate_hz": 500.0}, 0b0_100_001_0_111_00011),
+        ({"sample_rate_hz": 400.0}, 0b0_100_001_0_110_00011),
+        ({"input": "0-1", "full_scale_v": 6.144, "sample_rate_hz": 100.0}, 0b0_000_000_0_100_00011),
+        ({"input": "3", "full_scale_v": 0.256, "sample_rate_hz": 774.0}, 0b0_111_101_0_111_00011),
+        ({"input": "2-3", "full_scale_v": 2.048, "sample_rate_hz": 7.0}, 0b0_011_010_0_000_00011),
+    ],
+)
+def test_the_chip_is_set_up_by_the_bits_of_its_data_sheet(made: Made, keys, register) -> None:
+    sensor, chip, _ = made(**keys)
+    sensor.configure()
+    assert int.from_bytes(chip.registers[1], "big") == register
+
+
+def test_volts_become_rad_by_gain_and_offset(made: Made) -> None:
+    sensor, _, clock = made(
+        chip=Chip(volts=lambda _: 2.5), gain_per_v=-0.8, offset_v=1.5, full_scale_v=4.096
+    )
+    begin(sensor)
+    wait(clock, 0.01)
+    value = sensor.read()[-1].value
+    assert value == pytest.approx(-0.8, abs=0.8 * 4.096 / 32768)
+
+
+def test_negative_volts_of_a_differential_input_are_negative(made: Made) -> None:
+    sensor, _, clock = made(chip=Chip(volts=lambda _: -1.0), input="0-1")
+    begin(sensor)
+    wait(clock, 0.01)
+    assert sensor.read()[-1].value == pytest.approx(-1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("volts", [9.0, -9.0])
+def test_an_angle_beyond_the_range_is_no_number(made: Made, volts: float) -> None:
+    sensor, _, clock = made(chip=Chip(volts=lambda _: volts))
+    begin(sensor)
+    wait(clock, 0.01)
+    assert math.isnan(sensor.read()[-1].value)
+
+
+def test_a_footswitch_is_its_voltage(made: Made) -> None:
+    sensor, _, clock = made("contact", chip=Chip(volts=lambda _: 3.0))
+    begin(sensor)
+    wait(clock, 0.01)
+    assert sensor.read()[-1].value == pytest.approx(3.0, abs=2e-4)
+    assert (sensor.describe().unit, sensor.describe().kind) == ("V", "voltage")
+
+
+def test_a_contact_has_two_thresholds(made: Made) -> None:
+    volts = [0.2, 1.4, 1.6, 1.2, 1.4, 0.9, 1.2]
+    sensor, _, clock = made(
+        "contact", chip=Chip(volts=lambda n: volts[n - 1]), kind="contact", sample_rate_hz=100.0
+    )
+    begin(sensor)
+    wait(clock, 0.075)
+    assert [sample.value for sample in sensor.read()] == [0, 0, 1, 1, 1, 0, 0]
+    assert sensor.describe().unit == "1"
+
+
+def test_stamps_rise_by_the_period(made: Made) -> None:
+    sensor, _, clock = made(sample_rate_hz=500.0)
+    begin(sensor)
+    wait(clock, 0.1)
+    times = [sample.device_time_ns for sample in sensor.read()]
+    assert len(times) == 50
+    assert {b - a for a, b in pairwise(times)} == {2_000_000}
+
+
+def test_the_queue_is_bounded_and_counts_what_it_lost(made: Made) -> None:
+    sensor, _, clock = made(sample_rate_hz=100.0)
+    begin(sensor)
+    wait(clock, 3.0)
+    assert sensor.dropped == 99
+    assert len(sensor.read()) == 201
+
+
+def test_one_failure_of_the_bus_is_a_gap_and_no_end(made: Made) -> None:
+    sensor, _, clock = made(chip=Chip(fail=frozenset({5, 6})))
+    begin(sensor)
+    wait(clock, 0.04)
+    assert len(sensor.read()) == 18
+    assert sensor.dropped == 2
+
+
+def test_a_cable_that_came_off_is_told(made: Made) -> None:
+    sensor, chip, clock = made()
+    begin(sensor)
+    wait(clock, 0.01)
+    chip.gone = True
+    wait(clock, 0.03)
+    with pytest.raises(NotConnectedError, match="Remote I/O error"):
+        sensor.read()
+    sensor.stop()
+    assert sensor.state is Lifecycle.INACTIVE
+
+
+def test_a_bus_that_hangs_is_told(made: Made) -> None:
+    sensor, _, clock = made()
+    begin(sensor)
+    clock.repeated[-1].cancel()
+    wait(clock, 0.9)
+    assert sensor.read() == []
+    wait(clock, 0.2)
+    with pytest.raises(NotConnectedError, match="no sample for a second"):
+        sensor.read()
+
+
+def test_nothing_at_the_address_says_what_to_look_at(made: Made) -> None:
+    sensor, _, _ = made(address=0x4A)
+    with pytest.raises(NotConnectedError, match="i2cdetect -y 1"):
+        sensor.configure()
+    assert sensor.state is Lifecycle.UNCONFIGURED
+
+
+def test_another_chip_at_the_address_is_refused(made: Made, monkeypatch) -> None:
+    sensor, chip, _ = made()
+    monkeypatch.setattr(Chip, "write", lambda *_: None)
+    with pytest.raises(DeviceError, match="no ADS1115"):
+        sensor.configure()
+    assert chip.registers[1] == b"\x85\x83"
+
+
+def test_it_states_how_old_its_values_are() -> None:
+    sensor = Ads1115Sensor(Ads1115Spec(), "angle", clock=VirtualClock())
+    assert sensor.lag_s == pytest.approx(1 / 860)
+    assert sensor.lag_sd_s == pytest.approx(0.34e-3, abs=0.01e-3)
+    assert "never tried on hardware" in sensor.describe().model
+
+
+def test_a_missing_smbus2_is_named_with_its_command(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "smbus2", None)
+    with pytest.raises(DeviceError, match=r'pip install "jointz\[adc\]"'):
+        Ads1115Sensor(Ads1115Spec(), "angle", clock=VirtualClock()).configure()

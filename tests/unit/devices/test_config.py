@@ -1,0 +1,223 @@
+"""The device file: what it may say, and what is opened of it."""
+
+import subprocess
+import sys
+import tomllib
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from jointz.core.clock import VirtualClock
+from jointz.core.errors import DataError, DeviceError
+from jointz.devices.adc import Ads1115Sensor
+from jointz.devices.config import DeviceFile, DeviceFileError, device_file, open_devices
+from jointz.devices.dephy import DephyActPack
+from jointz.devices.interface import Lifecycle
+from jointz.devices.lsl import LslSensor
+
+WHOLE = """
+[actuator]
+driver = "dephy"
+port = "/dev/ttyACM0"
+firmware = "12.0.0"
+side = "left"
+sample_rate_hz = 1000
+zero_counts = 5120
+
+[actuator.torque_model]
+gear_ratio = 9
+torque_constant = 0.14
+viscous_friction = 0.05
+coulomb_friction = 0.38
+gear_friction = 0.09
+rotor_inertia = 0.012
+
+[actuator.limits]
+torque_nm = 20
+torque_rate_nm_s = 4000
+current_a = 18
+angle_min_rad = -0.2
+angle_max_rad = 1.8
+velocity_rad_s = 12
+temperature_c = 100
+sensor_age_s = 0.02
+pulse_count = 400
+pulse_duty = 0.3
+consecutive_overruns = 5
+fade_s = 0.05
+
+[actuator.winding]
+winding_limit_c = 100
+
+[angle]
+driver = "ads1115"
+address = 0x48
+gain_per_v = 0.62
+offset_v = 1.65
+
+[contact]
+driver = "lsl"
+stream = "Footswitch"
+sample_rate_hz = 1000
+kind = "voltage"
+
+[calibration]
+angle_lag_s = { value = 0.0065, sd = 0.0005 }
+"""
+
+
+def parsed(**changed: Any) -> dict[str, Any]:
+    raw = tomllib.loads(WHOLE)
+    for path, value in changed.items():
+        *way, key = path.split("__")
+        place = raw
+        for part in way:
+            place = place[part]
+        place[key] = value
+    return raw
+
+
+def test_a_whole_file_opens_its_devices() -> None:
+    file = device_file(parsed())
+    devices = open_devices(file, clock=VirtualClock())
+    assert isinstance(devices.actuator, DephyActPack)
+    assert isinstance(devices.angle, Ads1115Sensor)
+    assert isinstance(devices.contact, LslSensor)
+    assert {device.state for device in devices.all()} == {Lifecycle.UNCONFIGURED}
+    assert devices.actuator.describe().sample_rate_hz == 1000.0
+    assert devices.angle.describe().channel == "angle"
+    assert devices.contact.describe().kind == "voltage"
+    assert file.calibration.angle_lag_s is not None
+    assert file.calibration.angle_lag_s.sd == 0.0005
+
+
+def test_a_mapping_is_opened_as_well() -> None:
+    devices = open_devices({"contact": parsed()["contact"]}, clock=VirtualClock())
+    assert devices.actuator is None
+    assert devices.angle is None
+    assert isinstance(devices.contact, LslSensor)
+
+
+def test_all_problems_stand_in_one_message() -> None:
+    raw = parsed(
+        actuator__sample_rate_hz=250,
+        actuator__firmware="nine",
+        angle__adr=0x48,
+        contact__stream="",
+        calibration__angle_lag={"value": 0.1},
+        goniometer={},
+    )
+    del raw["actuator"]["port"]
+    with pytest.raises(DeviceFileError) as told:
+        device_file(raw, where="lab.toml")
+    assert str(told.value).startswith("lab.toml: 6 problems\n")
+    for place in (
+        "actuator.port: missing",
+        "actuator.firmware: ",
+        "angle.adr: unknown key",
+        "contact.stream: ",
+        "calibration.angle_lag: unknown key",
+        "goniometer: unknown key",
+    ):
+        assert f"  - {place}" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"actuator__sample_rate_hz": 250}, "actuator.sample_rate_hz: expected 500 or 1000"),
+        ({"actuator__firmware": "9.1"}, "actuator.firmware: "),
+        ({"actuator__side": "up"}, "actuator.side: expected 'left' or 'right'"),
+        ({"actuator__direction": 2}, "actuator.direction: expected 1 or -1"),
+        ({"actuator__current_gains": [40, 400]}, "actuator.current_gains: "),
+        ({"actuator__command_timeout_s": 5.0}, "actuator.command_timeout_s: "),
+        (
+            {"actuator__torque_model__torque_constant": -0.14},
+            "actuator.torque_model.torque_constant: expected more than 0",
+        ),
+        (
+            {"actuator__winding__winding_limit_c": 60},
+            "actuator.winding.winding_derate_c: expected less than winding_limit_c",
+        ),
+        (
+            {"actuator__limits__angle_min_rad": 2.0},
+            "actuator.limits.angle_min_rad: expected less than angle_max_rad",
+        ),
+        ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz: expected at most 774 Hz"),
+        ({"angle__full_scale_v": 5.0}, "angle.full_scale_v: expected 6.144"),
+        ({"angle__gain_per_v": 0}, "angle.gain_per_v: expected a number that is not 0"),
+        ({"angle__address": 0x20}, "angle.address: "),
+        ({"angle__input": "4"}, "angle.input: "),
+        ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v: missing"),
+        ({"contact__sample_rate_hz": "fast"}, "contact.sample_rate_hz: "),
+        ({"contact__sample_rate_hz": True}, "contact.sample_rate_hz: "),
+        (
+            {"contact": {"driver": "ads1115", "kind": "contact", "threshold_v": 0.5}},
+            "contact.threshold_v: expected more than release_v",
+        ),
+        (
+            {"contact": {"driver": "ads1115"}},
+            "contact.address: expected another chip than [angle] has, got 0x48 on bus 1",
+        ),
+        (
+            {"angle": {"driver": "ads1x15"}},
+            "angle.driver: expected one of ads1115, lsl, opensourceleg; got 'ads1x15'",
+        ),
+        ({"actuator": {"driver": "lsl"}}, "actuator.driver: expected one of dephy, opensourceleg"),
+        ({"actuator": {}}, "actuator.driver: expected one of dephy, opensourceleg; missing"),
+        ({"actuator": 7}, "actuator"),
+        ({"calibration__torque_gain": {"value": 1.0, "sd": -1.0}}, "calibration.torque_gain.sd: "),
+    ],
+)
+def test_each_problem_is_told_at_its_key(changed: dict[str, Any], told: str) -> None:
+    with pytest.raises(DeviceFileError) as raised:
+        device_file(parsed(**changed))
+    assert len(raised.value.problems) == 1
+    assert raised.value.problems[0].startswith(told)
+
+
+def test_an_empty_file_is_refused() -> None:
+    with pytest.raises(DataError, match="actuator: missing, and so are angle and contact"):
+        device_file({})
+
+
+def test_chips_on_two_buses_may_have_one_address() -> None:
+    contact = {"driver": "ads1115", "bus": 3}
+    assert isinstance(device_file(parsed(contact=contact)), DeviceFile)
+
+
+def test_opensourceleg_is_handed_its_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("jointz.devices.opensourceleg")
+    asked: list[Any] = []
+    module.open_actuator = lambda keys, *, clock: asked.append((keys, clock))
+    module.open_sensor = lambda keys, channel, *, clock: asked.append((keys, channel, clock))
+    monkeypatch.setitem(sys.modules, "jointz.devices.opensourceleg", module)
+    clock = VirtualClock()
+    raw = {
+        "actuator": {"driver": "opensourceleg", "class": "DephyActuator"},
+        "contact": {"driver": "opensourceleg", "index": 3},
+    }
+    open_devices(raw, clock=clock)
+    assert asked == [({"index": 3}, "contact", clock), ({"class": "DephyActuator"}, clock)]
+
+
+@pytest.mark.parametrize("section", ["actuator", "angle", "contact"])
+def test_a_driver_without_its_library_is_opened_and_says_so_when_configured(
+    section: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for library in ("flexsea", "flexsea.device", "pylsl", "smbus2"):
+        monkeypatch.setitem(sys.modules, library, None)
+    device = getattr(open_devices(parsed(), clock=VirtualClock()), section)
+    with pytest.raises(DeviceError, match=r"pip install \"jointz\["):
+        device.configure()
+
+
+def test_no_library_of_a_driver_is_imported_before_it_is_used() -> None:
+    code = (
+        "import sys, jointz.devices.config, jointz.devices.adc, jointz.devices.dephy, "
+        "jointz.devices.lsl, jointz.devices.lsl_outlets, jointz.devices.sync;"
+        "print({'flexsea', 'pylsl', 'smbus2', 'gpiod', 'opensourceleg'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,988 @@
+"""Actuators and sensors of opensourceleg: on fakes everywhere, on the real package where it is."""
+
+import asyncio
+import enum
+import gc
+import importlib
+import inspect
+import logging
+import math
+import struct
+import sys
+import threading
+import types
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from jointz.core.clock import RealClock, VirtualClock
+from jointz.core.errors import DataError, DeviceError, NotConnectedError
+from jointz.core.limits import SafetyLimits
+from jointz.core.study import TorqueModelSpec
+from jointz.devices import opensourceleg_polling as polling_module
+from jointz.devices.interface import Lifecycle
+from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, open_sensor
+from jointz.devices.opensourceleg_polling import QUEUE_LENGTH, PollingThread, made
+from jointz.devices.opensourceleg_sensors import OpenSourceLegSensor, OpenSourceLegSource
+from jointz.devices.opensourceleg_setup import ActuatorSetup, Profile, Reading
+from jointz.testing import ActuatorContract, SensorContract
+from jointz.testing.scripted import SCRIPTED_ACTUATOR
+
+needs_library = pytest.mark.skipif(
+    find_spec("opensourceleg") is None,
+    reason="opensourceleg is not installed: it wants numpy below 2, see constraints-osl.txt",
+)
+
+GEAR, CONSTANT = 9.0, 0.1
+MODEL = TorqueModelSpec(gear_ratio=GEAR, torque_constant=CONSTANT)
+LIMITS = SCRIPTED_ACTUATOR.limits
+PERIOD_NS = 2_000_000
+
+
+@pytest.fixture(autouse=True)
+def workplace(tmp_path, monkeypatch):
+    """opensourceleg writes a log into the working directory."""
+    monkeypatch.chdir(tmp_path)
+
+
+# --- time: pollings that a virtual clock drives --------------------------------------------------
+
+
+class _Polling:
+    def __init__(self, clock, poll, rate_hz):
+        self.clock, self.poll, self.period_ns = clock, poll, round(1e9 / rate_hz)
+        self.running = False
+
+    def begin(self):
+        self.running, self.due_ns = True, self.clock.now_ns()
+
+    def wake(self):
+        self._run(False)
+
+    def end(self):
+        self.running = False
+        return True
+
+    def at(self, now_ns):
+        while self.running and self.due_ns <= now_ns:
+            self.due_ns += self.period_ns
+            self._run(True)
+
+    def _run(self, due):
+        if self.running:
+            try:
+                self.poll(due)
+            except Exception:  # noqa: BLE001 - as the thread does
+                self.running = False
+
+
+class PolledClock(VirtualClock):
+    def __init__(self):
+        super().__init__(5_000_000_000)
+        self.pollings = []
+
+    def polling(self, _name, poll, rate_hz):
+        self.pollings.append(_Polling(self, poll, rate_hz))
+        return self.pollings[-1]
+
+    def wait_until_ns(self, deadline_ns):
+        while self.now_ns() < deadline_ns:
+            super().wait_until_ns(min(self.now_ns() + PERIOD_NS // 4, deadline_ns))
+            for polling in self.pollings:
+                polling.at(self.now_ns())
+
+    def pass_ms(self, ms):
+        self.wait_until_ns(self.now_ns() + round(ms * 1e6))
+
+
+# --- the library, faked --------------------------------------------------------------------------
+
+
+class Modes(enum.Enum):
+    IDLE = -1
+    VOLTAGE = 1
+    CURRENT = 2
+    TORQUE = 5
+
+
+class FakeActuator:
+    """What the adapter uses of opensourceleg's ``ActuatorBase``; mA, rad before the gear."""
+
+    def __init__(self, tag="knee", gear_ratio=GEAR, frequency=500, offline=False):
+        self.tag, self.gear_ratio, self.frequency = tag, gear_ratio, frequency
+        self.is_offline = offline
+        self.mode = Modes.IDLE
+        self.calls, self.error, self.stuck = [], None, False
+        self.motor_position, self.motor_velocity, self.motor_current = 1.8, 0.9, 0.0
+        self.battery_voltage, self.winding_temperature = 36_000.0, 31.0
+        self._asked, self._data = 0.0, None
+
+    output_position = property(lambda self: self.motor_position / self.gear_ratio)
+    output_velocity = property(lambda self: self.motor_velocity / self.gear_ratio)
+
+    def _call(self, *call):
+        self.calls.append(call)
+        if self.error is not None:
+            raise self.error
+
+    def start(self):
+        self._call("start")
+
+    def stop(self):
+        self._call("stop")
+
+    def set_control_mode(self, mode):
+        self._call("mode", mode)
+        self.mode = mode
+
+    def set_current_gains(self, kp=40, ki=400, kd=0, ff=128):
+        self._call("gains", kp, ki, kd, ff)
+
+    def set_motor_current(self, value):
+        assert self.mode is Modes.CURRENT
+        self._call("current", value)
+        self._asked = value
+
+    def set_output_torque(self, value):
+        assert self.mode is Modes.TORQUE
+        self._call("torque", value)
+        self._asked = value / (self.gear_ratio * CONSTANT) * 1e3
+
+    def update(self):
+        self._call("update")
+        self.motor_current = self._asked
+        if not self.stuck:
+            self._data = {"state_time": len(self.calls), "mot_cur": self.motor_current}
+
+    def currents(self):
+        return [call[1] for call in self.calls if call[0] == "current"]
+
+
+class DephyActuator(FakeActuator):
+    """By this name its profile is known."""
+
+
+class ThermalLimitException(Exception):  # noqa: N818 - as opensourceleg names it
+    pass
+
+
+class FakeSensor:
+    """What the adapter uses of opensourceleg's ``SensorBase``."""
+
+    def __init__(self, tag="encoder", offline=False):
+        self.tag, self.is_offline, self.error, self.calls = tag, offline, None, []
+        self.position, self.data = 0.25, np.array([500.0, 1200.0])
+
+    def _call(self, call):
+        self.calls.append(call)
+        if self.error is not None:
+            raise self.error
+
+    def start(self):
+        self._call("start")
+
+    def stop(self):
+        self._call("stop")
+
+    def update(self):
+        self._call("update")
+
+
+def setup(**other):
+    return ActuatorSetup(**{"torque_model": MODEL, "limits": LIMITS, **other})
+
+
+def adapted(fake, clock, **other):
+    return OpenSourceLegActuator(fake, setup(**other), clock=clock, polling=clock.polling)
+
+
+def active(fake, clock, **other):
+    actuator = adapted(fake, clock, **other)
+    actuator.configure()
+    actuator.activate()
+    return actuator
+
+
+# --- the contracts, on fakes ---------------------------------------------------------------------
+
+
+class Polled:
+    def make_clock(self):
+        self.clock = PolledClock()
+        return self.clock
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.fake.error = OSError("cable")
+        self.clock.pass_ms(3)
+
+
+class TestAnActuatorOfOpensourceleg(Polled, ActuatorContract):
+    def make(self, clock):
+        self.fake = DephyActuator()
+        return adapted(self.fake, clock)
+
+
+class TestAnActuatorThatTurnsTheOtherWay(Polled, ActuatorContract):
+    def make(self, clock):
+        self.fake = DephyActuator()
+        return adapted(self.fake, clock, sign=-1, angle_offset_rad=0.1)
+
+
+class TestAnActuatorWithTorqueControlOnly(Polled, ActuatorContract):
+    def make(self, clock):
+        self.fake = FakeActuator()
+        return adapted(self.fake, clock, profile=Profile(command="torque"))
+
+
+class TestAnEncoderOfOpensourceleg(Polled, SensorContract):
+    def make(self, clock):
+        self.fake = FakeSensor()
+        source = OpenSourceLegSource(
+            self.fake, clock=clock, sample_rate_hz=500.0, polling=clock.polling
+        )
+        return OpenSourceLegSensor(source, Reading(channel="angle", unit="rad"))
+
+
+class TestAFootswitchOnAnAdc(TestAnEncoderOfOpensourceleg):
+    def make(self, clock):
+        super().make(clock)
+        source = OpenSourceLegSource(
+            self.fake, clock=clock, sample_rate_hz=500.0, polling=clock.polling
+        )
+        reading = Reading(
+            channel="contact", unit="V", attribute="data", index=1, gain=1e-3, kind="voltage"
+        )
+        return OpenSourceLegSensor(source, reading)
+
+
+# --- units, signs, limits ------------------------------------------------------------------------
+
+
+def test_torque_becomes_milliamperes_by_the_calibrated_model_and_nothing_else():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(4.5)
+    assert fake.currents()[-1] == pytest.approx(4.5 / (GEAR * CONSTANT) * 1e3)  # 5000 mA
+
+
+def test_samples_are_in_si_units_after_the_gear():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(1.8)
+    clock.pass_ms(4)
+    sample = actuator.read()[-1]
+    assert sample[2:] == pytest.approx((0.2, 0.1, 2.0, 36.0, 31.0, 0))
+    assert sample.host_time_ns == sample.device_time_ns <= clock.now_ns()
+
+
+def test_the_sign_turns_angle_velocity_current_and_command_together():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock, sign=-1, angle_offset_rad=0.5)
+    actuator.command_torque(1.8)
+    clock.pass_ms(4)
+    sample = actuator.read()[-1]
+    assert fake.currents()[-1] == pytest.approx(-2000.0)
+    assert sample[2:5] == pytest.approx((0.3, -0.1, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("limits", "most_nm"), [({}, 30.0), ({"current_a": 10.0}, 9.0), ({"torque_nm": 3.0}, 3.0)]
+)
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_current_is_clamped_whatever_is_asked_for(limits, most_nm, way):
+    fake, clock = DephyActuator(), PolledClock()
+    clamped = SafetyLimits.model_validate({**LIMITS.model_dump(), **limits})
+    active(fake, clock, limits=clamped).command_torque(way * 1e6)
+    assert fake.currents()[-1] == pytest.approx(way * most_nm / (GEAR * CONSTANT) * 1e3)
+
+
+def test_a_torque_that_is_no_number_is_refused_and_the_one_before_holds():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(1.8)
+    with pytest.raises(DeviceError, match="finite torque"):
+        actuator.command_torque(math.nan)
+    assert fake.currents()[-1] == pytest.approx(2000.0)
+
+
+def test_it_starts_in_current_mode_with_the_gains_of_its_class_at_zero_current():
+    fake, clock = DephyActuator(), PolledClock()
+    adapted(fake, clock).configure()
+    assert fake.calls == [
+        ("start",),
+        ("mode", Modes.CURRENT),
+        ("gains", 40, 400, 0, 128),
+        ("current", 0.0),
+    ]
+
+
+def test_the_last_thing_it_hears_before_it_is_stopped_is_zero():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(5.0)
+    actuator.stop()
+    assert fake.currents()[-1] == 0.0  # at once, not at the next sample
+    actuator.close()
+    assert fake.calls[-2:] == [("current", 0.0), ("stop",)]
+
+
+# --- what goes wrong -----------------------------------------------------------------------------
+
+
+def test_a_link_lost_between_two_samples_is_told_and_zero_was_tried():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(5.0)
+    fake.error = OSError("no such device")
+    clock.pass_ms(3)
+    assert fake.calls[-1] == ("current", 0.0)
+    with pytest.raises(NotConnectedError, match=r"knee: is lost.*OSError: no such device"):
+        actuator.read()
+    actuator.stop()
+    actuator.close()
+    assert actuator.state is Lifecycle.FINALISED
+
+
+def test_a_device_that_repeats_itself_has_no_new_samples():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    clock.pass_ms(10)
+    assert len(actuator.read()) in (5, 6)
+    fake.stuck = True
+    clock.pass_ms(10)
+    assert actuator.read() == []
+
+
+def test_nothing_is_told_until_the_first_measurement_comes():
+    fake, clock = DephyActuator(), PolledClock()
+    fake.stuck, fake._data = True, {"state_time": 0}
+    actuator = active(fake, clock)
+    clock.pass_ms(10)
+    assert actuator.read() == []
+    fake.stuck = False
+    clock.pass_ms(2)
+    assert len(actuator.read()) == 1
+
+
+@pytest.mark.parametrize("garbage", [None, "x", [1.0, 2.0]])
+def test_garbage_of_the_library_ends_the_device(garbage):
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    fake.winding_temperature = garbage
+    clock.pass_ms(3)
+    with pytest.raises(NotConnectedError, match=r"TypeError|ValueError"):
+        actuator.read()
+
+
+def test_nan_is_told_as_nan_for_the_safety_gate_to_see():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    fake.motor_position = math.nan
+    clock.pass_ms(3)
+    assert math.isnan(actuator.read()[-1].angle)
+
+
+def test_the_thermal_limit_of_the_library_is_a_fault_at_zero_torque(caplog):
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    actuator.command_torque(5.0)
+    update, fake.update = fake.update, lambda: (_ for _ in ()).throw(ThermalLimitException("hot"))
+    clock.pass_ms(3)
+    assert actuator.state is Lifecycle.FAULT
+    assert actuator.read()[-1].faults == 1
+    assert fake.currents()[-1] == 0.0
+    with pytest.raises(DeviceError, match="software thermal limit"):
+        actuator.command_torque(1.0)
+    fake.update = update
+    clock.pass_ms(10)
+    assert fake.currents()[-1] == 0.0  # it stays
+    actuator.stop()
+    assert actuator.state is Lifecycle.FAULT
+    actuator.close()
+    assert actuator.state is Lifecycle.FINALISED
+    assert "in fault" in caplog.text
+
+
+def test_an_error_that_the_motor_driver_reports_is_a_fault():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    fake.error_info = (6, "Over temp motor fault")
+    clock.pass_ms(3)
+    assert actuator.state is Lifecycle.FAULT
+    assert actuator.read()[-1].faults == 4
+
+
+def test_a_device_that_does_not_start_says_why_and_is_let_go():
+    fake, clock = DephyActuator(), PolledClock()
+    fake.error = RuntimeError("no answer")
+    actuator = adapted(fake, clock)
+    with pytest.raises(NotConnectedError, match=r"could not start it: RuntimeError: no answer"):
+        actuator.configure()
+    assert actuator.state is Lifecycle.UNCONFIGURED
+    assert fake.calls == [("start",), ("stop",)]
+
+
+def test_a_port_that_cannot_be_opened_is_found_before_the_library_ends_the_process(tmp_path):
+    fake = DephyActuator()
+    fake.port = str(tmp_path / "ttyACM0")
+    with pytest.raises(NotConnectedError, match="dialout"):
+        adapted(fake, PolledClock()).configure()
+    assert fake.calls == []
+
+
+def test_the_queue_is_bounded():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock)
+    clock.pass_ms(QUEUE_LENGTH * 2 + 500)
+    samples = actuator.read()
+    assert len(samples) == QUEUE_LENGTH
+    assert clock.now_ns() - samples[-1].host_time_ns < 2 * PERIOD_NS  # the oldest are dropped
+
+
+def test_it_says_loudly_that_there_is_no_heartbeat_and_no_trial_on_hardware(caplog):
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = adapted(fake, clock)
+    with caplog.at_level(logging.WARNING):
+        actuator.configure()
+    assert "no heartbeat" in caplog.text
+    assert "no heartbeat" in actuator.describe().firmware
+    assert "never tried on hardware" in actuator.describe().model
+
+
+class _Awaited(DephyActuator):
+    async def update(self):
+        await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize(
+    ("fake", "other", "told"),
+    [
+        (FakeActuator(), {}, "units of FakeActuator are not known"),
+        (DephyActuator(gear_ratio=41.5), {}, r"gear ratio of the torque model, 9;.*has 41\.5"),
+        (DephyActuator(offline=True), {}, "is offline"),
+        (_Awaited(), {}, "_Awaited is awaited"),
+        (
+            DephyActuator(),
+            {"torque_model": TorqueModelSpec(gear_ratio=9.0, torque_constant=0.0)},
+            "torque constant other than 0",
+        ),
+    ],
+)
+def test_an_actuator_that_cannot_be_used_is_refused(fake, other, told):
+    with pytest.raises(DeviceError, match=told):
+        adapted(fake, PolledClock(), **other)
+
+
+# --- sensors -------------------------------------------------------------------------------------
+
+
+def channels(fake, clock):
+    source = OpenSourceLegSource(fake, clock=clock, sample_rate_hz=500.0, polling=clock.polling)
+    angle = Reading(channel="angle", unit="rad", attribute="data", index=0, gain=-2e-3, offset=1.5)
+    contact = Reading(
+        channel="contact", unit="V", attribute="data", index=1, gain=1e-3, kind="voltage"
+    )
+    return [OpenSourceLegSensor(source, reading) for reading in (angle, contact)]
+
+
+def test_two_channels_of_one_adc_are_converted_from_the_same_update():
+    fake, clock = FakeSensor(), PolledClock()
+    angle, contact = channels(fake, clock)
+    for sensor in (angle, contact):
+        sensor.configure()
+        sensor.activate()
+    clock.pass_ms(4)
+    angles, voltages = angle.read(), contact.read()
+    assert [s.value for s in angles] == pytest.approx([0.5] * len(angles))
+    assert [s.value for s in voltages] == pytest.approx([1.2] * len(voltages))
+    assert [s.host_time_ns for s in angles] == [s.host_time_ns for s in voltages]
+    assert fake.calls.count("start") == 1
+    angle.close()
+    assert "stop" not in fake.calls
+    contact.close()
+    assert fake.calls[-1] == "stop"
+
+
+def test_a_lost_sensor_is_lost_for_all_its_channels():
+    fake, clock = FakeSensor(), PolledClock()
+    sensors = channels(fake, clock)
+    for sensor in sensors:
+        sensor.configure()
+        sensor.activate()
+    fake.error = RuntimeError("Couldn't connect to the ADC")
+    clock.pass_ms(3)
+    for sensor in sensors:
+        with pytest.raises(NotConnectedError, match="Couldn't connect to the ADC"):
+            sensor.read()
+
+
+def test_a_sensor_without_tag_goes_by_its_class_and_an_offline_one_is_refused():
+    fake, clock = FakeSensor(), PolledClock()
+    del fake.tag
+    assert channels(fake, clock)[0].describe().name == "FakeSensor angle"
+    with pytest.raises(DeviceError, match="offline"):
+        channels(FakeSensor(offline=True), clock)
+
+
+# --- the thread ----------------------------------------------------------------------------------
+
+
+def test_a_thread_polls_on_its_grid_is_woken_in_between_and_ends():
+    polls, sampled, woken = [], threading.Event(), threading.Event()
+
+    def poll(due):
+        polls.append(due)
+        (sampled if due else woken).set()
+
+    thread = PollingThread("knee", poll, 5.0)
+    thread.begin()
+    assert sampled.wait(5.0)
+    thread.wake()
+    assert woken.wait(5.0)
+    assert thread.end()
+    assert polls[0] is True
+    assert not [t for t in threading.enumerate() if t.name == "poll knee"]
+
+
+def test_a_thread_commands_reads_and_cuts_off_in_real_time():
+    fake = DephyActuator()
+    actuator = OpenSourceLegActuator(fake, setup(command_timeout_s=0.02), clock=RealClock())
+    heard, zeroed = threading.Event(), threading.Event()
+
+    def set_motor_current(value):
+        if value > 0.0:
+            heard.set()
+        elif heard.is_set():
+            zeroed.set()
+
+    fake.set_motor_current = set_motor_current
+    actuator.configure()
+    actuator.activate()
+    actuator.command_torque(2.0)
+    assert heard.wait(5.0)
+    assert zeroed.wait(5.0)  # nobody commanded again
+    assert actuator.read()
+    actuator.close()
+
+
+# --- device.toml ---------------------------------------------------------------------------------
+
+KEYS = {
+    "device": "opensourceleg.actuators.dephy:DephyActuator",
+    "arguments": {"gear_ratio": GEAR, "frequency": 500},
+    "torque_model": MODEL.model_dump(),
+    "limits": LIMITS.model_dump(),
+    "sign": -1,
+}
+SENSOR_KEYS = {"device": "opensourceleg.sensors.encoder:AS5048B", "sample_rate_hz": 500.0}
+
+
+@pytest.fixture
+def package(monkeypatch):
+    """Modules of opensourceleg with the fakes in them, and flexsea's manners."""
+    actuators = types.ModuleType("opensourceleg.actuators.dephy")
+    sensors = types.ModuleType("opensourceleg.sensors.encoder")
+
+    class Rude(DephyActuator):
+        def __init__(self, **arguments):
+            sys.tracebacklimit = 0
+            super().__init__(**arguments)
+
+    actuators.DephyActuator, sensors.AS5048B = Rude, FakeSensor
+    for name in ("opensourceleg", "opensourceleg.actuators", "opensourceleg.sensors"):
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    for module in (actuators, sensors):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    return actuators
+
+
+def test_an_actuator_is_made_from_a_device_file_and_tracebacks_stay(package):
+    actuator = open_actuator(KEYS, clock=PolledClock())
+    described = actuator.describe()
+    assert described.sample_rate_hz == 500.0
+    assert described.torque_model == MODEL
+    assert described.limits == LIMITS
+    assert not hasattr(sys, "tracebacklimit")
+
+
+@pytest.mark.usefixtures("package")
+def test_channels_that_name_the_same_sensor_share_it():
+    clock = PolledClock()
+    keys = {**SENSOR_KEYS, "attribute": "data", "arguments": {"tag": "adc"}}
+    angle = open_sensor({**keys, "index": 0}, "angle", clock=clock)
+    contact = open_sensor({**keys, "index": 1, "gain": 1e-3}, "contact", clock=clock)
+    other = open_sensor({**keys, "arguments": {"tag": "b"}, "index": 0}, "angle", clock=clock)
+    assert angle._source is contact._source
+    assert angle._source is not other._source
+    told = [(s.describe().unit, s.describe().kind) for s in (angle, contact)]
+    assert told == [("rad", ""), ("V", "voltage")]
+
+
+def test_all_problems_of_the_keys_are_told_at_once():
+    keys = {**KEYS, "sign": 2, "gain": 1.0, "limits": {**LIMITS.model_dump(), "torque_nm": -1.0}}
+    with pytest.raises(DataError) as caught:
+        open_actuator(keys, clock=PolledClock())
+    for place in ("actuator.sign", "actuator.gain", "actuator.limits.torque_nm"):
+        assert place in str(caught.value)
+    with pytest.raises(DataError, match=r"angle\.sample_rate_hz"):
+        open_sensor({"device": SENSOR_KEYS["device"]}, "angle", clock=PolledClock())
+
+
+def test_only_classes_of_opensourceleg_are_made():
+    for kind in ("os:system", "opensourceleg.actuators.dephy", "opensourcelegs.a:B"):
+        with pytest.raises(DeviceError, match="expected module and class"):
+            made(kind, {})
+
+
+def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatch):
+    def lacks(name):
+        def importing(_module):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+        monkeypatch.setattr(polling_module.importlib, "import_module", importing)
+
+    lacks("opensourceleg")
+    with pytest.raises(DeviceError, match=r'pip install "jointz\[osl\]"'):
+        made(KEYS["device"], {})
+    lacks("can")
+    with pytest.raises(DeviceError, match=r"needs can.*pip install python-can"):
+        made("opensourceleg.actuators.tmotor:TMotorServoActuator", {})
+
+
+@pytest.mark.usefixtures("package")
+def test_a_class_that_is_not_there_or_refuses_its_arguments_is_named():
+    with pytest.raises(DeviceError, match=r"dephy:Missing cannot be made: AttributeError"):
+        made("opensourceleg.actuators.dephy:Missing", {})
+    with pytest.raises(DeviceError, match=r"cannot be made: TypeError.*colour"):
+        made(KEYS["device"], {"colour": 1})
+
+
+# --- the real package ----------------------------------------------------------------------------
+
+
+def _same_arguments(fake, real):
+    given, wanted = inspect.signature(fake).parameters, inspect.signature(real).parameters
+    return [n for n in given if n != "self"] == [n for n in wanted if n != "self"]
+
+
+@needs_library
+def test_the_fakes_have_what_the_library_has():
+    actuators = importlib.import_module("opensourceleg.actuators.base")
+    sensors = importlib.import_module("opensourceleg.sensors.base")
+    for name in ("start", "stop", "update", "set_control_mode", "set_motor_current"):
+        real = getattr(actuators.ActuatorBase, name)
+        assert _same_arguments(getattr(FakeActuator, name), real), name
+    for name in ("set_output_torque", "set_current_gains"):
+        real = getattr(actuators.ActuatorBase, name)
+        assert _same_arguments(getattr(FakeActuator, name), real), name
+    for name in ("tag", "gear_ratio", "frequency", "is_offline", "mode", "motor_current"):
+        assert isinstance(getattr(actuators.ActuatorBase, name), property), name
+    for name in ("output_position", "output_velocity", "winding_temperature"):
+        assert isinstance(getattr(actuators.ActuatorBase, name), property), name
+    for name in ("start", "stop", "update"):
+        assert _same_arguments(getattr(FakeSensor, name), getattr(sensors.SensorBase, name))
+    for mode in Modes:
+        assert actuators.CONTROL_MODES[mode.name].value == mode.value
+    thermal = importlib.import_module("opensourceleg.math")
+    assert issubclass(thermal.ThermalLimitException, Exception)
+    assert issubclass(thermal.I2tLimitException, Exception)
+
+
+class FlexseaDevice:
+    """flexsea's ``Device`` as far as opensourceleg's DephyActuator calls it."""
+
+    def __init__(self, **arguments):
+        self.port, self.heard, self.gone = arguments["port"], [], False
+        self.time_ms, self.current_ma, self.gains = 0, 0, None
+
+    def open(self):
+        self.heard.append("open")
+
+    def start_streaming(self, frequency):
+        self.heard.append(f"stream {frequency}")
+
+    def read(self):
+        if self.gone:
+            raise OSError("serial port is gone")
+        self.time_ms += 1
+        return {
+            "state_time": self.time_ms,
+            "mot_ang": 4096,  # of 16384 a turn: pi/2
+            "mot_vel": 90,  # deg/s
+            "mot_cur": self.current_ma if self.gains else 0,
+            "mot_volt": 100,
+            "batt_volt": 37_000,
+            "batt_curr": 0,
+            "temperature": 30,
+            "status_ex": 0,
+        }
+
+    def set_gains(self, **gains):
+        self.gains = gains
+
+    def command_motor_current(self, value):
+        if self.gone:
+            raise OSError("serial port is gone")
+        assert isinstance(value, int)
+        self.current_ma = value
+
+    def stop_motor(self):
+        self.current_ma = 0
+
+    def stop_streaming(self):
+        self.heard.append("no stream")
+
+    def close(self):
+        self.heard.append("close")
+
+
+def _flexsea(patch):
+    """Put the fake flexsea under the library and return its module of Dephy actuators."""
+    device = types.ModuleType("flexsea.device")
+    device.Device = FlexseaDevice
+    patch.setitem(sys.modules, "flexsea", types.ModuleType("flexsea"))
+    patch.setitem(sys.modules, "flexsea.device", device)
+    patch.delitem(sys.modules, "opensourceleg.actuators.dephy", raising=False)
+    dephy = importlib.import_module("opensourceleg.actuators.dephy")
+    patch.setattr(dephy, "time", types.SimpleNamespace(sleep=lambda _: None))
+    return dephy
+
+
+@needs_library
+class TestTheLibrarysDephyActuator(Polled, ActuatorContract):
+    @pytest.fixture(autouse=True)
+    def library(self, monkeypatch):
+        self.dephy = _flexsea(monkeypatch)
+
+    def make(self, clock):
+        self.fake = self.dephy.DephyActuator(port="COM3", gear_ratio=GEAR, frequency=500)
+        return adapted(self.fake, clock)
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.fake.gone = True
+        self.clock.pass_ms(3)
+
+    def test_counts_degrees_and_milliamperes_become_si_units_after_the_gear(self):
+        with self.active() as (device, clock):
+            device.command_torque(1.8)
+            clock.pass_ms(6)
+            sample = device.read()[-1]
+        assert sample.angle == pytest.approx(math.pi / 2.0 / GEAR)
+        assert sample.velocity == pytest.approx(math.radians(90.0) / GEAR)
+        assert sample.current == pytest.approx(2.0)
+        assert sample.voltage == pytest.approx(37.0)
+        assert 20.0 < sample.temperature_c < 31.0  # its thermal model begins at 21 degrees
+
+    def test_its_heat_is_a_fault(self):
+        with self.active() as (device, clock):
+            self.fake._thermal_model.winding_temperature = 200.0
+            clock.pass_ms(3)
+            assert device.state is Lifecycle.FAULT
+            assert device.read()[-1].faults == 1
+
+    def test_it_is_closed_at_zero_current(self):
+        with self.active() as (device, clock):
+            device.command_torque(1.8)
+            clock.pass_ms(6)
+        assert self.fake.heard == ["open", "stream 500", "no stream", "close"]
+        assert self.fake.current_ma == 0
+
+
+class CanBus:
+    """A CAN bus with one AK80-9 in servo mode on it, as opensourceleg writes its bytes."""
+
+    def __init__(self, channel, bustype):
+        assert (channel, bustype) == ("can0", "socketcan")
+        self.listeners, self.current_a, self.silent = [], 0.0, False
+
+    def send(self, message):
+        if message.arbitration_id >> 8 == 1:  # SET_CURRENT
+            self.current_a = struct.unpack(">i", bytes(message.data))[0] / 1000.0
+
+    def answer(self, error=0):
+        data = struct.pack(">hhhBB", 900, 210, round(self.current_a * 100.0), 33, error)
+        message = types.SimpleNamespace(data=data, arbitration_id=0x2900 | 104)
+        for listener in self.listeners:
+            listener.on_message_received(message)
+
+    def shutdown(self):
+        self.listeners.clear()
+
+
+def _can(patch):
+    can = types.ModuleType("can")
+    can.Listener, can.CanError = object, OSError
+    can.interface = types.SimpleNamespace(Bus=CanBus)
+    can.Message = types.SimpleNamespace
+    can.Notifier = lambda bus, listeners: types.SimpleNamespace(  # noqa: ARG005
+        add_listener=bus.listeners.append
+    )
+    patch.setitem(sys.modules, "can", can)
+    patch.delitem(sys.modules, "opensourceleg.actuators.tmotor", raising=False)
+    return importlib.import_module("opensourceleg.actuators.tmotor")
+
+
+@needs_library
+class TestTheLibrarysTMotorActuator(Polled, ActuatorContract):
+    @pytest.fixture(autouse=True)
+    def library(self, monkeypatch):
+        self.tmotor = _can(monkeypatch)
+        now = iter(range(10**9))  # its own timeouts: every look at the clock is a moment later
+        later = types.SimpleNamespace(sleep=lambda _: None, time=lambda: next(now) * 1e-4)
+        monkeypatch.setattr(self.tmotor, "time", later)
+
+    def make(self, clock):
+        self.fake = self.tmotor.TMotorServoActuator(gear_ratio=GEAR, frequency=500)
+        self.bus = self.fake._canman.bus
+        self.bus.answer()
+        update = self.fake.update
+
+        def answered():
+            if not self.bus.silent:
+                self.bus.answer()
+            update()
+
+        self.fake.update = answered
+        return adapted(self.fake, clock)
+
+    def disconnect(self, device):  # noqa: ARG002
+        pytest.skip("it raises nothing when its messages end: see the next test")
+
+    def test_when_its_messages_end_there_are_no_samples(self):
+        with self.active() as (device, clock):
+            clock.pass_ms(10)
+            assert device.read()
+            self.bus.silent = True
+            clock.pass_ms(10)
+            assert device.read() == []
+
+    def test_degrees_electrical_speed_and_amperes_become_si_units(self):
+        with self.active() as (device, clock):
+            device.command_torque(1.8)
+            clock.pass_ms(6)
+            sample = device.read()[-1]
+        assert sample.angle == pytest.approx(math.radians(90.0) / GEAR)
+        assert sample.velocity == pytest.approx(2100.0 * 2.0 * math.pi / 60.0 / 21.0 / GEAR)
+        assert sample.current == pytest.approx(2.0)
+        assert math.isnan(sample.voltage)  # it has none
+        assert sample.temperature_c == 33.0
+
+    def test_the_error_of_its_driver_is_a_fault(self):
+        with self.active() as (device, clock):
+            self.bus.silent = True
+            self.bus.answer(error=6)
+            clock.pass_ms(3)
+            assert device.state is Lifecycle.FAULT
+            assert self.bus.current_a == 0.0
+
+
+class I2cBus:
+    """An AS5048B on an I2C bus: 14 bits of angle in two registers."""
+
+    counts, gone = 2**12, False
+
+    def __init__(self, bus):
+        assert bus == "/dev/i2c-1"
+
+    def read_i2c_block_data(self, _address, register, length):
+        if I2cBus.gone:
+            raise OSError(121, "Remote I/O error")
+        angle = [I2cBus.counts >> 6, I2cBus.counts & 0x3F]
+        return {0xFA: [0, 1, 0, 0, *angle], 0x16: [0, 0]}[register][:length]
+
+    def write_i2c_block_data(self, *_written):
+        raise AssertionError("nothing is to be written")
+
+    def close(self):
+        pass
+
+
+@needs_library
+class TestTheLibrarysEncoder(Polled, SensorContract):
+    @pytest.fixture(autouse=True)
+    def library(self, monkeypatch):
+        smbus = types.ModuleType("smbus2")
+        smbus.SMBus = I2cBus
+        monkeypatch.setitem(sys.modules, "smbus2", smbus)
+        monkeypatch.setattr(I2cBus, "gone", False)
+        monkeypatch.setattr(I2cBus, "counts", 2**12)
+        monkeypatch.delitem(sys.modules, "opensourceleg.sensors.encoder", raising=False)
+        self.patch = monkeypatch
+
+    def make(self, clock):
+        encoder = made("opensourceleg.sensors.encoder:AS5048B", {"bus": "/dev/i2c-1"})
+        source = OpenSourceLegSource(
+            encoder, clock=clock, sample_rate_hz=500.0, polling=clock.polling
+        )
+        return OpenSourceLegSensor(source, Reading(channel="angle", unit="rad", gain=-1.0))
+
+    def disconnect(self, device):  # noqa: ARG002
+        I2cBus.gone = True
+        self.clock.pass_ms(3)
+
+    @pytest.mark.parametrize(
+        ("counts", "angle"), [(2**12, -math.pi / 2.0), (3 * 2**12, math.pi / 2)]
+    )
+    def test_counts_become_radians(self, counts, angle):
+        I2cBus.counts = counts
+        with self.active() as (device, clock):
+            clock.pass_ms(3)
+            assert device.read()[-1].value == pytest.approx(angle)
+
+
+class SpiBus:
+    """An ADS131M0x on a SPI bus: two inputs at half and at minus a quarter of the range."""
+
+    gone = False
+
+    def open(self, bus, device):
+        pass
+
+    def close(self):
+        pass
+
+    def xfer2(self, data):
+        self.sent = list(data)
+
+    def readbytes(self, count):
+        if SpiBus.gone:
+            raise OSError("spi is gone")
+        ready = 0x0500 | 0b11
+        status = [ready >> 8, ready & 0xFF, 0]
+        values = [*(2**22).to_bytes(3, "big"), *(2**24 - 2**21).to_bytes(3, "big")]
+        return [*status, *values, 0, 0, 0][:count]
+
+
+@needs_library
+def test_the_librarys_adc_is_read_in_millivolts(monkeypatch):
+    spidev = types.ModuleType("spidev")
+    spidev.SpiDev = SpiBus
+    monkeypatch.setitem(sys.modules, "spidev", spidev)
+    clock = PolledClock()
+    keys = {
+        "device": "opensourceleg.sensors.adc:ADS131M0x",
+        "arguments": {"num_channels": 2, "gains": [1, 1]},
+        "sample_rate_hz": 500.0,
+        "attribute": "data",
+    }
+    monkeypatch.setattr(OpenSourceLegSource.__init__, "__kwdefaults__", {"polling": clock.polling})
+    angle = open_sensor({**keys, "index": 0, "gain": 2e-3}, "angle", clock=clock)
+    contact = open_sensor({**keys, "index": 1, "gain": 1e-3}, "contact", clock=clock)
+    for sensor in (angle, contact):
+        sensor.configure()
+        sensor.activate()
+    clock.pass_ms(3)
+    assert angle.read()[-1].value == pytest.approx(2e-3 * 600.0)  # half of 1.2 V
+    assert contact.read()[-1].value == pytest.approx(-0.3)
+    for sensor in (angle, contact):
+        sensor.close()
+    gc.collect()
+
+
+@needs_library
+def test_the_librarys_coroutine_actuator_is_refused():
+    moteus = find_spec("opensourceleg.actuators.moteus")
+    source = moteus.loader.get_source(moteus.name)
+    for method in ("start", "stop", "update"):  # it needs moteus to be imported
+        assert f"async def {method}(" in source

@@ -1,0 +1,451 @@
+"""Our actuators as opensourceleg's, with the real package where it is installed."""
+
+import importlib
+import logging
+import math
+import signal
+from importlib.util import find_spec
+
+import pytest
+
+from jointz.core.clock import VirtualClock
+from jointz.core.errors import DataError, DeviceError, NotConnectedError
+from jointz.core.limits import SafetyLimits
+from jointz.devices import opensourceleg_actuator
+from jointz.devices.interface import Lifecycle
+from jointz.devices.opensourceleg import OpenSourceLegActuator
+from jointz.devices.opensourceleg_actuator import as_opensourceleg
+from jointz.devices.opensourceleg_setup import ActuatorSetup
+from jointz.sim.rig import simulated_rig
+from jointz.testing import ActuatorContract, Deviation, ScriptedActuator
+from jointz.testing.scripted import SCRIPTED_ACTUATOR
+from jointz.workflows.opensourceleg_rig import simulated_opensourceleg_actuator
+
+needs_library = pytest.mark.skipif(
+    find_spec("opensourceleg") is None,
+    reason="opensourceleg is not installed: it wants numpy below 2, see constraints-osl.txt",
+)
+MODEL, LIMITS = SCRIPTED_ACTUATOR.torque_model, SCRIPTED_ACTUATOR.limits
+GEAR, CONSTANT = MODEL.gear_ratio, MODEL.torque_constant
+MS = 1_000_000
+
+
+@pytest.fixture(autouse=True)
+def workplace(tmp_path, monkeypatch):
+    """opensourceleg writes a log into the working directory, and its loop takes the signals."""
+    monkeypatch.chdir(tmp_path)
+    taken = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in taken}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def modes():
+    return importlib.import_module("opensourceleg.actuators.base").CONTROL_MODES
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock(7_000_000_000)
+
+
+def scripted(clock, **other):
+    return ScriptedActuator(clock, angle=lambda t: 0.3 + 0.5 * t, **other)
+
+
+def pass_ms(clock, ms):
+    clock.wait_until_ns(clock.now_ns() + round(ms * MS))
+
+
+def test_without_the_library_the_command_that_installs_it_is_named(monkeypatch, clock):
+    def importing(module):
+        raise ModuleNotFoundError(f"No module named {module!r}", name="opensourceleg")
+
+    monkeypatch.setattr(opensourceleg_actuator.importlib, "import_module", importing)
+    opensourceleg_actuator._class.cache_clear()
+    with pytest.raises(DeviceError, match=r'pip install "jointz\[osl\]"'):
+        as_opensourceleg(scripted(clock), clock=clock)
+
+
+# --- there and back again: the contract through the real package ---------------------------------
+
+
+class _PolledClock(VirtualClock):
+    """Drives what a thread would: polls at 500 Hz."""
+
+    def __init__(self):
+        super().__init__(7_000_000_000)
+        self.polls = []
+
+    def polling(self, _name, poll, _rate_hz):
+        clock = self
+
+        class Polling:
+            def begin(self):
+                clock.polls.append(poll)
+
+            def wake(self):
+                if poll in clock.polls:
+                    clock.run(poll, False)
+
+            def end(self):
+                clock.polls = [other for other in clock.polls if other is not poll]
+                return True
+
+        return Polling()
+
+    def run(self, poll, due):
+        try:
+            poll(due)
+        except Exception:  # noqa: BLE001 - as the thread does
+            self.polls.remove(poll)
+
+    def wait_until_ns(self, deadline_ns):
+        while self.now_ns() < deadline_ns:
+            slot_ns = (self.now_ns() // (2 * MS) + 1) * 2 * MS
+            super().wait_until_ns(min(slot_ns, deadline_ns))
+            if self.now_ns() == slot_ns:
+                for poll in list(self.polls):
+                    self.run(poll, True)
+
+
+class _ThereAndBack:
+    def make_clock(self):
+        self.clock = _PolledClock()
+        return self.clock
+
+    def adapted(self, ours, clock):
+        self.ours = ours
+        theirs = as_opensourceleg(ours, clock=clock)
+        told = ours.describe()
+        setup = ActuatorSetup(torque_model=told.torque_model, limits=told.limits)
+        return OpenSourceLegActuator(theirs, setup, clock=clock, polling=clock.polling)
+
+
+@needs_library
+class TestThereAndBackAgain(_ThereAndBack, ActuatorContract):
+    def make(self, clock):
+        return self.adapted(scripted(clock), clock)
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.ours.disconnect()
+        pass_ms(self.clock, 4)
+
+    def test_nothing_is_turned_or_scaled_on_the_way(self):
+        with self.active() as (device, clock):
+            device.command_torque(1.8)
+            pass_ms(clock, 8)
+            sample = device.read()[-1]
+        direct = scripted(VirtualClock())._measured(0, 0, time_s=0.0)
+        assert sample.velocity == pytest.approx(direct.velocity)
+        assert 0.3 < sample.angle < 0.32
+        assert sample.current == pytest.approx(1.8 / (GEAR * CONSTANT))
+        assert (sample.voltage, sample.temperature_c) == pytest.approx((48.0, 30.0))
+
+
+@needs_library
+class TestTheSimulatedExoskeletonThereAndBackAgain(_ThereAndBack, ActuatorContract):
+    def make(self, clock):
+        self.rig = simulated_rig(0, preset="nominal")
+        devices = self.rig.open("perturbed", worn=True, segment=0, clock=clock)
+        return self.adapted(devices.actuator, clock)
+
+    def disconnect(self, device):  # noqa: ARG002
+        self.rig.inject.order("actuator", "disconnect")
+        pass_ms(self.clock, 4)
+
+
+# --- units and what holds ------------------------------------------------------------------------
+
+
+@needs_library
+def test_it_is_an_actuator_of_opensourceleg_with_its_units(clock, modes):
+    base = importlib.import_module("opensourceleg.actuators.base")
+    ours = scripted(clock)
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        assert isinstance(actuator, base.ActuatorBase)
+        actuator.set_control_mode(mode=modes.CURRENT)
+        actuator.set_motor_current(value=2000)
+        pass_ms(clock, 2)
+        actuator.update()
+        assert ours.commands[-1][1] == pytest.approx(2.0 * GEAR * CONSTANT)
+        assert actuator.motor_current == pytest.approx(2000.0)
+        assert actuator.motor_torque == pytest.approx(0.2)
+        assert actuator.output_torque == pytest.approx(1.8)
+        assert actuator.output_position == pytest.approx(0.301)
+        assert actuator.motor_position == pytest.approx(0.301 * GEAR)
+        assert actuator.output_velocity == pytest.approx(0.5)
+        assert actuator.motor_velocity == pytest.approx(0.5 * GEAR)
+        assert actuator.battery_voltage == pytest.approx(48_000.0)
+        assert actuator.case_temperature == actuator.winding_temperature == 30.0
+        assert (actuator.gear_ratio, actuator.frequency) == (GEAR, 500)
+        assert actuator.MOTOR_CONSTANTS.NM_PER_AMP == CONSTANT
+        assert actuator.tag == ours.describe().name
+
+
+@needs_library
+@pytest.mark.parametrize(
+    ("method", "value", "torque_nm"),
+    [
+        ("set_output_torque", -3.0, -3.0),
+        ("set_motor_torque", 0.5, 0.5 * GEAR),
+        ("set_output_torque", 1e6, LIMITS.torque_nm),
+        ("set_motor_torque", -1e6, -LIMITS.torque_nm),
+    ],
+)
+def test_torques_reach_the_joint_within_the_limits(clock, modes, method, value, torque_nm):
+    ours = scripted(clock)
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        actuator.set_control_mode(modes.TORQUE)
+        getattr(actuator, method)(value=value)
+        assert ours.commands[-1][1] == pytest.approx(torque_nm)
+
+
+@needs_library
+def test_a_current_is_clamped_to_the_devices(clock, modes):
+    ours = scripted(clock)
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        actuator.set_control_mode(modes.CURRENT)
+        actuator.set_motor_current(1e9)
+        assert ours.commands[-1][1] == pytest.approx(min(30.0, 40.0 * GEAR * CONSTANT))
+        with pytest.raises(DeviceError, match="finite torque"):
+            actuator.set_motor_current(math.nan)
+
+
+@needs_library
+def test_a_torque_holds_while_the_script_updates_and_not_when_it_hangs(clock, modes):
+    ours = scripted(clock)
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        actuator.set_control_mode(modes.CURRENT)
+        actuator.set_output_torque(4.0)
+        for _ in range(200):
+            pass_ms(clock, 2)
+            actuator.update()
+        assert ours.torque_nm == 4.0
+        pass_ms(clock, 1e3 * ours.describe().command_timeout_s + 1.0)
+        assert ours.torque_nm == 0.0
+
+
+@needs_library
+def test_torque_ends_with_the_mode_with_the_block_and_with_an_exception(clock, modes):
+    ours = scripted(clock)
+    actuator = as_opensourceleg(ours, clock=clock)
+    with actuator:
+        actuator.set_control_mode(modes.CURRENT)
+        actuator.set_output_torque(4.0)
+        actuator.set_control_mode(modes.TORQUE)
+        assert ours.torque_nm == 0.0
+        actuator.set_output_torque(4.0)
+    assert ours.torque_nm == 0.0
+    assert ours.state is Lifecycle.INACTIVE
+
+    def script():
+        with actuator:  # it can be started again
+            actuator.set_control_mode(modes.CURRENT)
+            actuator.set_output_torque(4.0)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        script()
+    assert ours.torque_nm == 0.0
+    assert ours.state is Lifecycle.INACTIVE
+    assert actuator.mode is modes.IDLE
+
+
+# --- what cannot be done -------------------------------------------------------------------------
+
+
+@needs_library
+def test_modes_that_it_has_not_are_refused_and_the_mode_stays(clock, modes):
+    with as_opensourceleg(scripted(clock), clock=clock) as actuator:
+        actuator.set_control_mode(modes.CURRENT)
+        for mode in (modes.POSITION, modes.VOLTAGE, modes.VELOCITY, modes.IMPEDANCE):
+            with pytest.raises(DeviceError, match=f"cannot take the mode {mode.name}: .*CURRENT"):
+                actuator.set_control_mode(mode)
+            assert actuator.mode is modes.CURRENT
+
+
+@needs_library
+def test_commands_in_the_wrong_mode_and_those_it_never_takes_raise(clock):
+    told = importlib.import_module("opensourceleg.logging.exceptions")
+    ours = scripted(clock)
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        for command in (actuator.set_motor_current, actuator.set_output_torque):
+            with pytest.raises(told.ControlModeException):
+                command(1.0)
+        with pytest.raises(DeviceError, match=r"cannot take a motor voltage \(1000 mV\)"):
+            actuator.set_motor_voltage(1000)
+        with pytest.raises(DeviceError, match="cannot take a motor position"):
+            actuator.set_output_position(value=0.1)
+        with pytest.raises(DeviceError, match="cannot take a motor velocity"):
+            actuator.set_motor_velocity(1.0)
+        with pytest.raises(DeviceError, match="cannot take an impedance"):
+            actuator.set_output_impedance(k=100.0, b=3.0)
+        with pytest.raises(DeviceError, match="cannot take position gains"):
+            actuator.set_position_gains(kp=5)
+        with pytest.raises(NotImplementedError, match="battery_voltage"):
+            _ = actuator.motor_voltage
+    assert {torque_nm for _, torque_nm in ours.commands} == {0.0}
+
+
+@needs_library
+def test_gains_are_kept_and_homing_moves_nothing(clock, modes, caplog):
+    ours, called = scripted(clock), []
+    with as_opensourceleg(ours, clock=clock) as actuator, caplog.at_level(logging.WARNING):
+        actuator.set_control_mode(modes.CURRENT)
+        actuator.set_current_gains()
+        assert "keeps its own gains" not in caplog.text
+        actuator.set_current_gains(kp=40, ki=400, kd=0, ff=128)
+        assert "keeps its own gains" in caplog.text
+        before = actuator.output_position
+        actuator.home(output_position_offset=0.1, callback=lambda: called.append(True))
+        assert actuator.is_homed
+        assert called == [True]
+        assert actuator.output_position == pytest.approx(before - 0.1)
+    assert {torque_nm for _, torque_nm in ours.commands} == {0.0}
+
+
+# --- what goes wrong -----------------------------------------------------------------------------
+
+
+@needs_library
+def test_a_fault_ends_the_script_with_its_name_at_zero_torque(clock, modes):
+    ours = scripted(clock, script=[Deviation("replace", 3, values={"faults": 2})])
+
+    def script():
+        with as_opensourceleg(ours, clock=clock) as actuator:
+            actuator.set_control_mode(modes.CURRENT)
+            actuator.set_output_torque(4.0)
+            for _ in range(5):
+                pass_ms(clock, 2)
+                actuator.update()
+
+    with pytest.raises(DeviceError, match="in fault: over-current"):
+        script()
+    assert ours.torque_nm == 0.0
+
+
+@needs_library
+def test_without_a_first_sample_it_does_not_start(clock):
+    ours = scripted(clock, script=[Deviation("silence", 0)])
+    with pytest.raises(NotConnectedError, match="no sample came"):
+        as_opensourceleg(ours, clock=clock).start()
+    assert ours.state is Lifecycle.INACTIVE
+
+
+@needs_library
+def test_a_late_first_sample_is_waited_for(clock):
+    ours = scripted(clock, script=[Deviation("silence", 0, 100)])
+    with as_opensourceleg(ours, clock=clock) as actuator:
+        assert actuator.motor_current == 0.0
+        assert ours.state is Lifecycle.ACTIVE
+
+
+@needs_library
+def test_a_lost_device_is_told_and_the_block_can_still_be_left(clock):
+    ours = scripted(clock)
+
+    def script():
+        with as_opensourceleg(ours, clock=clock) as actuator:
+            ours.disconnect()
+            actuator.update()
+
+    with pytest.raises(NotConnectedError):
+        script()
+    assert ours.state is Lifecycle.INACTIVE
+
+
+@needs_library
+def test_nothing_is_read_before_it_is_started(clock):
+    told = importlib.import_module("opensourceleg.logging.exceptions")
+    with pytest.raises(told.ActuatorStreamException, match="not streaming"):
+        _ = as_opensourceleg(scripted(clock), clock=clock).output_position
+
+
+@needs_library
+@pytest.mark.parametrize("hottest_c", [5.0, 65.0, 90.0, 150.0])
+def test_any_limit_of_temperature_makes_motor_constants(clock, hottest_c):
+    limits = SafetyLimits.model_validate({**LIMITS.model_dump(), "temperature_c": hottest_c})
+    told = SCRIPTED_ACTUATOR.__class__(
+        **{
+            **{name: getattr(SCRIPTED_ACTUATOR, name) for name in SCRIPTED_ACTUATOR.__slots__},
+            "limits": limits,
+        }
+    )
+    actuator = as_opensourceleg(scripted(clock, description=told), clock=clock)
+    assert actuator.max_winding_temperature == hottest_c
+
+
+# --- existing scripts, in real time, on the simulated exoskeleton --------------------------------
+
+
+def current_step(actpack, frequency, time_to_step, end):
+    """As opensourceleg's tutorial commands a step of current and logs it."""
+    modes = importlib.import_module("opensourceleg.actuators.base").CONTROL_MODES
+    logger_module = importlib.import_module("opensourceleg.logging.logger")
+    loop = importlib.import_module("opensourceleg.utilities").SoftRealtimeLoop
+    current_logger = logger_module.Logger(log_path="./logs", file_name="current_control")
+    clock = loop(dt=1 / frequency, report=False)
+    logged = []
+    with actpack:
+        actpack.set_control_mode(mode=modes.CURRENT)
+        actpack.set_current_gains()
+        command_current = 0
+        current_logger.track_function(lambda: actpack.motor_current, "Motor Current")
+        current_logger.track_function(lambda: command_current, "Command Current")
+        for t in clock:
+            if t > time_to_step:
+                command_current = 600
+                actpack.set_motor_current(value=command_current)
+            actpack.update()
+            current_logger.update()
+            logged.append((t, command_current, actpack.motor_current))
+            if t > end:
+                clock.stop()
+        current_logger.close()
+    return logged
+
+
+@needs_library
+def test_the_tutorials_current_step_runs_on_the_simulated_exoskeleton():
+    actpack = simulated_opensourceleg_actuator(preset="clean", seed=3)
+    logged = current_step(actpack, 500, time_to_step=0.1, end=0.25)
+    before = [current for t, _, current in logged if t < 0.1]
+    late = [current for t, _, current in logged if t > 0.2]
+    assert len(logged) > 50
+    assert max(abs(current) for current in before) < 100.0  # mA
+    assert sum(late) / len(late) == pytest.approx(600.0, abs=60.0)
+
+
+@needs_library
+def test_the_tutorials_torque_sine_runs_and_moves_the_simulated_knee(modes):
+    loop = importlib.import_module("opensourceleg.utilities").SoftRealtimeLoop
+    motor = simulated_opensourceleg_actuator(preset="clean", seed=3, tag="motor")
+    torques, wanted = [], []
+    with motor:
+        motor.home()
+        motor.set_control_mode(mode=modes.CURRENT)
+        motor.update()
+        for t in loop(dt=1 / 200, report=False):
+            command_output_torque = 5.0 * math.sin(2.0 * math.pi * 5.0 * t)
+            motor.set_output_torque(command_output_torque)
+            motor.update()
+            torques.append(motor.output_torque)
+            wanted.append(command_output_torque)
+            if t > 0.3:
+                break
+        motor.set_output_torque(0.0)
+        motor.update()
+    assert 3.0 < max(torques) < 6.0
+    assert -6.0 < min(torques) < -3.0
+    assert motor.mode is modes.IDLE
+
+
+@needs_library
+def test_the_same_seed_is_the_same_person_and_unknown_presets_are_named():
+    first, second = (simulated_opensourceleg_actuator(seed=5) for _ in range(2))
+    assert first._ours.describe() == second._ours.describe()
+    with pytest.raises(DataError, match="preset"):
+        simulated_opensourceleg_actuator(preset="perfect")
