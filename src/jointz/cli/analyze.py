@@ -64,9 +64,9 @@ def analyze(
     # Processes import while this one does.
     with process_pool(workers, needs="jointz.workflows.participants") as pool:
         from jointz.workflows.analysis import analyze as analyze_study
-        from jointz.workflows.results_folder import MARKER, check_free, write_results
+        from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
 
-        check_free(out, marker=MARKER, overwrite=overwrite)
+        check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with progress_bar(shown=not (quiet or as_json)) as progress:
             analysis = analyze_study(
                 opened, method=method, resamples=resamples, seed=seed, pool=pool, progress=progress

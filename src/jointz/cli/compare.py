@@ -49,17 +49,19 @@ def compare(
         bool | None,
         typer.Option(
             "--paired/--groups",
-            help="Equal ids are the same people, or (--groups) are not. By default they are where "
-            "all ids of two folders are equal.",
+            help="Of several: equal ids are the same people, or (--groups) are not. By default "
+            "they are where all ids of two folders are equal.",
         ),
     ] = None,
     days: Annotated[
         bool,
-        typer.Option("--days", help="Folders are days of one condition: do people repeat?"),
+        typer.Option("--days", help="Of several: days of one condition; do people repeat?"),
     ] = False,
     margin: Annotated[
         float | None,
-        typer.Option("--margin", help="Test equivalence within so many % of the second mean."),
+        typer.Option(
+            "--margin", help="Of several: test equivalence within so many % of the second mean."
+        ),
     ] = None,
     response: Annotated[
         list[str] | None,
@@ -76,14 +78,29 @@ def compare(
         typer.Option("--nested", help="Of a table: rows are replicates, such as pulses."),
     ] = False,
     df: Annotated[
-        Df, typer.Option("--df", help="Of a table: denominator degrees of freedom.")
-    ] = Df.KENWARD_ROGER,
+        Df | None,
+        typer.Option(
+            "--df",
+            help="Of a table or one folder: denominator degrees of freedom; kenward-roger by "
+            "default.",
+        ),
+    ] = None,
     adjust: Annotated[
-        Adjust, typer.Option("--adjust", help="Of a table: correction of p over pairs.")
-    ] = Adjust.BONFERRONI,
+        Adjust | None,
+        typer.Option(
+            "--adjust",
+            help="Of a table or one folder: correction of p over pairs; by default bonferroni of "
+            "a table, holm of a folder.",
+        ),
+    ] = None,
     error: Annotated[
-        Error, typer.Option("--error", help="Of a table: error of pairs.")
-    ] = Error.POOLED,
+        Error | None,
+        typer.Option(
+            "--error",
+            help="Of a table or one folder: error of pairs; by default pooled of a table, paired "
+            "of a folder.",
+        ),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a comparison that exists.")
     ] = False,
@@ -96,7 +113,10 @@ def compare(
     One folder is compared over its timing points. Several folders with the same participants are
     compared person by person, others as groups; differences are first minus second. A table is
     given to a mixed model with participants as a random factor.
-    Exit status: 0 a number stands, 1 none does, 2 the input cannot be trusted.
+    --df, --adjust and --error are of a table or one folder; --paired, --groups, --days and
+    --margin are of several folders. An option that would not be used is refused.
+    Exit status: 0 a number stands (of several folders: a difference), 1 none does, 2 the input
+    cannot be trusted.
 
     Example: jointz compare results-loaded results-unloaded --margin 20 --out comparison
     """
@@ -107,7 +127,9 @@ def compare(
     if not is_table:
         if nested:
             raise typer.BadParameter("--nested is of a table, not of results folders.")
-        options = {"paired": paired, "days": days, "margin_pct": margin}
+        options = {"paired": paired, "days": days, "margin_pct": margin,
+                   "df": df and df.value, "adjust": adjust and adjust.value,
+                   "error": error and error.value}  # fmt: skip
         _compare_folders(results, out, options, overwrite=overwrite, as_json=as_json, quiet=quiet)
         return
     if len(given) < len(columns):
@@ -121,8 +143,11 @@ def compare(
         Path(results[0]),
         responses=list(dict.fromkeys(response or ())),
         columns=(str(within), str(participant)),
-        model={"nested": nested, "df": df.value},
-        pairs={"adjust": adjust.value, "error": error.value},
+        model={"nested": nested, "df": (df or Df.KENWARD_ROGER).value},
+        pairs={
+            "adjust": (adjust or Adjust.BONFERRONI).value,
+            "error": (error or Error.POOLED).value,
+        },
         form=(as_json, quiet),
     )
 
@@ -190,11 +215,10 @@ def _compare_folders(
     quiet: bool,
 ) -> None:
     from jointz.report.comparison_text import comparison_tables
-    from jointz.workflows.comparison import MARKER, compare_results, write_comparison
-    from jointz.workflows.results_folder import check_free
+    from jointz.workflows.comparison import check_out, compare_results, write_comparison
 
     if out is not None:
-        check_free(out, marker=MARKER, overwrite=overwrite)
+        check_out(out, results, overwrite=overwrite)
     made = compare_results(results, **options)
     page = None if out is None else write_comparison(made, out, overwrite=overwrite)
     if as_json:

@@ -47,6 +47,8 @@ class Comparison:
         Published values beside.
     margin_pct : float or None
         Margin of equivalence, % of the second mean.
+    adjust : str
+        How p is adjusted over the differences of a parameter: ``holm``, ``bonferroni``, ``none``.
     ci_level : float
         Of all intervals.
     settings : mapping
@@ -65,6 +67,7 @@ class Comparison:
     repeatability: tuple[Repeatability, ...] = ()
     references: tuple[ReferenceRange, ...] = ()
     margin_pct: float | None = None
+    adjust: str = "holm"
     ci_level: float = 0.95
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -72,10 +75,15 @@ class Comparison:
 
     @property
     def stands(self) -> bool:
-        """Whether at least one mean, difference or test has numbers."""
-        return any(m.mean is not None for m in self.means) or any(
-            d.stands for d in self.differences
-        )
+        """Whether at least one difference has numbers; of one source a mean is enough."""
+        if len(self.sources) < 2 and any(m.mean is not None for m in self.means):
+            return True
+        return any(d.stands for d in self.differences)
+
+    @property
+    def adjusted(self) -> str:
+        """How p is adjusted, in words."""
+        return "not adjusted" if self.adjust == "none" else f"adjusted by {self.adjust.title()}"
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -89,8 +97,8 @@ class Comparison:
 
     @property
     def at_bound(self) -> tuple[PersonValue, ...]:
-        """Values that stand at their bound, used as they are."""
-        return tuple(v for v in self.values if v.status == "at_bound")
+        """Values that stand at their bound, used as they are, and means that hold such."""
+        return tuple(v for v in self.values if v.at_bound)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a difference."""
@@ -111,7 +119,7 @@ class Comparison:
         for parameter in self.parameters:
             own = [d for d in self.differences if d.parameter == parameter and d.stands]
             below = [d for d in own if (d.p_adjusted or 0.0) < 1.0 - self.ci_level]
-            lines.append(f"  {parameter}: {len(below)} of {len(own)} differences, adjusted by Holm")
+            lines.append(f"  {parameter}: {len(below)} of {len(own)} differences, {self.adjusted}")
             lines += [f"    {difference_text(d)}" for d in below]
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 

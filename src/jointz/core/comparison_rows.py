@@ -41,7 +41,10 @@ class PersonValue:
     value, ci_low, ci_high : float or None
         Estimate and its own interval, SI; None where there is none.
     status : str
-        As in ``estimates.csv``; ``absent`` where there is no row.
+        As in ``estimates.csv``; ``absent`` where there is no row; ``mean_over_points``.
+    n_points, n_lacking, n_bounded : int
+        Of a mean over timing points: how many it is of, how many have no value and are not in
+        it, how many of those in it stand at their bound.
     """
 
     source: str
@@ -52,6 +55,14 @@ class PersonValue:
     ci_low: float | None = None
     ci_high: float | None = None
     status: str = "ok"
+    n_points: int = 1
+    n_lacking: int = 0
+    n_bounded: int = 0
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the value stands at its bound, or is a mean that holds such values."""
+        return self.status == "at_bound" or self.n_bounded > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +109,8 @@ class Difference:
     first, second : str
         Names of the sources, or of the timing points.
     design : str
-        ``paired``: the same people; ``groups``: different people, Welch; ``pooled``: timing
-        points of one source, by the error of its mixed model.
+        ``paired``: the same people, or timing points of one source; ``groups``: different
+        people, Welch; ``pooled``: timing points of one source, by the error of its mixed model.
     n_first, n_second : int
         People with a value; both are the number of pairs where these are the same people.
     n_at_bound : int
@@ -107,7 +118,8 @@ class Difference:
     mean_first, mean_second, difference, ci_low, ci_high : float or None
         Means and their difference, with an interval that holds alone.
     t, df, p, p_adjusted : float or None
-        Student's or Welch's test, and p by Holm over the differences of the parameter.
+        Student's or Welch's test, and p adjusted over the differences of the parameter, as
+        ``Comparison.adjust`` says.
     effect : str
         ``g_z``: mean over standard deviation of the differences; ``g``: mean difference over
         the pooled standard deviation; both without bias (Hedges). Empty where there is none.
@@ -117,6 +129,9 @@ class Difference:
         Of equivalence, in ``unit``, where one was asked for.
     p_equivalence : float or None
         The larger one of the two one-sided tests.
+    epsilon, p_epsilon : float or None
+        Of the test over all timing points that the pair belongs to, where everybody has a
+        value at each: Greenhouse and Geisser's epsilon, and p with it.
     status : str
         ``ok``; ``failed:too_few_participants``; ``no_spread`` where nothing varies.
     """
@@ -145,6 +160,8 @@ class Difference:
     effect_high: float | None = None
     margin: float | None = None
     p_equivalence: float | None = None
+    epsilon: float | None = None
+    p_epsilon: float | None = None
     status: str = "ok"
 
     @property

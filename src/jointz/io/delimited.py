@@ -17,7 +17,7 @@ import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, NoReturn, cast
 
@@ -57,6 +57,7 @@ class _Layout:
     start_byte: int  # where the first sample stands, byte order mark included
     names: tuple[str, ...]  # one a column; its number from 1 without a header
     named: bool
+    as_written: bool = False  # see TableRequest
 
     @property
     def first_row(self) -> int:
@@ -100,7 +101,7 @@ class DelimitedReader:
         DataError
             When a row, a cell or the end of the file is not what it should be.
         """
-        layout = _layout(path, request.files)
+        layout = replace(_layout(path, request.files), as_written=request.as_written)
         wanted = _positions(layout, request)
         numeric = sorted({wanted[c] for c in request.numeric})
         labels = sorted({wanted[c] for c in request.labels})
@@ -112,7 +113,8 @@ class DelimitedReader:
         # No copies: the columns are the frame's own, and nobody writes to them.
         columns = {str(c): frame[wanted[c]].to_numpy(np.float64) for c in request.numeric}
         for c in request.labels:
-            columns[str(c)] = label_column(path, str(c), frame[wanted[c]].to_numpy(dtype=object))
+            texts = frame[wanted[c]].to_numpy(dtype=object)
+            columns[str(c)] = label_column(path, str(c), texts, as_written=request.as_written)
         return RawTable(columns, {}, scan.sha256, layout.first_row)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
@@ -197,10 +199,14 @@ def _holds_numbers(layout: _Layout) -> bool:
 
 
 def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:
+    todo = (
+        "If the file has no header, set [files] header = false (jointz identify: --no-header) and "
+        "give columns by number."
+    )
+    if layout.as_written:
+        todo = "Write the names of the columns above them."
     raise layout.error(
-        f"expected a header, found numbers ({', '.join(layout.names[:4])}). If the file has no "
-        "header, set [files] header = false (jointz identify: --no-header) and give columns by "
-        "number.",
+        f"expected a header, found numbers ({', '.join(layout.names[:4])}). {todo}",
         row=layout.first_row - 1,
     )
 
@@ -235,15 +241,21 @@ def _number_of(layout: _Layout, column: str | int) -> int | None:
 def _refuse_duplicate(layout: _Layout, name: str) -> None:
     if layout.names.count(name) > 1:
         at = [str(i) for i, other in enumerate(layout.names, start=1) if other == name]
+        todo = (
+            "Rename one, or leave the names out and give columns by number: [files] skip_rows and "
+            "header = false (jointz identify: --skip-rows and --no-header)."
+        )
+        if layout.as_written:
+            todo = "Rename or remove one."
         raise layout.error(
-            f"the name '{name}' stands over columns {' and '.join(at)}. Rename one, or leave the "
-            "names out and give columns by number: [files] skip_rows and header = false (jointz "
-            "identify: --skip-rows and --no-header).",
+            f"the name '{name}' stands over columns {' and '.join(at)}. {todo}",
             row=layout.first_row - 1,
         )
 
 
 def _missing_hint(layout: _Layout) -> str:
+    if layout.as_written:
+        return ""
     if not layout.named:
         return "The file is read without a header: give columns by number."
     header = layout.head[-1].decode("utf-8-sig")
@@ -274,7 +286,7 @@ def _parse(
         "usecols": sorted(wanted) if 2 * len(wanted) < n_columns else None,
         "dtype": dict.fromkeys(labels, object) | dict.fromkeys(numeric, np.float64),
         "keep_default_na": False,
-        "na_values": list(_MISSING),
+        "na_values": _missing_of(layout, numeric, labels),
         "skip_blank_lines": False,
         "skipinitialspace": True,
     }
@@ -289,6 +301,14 @@ def _parse(
                 return pd.read_csv(stream, **options), None
     except (ValueError, OverflowError, *_DECOMPRESSION_ERRORS) as exc:
         return None, exc
+
+
+def _missing_of(
+    layout: _Layout, numeric: list[int], labels: list[int]
+) -> list[str] | dict[int, list[str]]:
+    if not layout.as_written:
+        return list(_MISSING)
+    return {k: list(_MISSING) for k in numeric} | {k: [""] for k in labels}
 
 
 def _pandas_may_open(layout: _Layout) -> bool:
@@ -367,7 +387,9 @@ def _trusted(
     frame, failure = parsed
     if scan.regular:
         _refuse_cut_number(layout, scan, scan.n_rows)
-    if frame is not None and scan.regular and scan.n_rows <= len(frame):
+    # pandas takes True for 1; in a table of people's own, which is short, that is looked for.
+    fast = scan.regular and not layout.as_written
+    if frame is not None and fast and scan.n_rows <= len(frame):
         return frame[: scan.n_rows]
     n_rows, n_blank = _checked_rows(layout, numeric)
     _refuse_cut_number(layout, scan, n_rows)
@@ -384,7 +406,7 @@ def _refuse_cut_number(layout: _Layout, scan: _Scan, n_rows: int) -> None:
     if scan.terminated or not scan.last_lines:
         return
     *before, last = (line.rpartition(layout.delimiter)[2].strip() for line in scan.last_lines)
-    if last in _MISSING[1:]:
+    if last in _MISSING[1:] or (layout.as_written and not last):
         return
     customs = {_n_digits(cell, layout.decimal) for cell in before}
     custom = customs.pop() if len(customs) == 1 and len(before) >= _ROWS_FOR_A_CUSTOM else (0, 0)
@@ -465,6 +487,11 @@ def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
             f'If the file writes decimals so, set [files] decimal = "{sign}" (jointz identify: '
             f'--decimal "{sign}").'
         )
+        if layout.as_written:
+            hint = (
+                "Write all decimals alike: with points, or with commas where semicolons stand "
+                "between the columns."
+            )
     raise layout.error(f"expected a number, found '{cell}'. {hint}", row=row, channel=name)
 
 

@@ -42,11 +42,15 @@ class TableRequest:
         Columns that hold numbers, and columns that hold text.
     files : FilesSpec
         How text files are laid out; other formats ignore it.
+    as_written : bool
+        Whether a text file stands for itself, without a study: its labels are not rewritten,
+        only an empty cell is missing, and nothing is advised that a study would have to say.
     """
 
     numeric: tuple[str | int, ...]
     labels: tuple[str | int, ...] = ()
     files: FilesSpec = field(default_factory=FilesSpec)
+    as_written: bool = False
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -131,6 +135,7 @@ def read_table(
     numeric: Sequence[str | int],
     labels: Sequence[str | int] = (),
     files: FilesSpec,
+    as_written: bool = False,
 ) -> RawTable:
     """Read columns of a file; the file is never modified.
 
@@ -144,6 +149,8 @@ def read_table(
         Columns of text; numbers among them are written plainly (1.0 as "1").
     files : FilesSpec
         How text files are laid out.
+    as_written : bool
+        Whether a text file stands for itself: labels are then text to the letter.
 
     Returns
     -------
@@ -156,7 +163,7 @@ def read_table(
         When the file is missing, unknown, damaged, or has no such columns.
     """
     reader = _reader_of(path)
-    request = TableRequest(tuple(numeric), tuple(labels), files)
+    request = TableRequest(tuple(numeric), tuple(labels), files, as_written)
     both = {str(c) for c in numeric} & {str(c) for c in labels}
     if both:
         raise DataError(
@@ -290,7 +297,9 @@ def number_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
     return values.astype(np.float64, copy=False)
 
 
-def label_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
+def label_column(
+    path: Path, name: str, values: np.ndarray, *, as_written: bool = False
+) -> np.ndarray:
     """Return a column as (n,) str objects; 1.0 becomes "1", a missing value "".
 
     Parameters
@@ -301,6 +310,8 @@ def label_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
         The column.
     values : array
         Numbers, booleans, or objects.
+    as_written : bool
+        Whether the text "1.0" stays as it is.
 
     Raises
     ------
@@ -309,14 +320,19 @@ def label_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
     """
     _check_series(path, name, values)
     codes, found = pd.factorize(values)
-    texts = np.array([*(_label(v) for v in found), ""], dtype=object)
+    write = _text if as_written else _label
+    texts = np.array([*(write(v) for v in found), ""], dtype=object)
     return texts[codes]  # the code of a missing value is -1
 
 
-def _label(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
-    text = str(value).strip()
+    return str(value).strip()
+
+
+def _label(value: Any) -> str:
+    text = _text(value)
     if not _FLOAT_TEXT.fullmatch(text):
         return text
     number = float(text)

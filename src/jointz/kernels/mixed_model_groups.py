@@ -17,6 +17,10 @@ _ROUNDING = 1e-12
 _LARGEST_RATIO = 1e12
 
 
+class NoErrorLeftError(ValueError):
+    """Groups and fixed effects explain every value exactly."""
+
+
 @dataclass(frozen=True, slots=True)
 class GroupVariance:
     """The exact test of a variance between groups, and the interval of its ratio.
@@ -54,8 +58,10 @@ def group_variance(
     Raises
     ------
     ValueError
-        When no difference between groups, or nothing inside them, is left beside the
-        fixed effects.
+        When no degree of freedom is left between groups, or inside them, beside the fixed
+        effects.
+    NoErrorLeftError
+        When values do not vary inside the groups.
 
     Notes
     -----
@@ -77,11 +83,11 @@ def group_variance(
     residual = float(My @ My - (t**2 / values).sum())
     if df_num < 1 or df_den < 1:
         raise ValueError(
-            f"group_variance: expected more groups or rows, {df_num} degrees of freedom are left "
-            f"between groups and {df_den} inside them"
+            f"expected more groups or rows, {df_num} degrees of freedom are left between groups "
+            f"and {df_den} inside them"
         )
     if residual <= max(_ROUNDING * float(My @ My), _ROUNDING**2 * float(y @ y)):
-        raise ValueError("group_variance: expected values that vary inside the groups, none does")
+        raise NoErrorLeftError("expected values that vary inside the groups, none does")
 
     def pivot(ratio: float) -> float:
         return float((t**2 / (values + ratio * values**2)).sum() / df_num / (residual / df_den))

@@ -6,8 +6,21 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointz.core.comparison import Comparison
-from jointz.core.comparison_rows import Difference, FactorTest, Repeatability, SourceMean
-from jointz.report.comparison_text import equivalence_text, p_text, people_text
+from jointz.core.comparison_rows import (
+    PAIRED,
+    POOLED,
+    Difference,
+    FactorTest,
+    Repeatability,
+    SourceMean,
+)
+from jointz.report.comparison_text import (
+    adjusted_p,
+    equivalence_text,
+    has_effects,
+    p_text,
+    people_text,
+)
 from jointz.report.page import inline_svg
 from jointz.report.wording import (
     DASH,
@@ -23,6 +36,15 @@ from jointz.report.wording import (
 _WARNING: Final = "WARNING: "
 _HASH_DIGITS: Final = 12
 _ALPHA: Final = 0.05
+
+_PAIRS: Final = {
+    PAIRED: "; every pair is compared by itself (paired t test), with p over all pairs.",
+    POOLED: "; pairs are compared by its error, which all pairs share.",
+}
+_EFFECTS: Final = {
+    "g_z": "g_z: mean over standard deviation of the differences of the same people.",
+    "g": "g: difference of groups over their pooled standard deviation.",
+}
 
 _Row = dict[str, Any]
 
@@ -78,6 +100,9 @@ def render_comparison(made: Comparison, figures: Mapping[str, str]) -> str:
         means=_by_parameter([(m.parameter, m.unit, _mean(m)) for m in made.means]),
         several=len({(d.first, d.second) for d in made.differences}) > 1,
         contrast=_contrast(made),
+        effects=_effects(made),
+        adjusted_p=adjusted_p(made),
+        df=_df(made),
         differences=_by_parameter(
             [(d.parameter, d.unit, _difference(d, made)) for d in made.differences]
         ),
@@ -107,14 +132,32 @@ def _contrast(made: Comparison) -> str:
     return f"{one.first} {MINUS} {one.second}" if same else "first minus second"
 
 
+def _effects(made: Comparison) -> str:
+    """Return what the effect sizes are that are shown."""
+    shown = {d.effect for d in made.differences}
+    told = [words for name, words in _EFFECTS.items() if name in shown]
+    if not has_effects(made):
+        return ""
+    both = "; one is not to be compared with the other" if len(told) > 1 else ""
+    return (
+        f"{' '.join(told)} With Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval "
+        f"of the noncentral t distribution{both}."
+    )
+
+
+def _df(made: Comparison) -> str:
+    methods = {t.fit.df_method for t in made.tests if t.fit is not None}
+    return "Satterthwaite" if methods == {"satterthwaite"} else "Kenward and Roger"
+
+
 def _lead(made: Comparison) -> str:
     told = "Every number counts people: pulses and resamples of one person are no people. "
+    designs = {d.design for d in made.differences}
     if len(made.sources) == 1:
         return told + (
-            "A mixed model with participants as a random factor asks whether timing points differ; "
-            "pairs are compared by its error."
+            "A mixed model with participants as a random factor asks whether timing points differ"
+            + _PAIRS.get(next(iter(designs), ""), ".")
         )
-    designs = {d.design for d in made.differences}
     told += "Differences are first minus second. "
     if "paired" in designs:
         told += "The same people are compared with themselves (paired t test). "
@@ -130,17 +173,21 @@ def _facts(made: Comparison) -> list[tuple[str, str]]:
     standing = [d for d in made.differences if d.stands]
     if standing:
         below = sum((d.p_adjusted or 0.0) < _ALPHA for d in standing)
-        facts.append((f"{below} of {len(standing)}", "differences below 0.05, adjusted by Holm"))
-    if made.missing:
-        facts.append((str(len(made.missing)), "values missing, named in the notes"))
+        facts.append((f"{below} of {len(standing)}", f"differences below 0.05, {made.adjusted}"))
+    elif made.differences:
+        facts.append(("0", "differences: nothing to test, see the notes"))
+    if n := len(made.missing):
+        words = "value missing, named" if n == 1 else "values missing, named"
+        facts.append((str(n), f"{words} in the notes"))
     return facts
 
 
 def _caption(name: str, made: Comparison) -> str:
     if name == "means":
-        thin = "Thin lines: people; where two results have the same people, lines join them. "
-        if len(made.sources) > 1 and not any(d.design == "paired" for d in made.differences):
-            thin = "Dots: people. "
+        thin = "Thin lines: people. "
+        if len(made.sources) > 1:
+            paired = any(d.design == PAIRED for d in made.differences)
+            thin = f"Dots: people{'; lines join those of the same person' if paired else ''}. "
         beside = (
             "Open triangles: the dissertation\N{RIGHT SINGLE QUOTATION MARK}s people, some of "
             "whose values stand at a bound. "
@@ -157,7 +204,7 @@ def _caption(name: str, made: Comparison) -> str:
         return f"Mean over people with {level} % interval over people. {thin}{beside}{stated}"
     text = (
         f"Differences with {100 * made.ci_level:g} % interval, each holding alone; filled: p below "
-        "0.05 by Holm over all differences of the parameter."
+        f"0.05, {made.adjusted} over all differences of the parameter."
     )
     if made.margin_pct is not None and len(made.sources) > 1:
         text += (

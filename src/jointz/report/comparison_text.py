@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 
 from jointz.core.comparison import Comparison
-from jointz.core.comparison_rows import GROUPS, Difference, FactorTest, Repeatability, SourceMean
+from jointz.core.comparison_rows import (
+    GROUPS,
+    PAIRED,
+    Difference,
+    FactorTest,
+    Repeatability,
+    SourceMean,
+)
 from jointz.core.mixed_model_fit import MixedModelFit
 
 #: Title, column names, cells.
@@ -32,7 +39,8 @@ def comparison_tables(made: Comparison) -> list[TextTable]:
         ),
         (
             "Mixed models",
-            ["parameter", "of", "where", "F", "df", "p", "people"],
+            ["parameter", "of", "where", "F", "df", "p", "epsilon", "p (Greenhouse-Geisser)",
+             "people"],
             [_test_row(t) for t in made.tests],
         ),
         *_difference_tables(made, level),
@@ -48,10 +56,13 @@ def comparison_tables(made: Comparison) -> list[TextTable]:
 
 def _difference_tables(made: Comparison, level: str) -> list[TextTable]:
     single = len(made.sources) == 1
-    title = "First minus second; every interval holds alone, p by Holm over a parameter"
-    header = ["pair", "parameter", "difference", level, "unit", "p (Holm)", "people"]
+    title = f"First minus second; every interval holds alone, p {made.adjusted} over a parameter"
+    if any(d.design == PAIRED for d in made.differences) and single:
+        title += "; every pair by itself"
+    header = ["pair", "parameter", "difference", level, "unit", adjusted_p(made), "people"]
     if not single:
         header[:1] = ["timing point", "pair"]
+    if has_effects(made):
         header[-1:] = ["effect", level, "people"]
     if made.margin_pct is not None and not single:
         header += [f"equivalent within {made.margin_pct:g} %"]
@@ -66,10 +77,11 @@ def _mean_row(m: SourceMean) -> list[str]:
 def _test_row(t: FactorTest) -> list[str]:
     start = [t.parameter, f"{t.factor.replace('_', ' ')}s", t.where]
     if t.fit is None:
-        return [*start, _DASH, _DASH, _DASH, _DASH]
-    f = t.fit.f_test
+        return [*start, *[_DASH] * 6]
+    f, rm = t.fit.f_test, t.fit.repeated_measures
     df = f"{f.df_num:g}, {f.df_den:.4g}"
-    return [*start, f"{f.F:.4g}", df, p_text(f.p), str(t.fit.n_participants)]
+    sphericity = [_DASH, _DASH] if rm is None else [f"{rm.epsilon:.2f}", p_text(rm.p_epsilon)]
+    return [*start, f"{f.F:.4g}", df, p_text(f.p), *sphericity, str(t.fit.n_participants)]
 
 
 def _difference_row(d: Difference, made: Comparison) -> list[str]:
@@ -77,14 +89,37 @@ def _difference_row(d: Difference, made: Comparison) -> list[str]:
            _interval(d.ci_low, d.ci_high), d.unit, p_text(d.p_adjusted)]  # fmt: skip
     if not d.stands:
         row[3] = d.status
-    people = people_text(d)
-    if len(made.sources) == 1:
-        return [*row, people]
-    effect = _DASH if d.effect_size is None else f"{d.effect} {d.effect_size:.2f}"
-    row = [d.timing_point, *row, effect, _interval(d.effect_low, d.effect_high, digits=2), people]
-    if made.margin_pct is not None:
+    if len(made.sources) > 1:
+        row = [d.timing_point, *row]
+    if has_effects(made):
+        effect = _DASH if d.effect_size is None else f"{d.effect} {d.effect_size:.2f}"
+        row += [effect, _interval(d.effect_low, d.effect_high, digits=2)]
+    row.append(people_text(d))
+    if made.margin_pct is not None and len(made.sources) > 1:
         row.append(equivalence_text(d, made.ci_level))
     return row
+
+
+def has_effects(made: Comparison) -> bool:
+    """Return whether there is an effect size to show.
+
+    Parameters
+    ----------
+    made : Comparison
+        The comparison.
+    """
+    return any(d.effect for d in made.differences)
+
+
+def adjusted_p(made: Comparison) -> str:
+    """Return the head of a column of p.
+
+    Parameters
+    ----------
+    made : Comparison
+        The comparison.
+    """
+    return "p (alone)" if made.adjust == "none" else f"p ({made.adjust.title()})"
 
 
 def people_text(d: Difference) -> str:

@@ -32,11 +32,11 @@ from jointz.kernels.mixed_model_components import (
     fit_participants,
     likelihood_ratio,
 )
-from jointz.kernels.mixed_model_groups import GroupVariance, group_variance
+from jointz.kernels.mixed_model_groups import GroupVariance, NoErrorLeftError, group_variance
 from jointz.kernels.repeated_measures import paired_t_test, repeated_measures_anova
 from jointz.stats.mixed_model_rows import Rows, table_rows
 
-_DF_METHODS = ("kenward-roger", "satterthwaite")
+DF_METHODS = ("kenward-roger", "satterthwaite")
 
 
 def mixed_model(
@@ -103,8 +103,8 @@ def mixed_model(
     >>> round(fit.f_test.F, 4), round(fit.f_test.df_den, 4), round(fit.f_test.p, 4)
     (3.0, 2.0, 0.2254)
     """
-    if df not in _DF_METHODS:
-        raise DataError(f"mixed_model: expected df {' or '.join(_DF_METHODS)}, got {df!r}")
+    if df not in DF_METHODS:
+        raise DataError(f"mixed_model: expected df {' or '.join(DF_METHODS)}, got {df!r}")
     if not 0 < ci_level < 1:
         raise DataError(f"mixed_model: expected 0 < ci_level < 1, got {ci_level}")
     rows = table_rows(
@@ -193,8 +193,15 @@ def _groups(
         of_person = (rows.person[:, None] == np.arange(len(rows.persons))).astype(float)
         beside = np.hstack([rows.design, of_person])
         return people, group_variance(beside, rows.y, rows.cell, level=ci_level)
+    except NoErrorLeftError as problem:
+        cells = ", or their cells," if nested else ""
+        raise DataError(
+            f"mixed model of {response!r}: participants and levels{cells} explain every value "
+            f"exactly, so that no error is left to test against. Are values computed or copied?"
+        ) from problem
     except ValueError as problem:
-        raise DataError(f"mixed model of {response!r}: {problem}") from problem
+        told = "; ".join([str(problem), *rows.notes])
+        raise DataError(f"mixed model of {response!r}: {told}") from problem
 
 
 def _random_effects(

@@ -6,7 +6,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jointz.core.comparison_labels import alike_labels
 from jointz.core.errors import DataError
+
+#: Beyond these the squares of values are no numbers any more.
+_LARGEST, _SMALLEST = 1e100, 1e-100
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +103,20 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
             f"participant {participant!r}; missing {missing or 'none, but two are the same'}. "
             f"The table has {', '.join(map(repr, table.columns))}"
         )
+    twice = [name for name in names if list(table.columns).count(name) > 1]
+    if twice:
+        raise DataError(
+            f"mixed_model: the table has several columns {', '.join(map(repr, twice))}; rename or "
+            f"drop all but one"
+        )
+    kind = table[response].dtype
     problems = []
-    if not pd.api.types.is_numeric_dtype(table[response]):
-        problems.append(f"column {response!r} must hold numbers, it holds {table[response].dtype}")
+    if pd.api.types.is_bool_dtype(kind) or not pd.api.types.is_any_real_numeric_dtype(kind):
+        held = "text or a mix of kinds" if pd.api.types.is_object_dtype(kind) else str(kind)
+        problems.append(
+            f"column {response!r} must hold numbers, it holds {held}. Make numbers of it, as "
+            f"pandas.to_numeric does, or choose another column"
+        )
     problems += [
         f"column {name!r} must name every row, {int(table[name].isna().sum())} have none"
         for name in (within, participant)
@@ -115,6 +130,7 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
             f"mixed_model: column {response!r} has {int(np.isinf(y).sum())} infinite values; "
             f"leave a value that is missing empty (NaN)"
         )
+    _check_size(y, response)
     level, levels, note_levels = _labels(table[within], within)
     person, persons, note_persons = _labels(table[participant], participant)
     known = np.isfinite(y)
@@ -125,6 +141,16 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
     if problems:
         raise DataError("mixed_model: " + "; ".join(problems))
     return rows
+
+
+def _check_size(y: np.ndarray, response: str) -> None:
+    known = np.abs(y[np.isfinite(y)])
+    size = float(known.max()) if known.size else 0.0
+    if size > _LARGEST or 0.0 < size < _SMALLEST:
+        raise DataError(
+            f"mixed_model: column {response!r} has values of the size of {size:.3g}, whose squares "
+            f"are beyond what a computer counts. Choose another unit, or correct the values"
+        )
 
 
 def _labels(
@@ -147,6 +173,11 @@ def _labels(
         raise DataError(
             f"mixed_model: column {name!r} has two labels written {twice!r}, such as a number and "
             f"its text. Make them one kind"
+        )
+    for group in alike_labels(texts):
+        notes += (
+            f"{' and '.join(map(repr, group))} of {name} are taken as {len(group)} different "
+            f"labels: write them alike where they are one",
         )
     return np.asarray(codes, dtype=int), texts, notes
 

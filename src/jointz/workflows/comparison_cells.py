@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.comparison_labels import alike_labels, label_key
 from jointz.core.comparison_rows import GROUPS, PAIRED, PersonValue, SourceMean
 from jointz.core.errors import DataError
 from jointz.core.estimates import REACH_95
@@ -33,7 +34,8 @@ def pair_designs(read: Sequence[Results], *, paired: bool | None) -> dict[tuple[
     Raises
     ------
     DataError
-        When some ids are shared and some not, and ``paired`` is not given.
+        When ``paired`` is not given and some ids are shared and some not, or all are the same
+        but for case and leading zeros.
     """
     designs = {}
     for one, other in combinations(read, 2):
@@ -43,6 +45,17 @@ def pair_designs(read: Sequence[Results], *, paired: bool | None) -> dict[tuple[
         same = mine == theirs if paired is None else paired
         if a.published or b.published:
             same = False
+        elif (
+            paired is None
+            and mine != theirs
+            and set(map(label_key, mine)) == set(map(label_key, theirs))
+        ):
+            raise DataError(
+                f"compare: participants of {a.name} and {b.name} are the same but for case, "
+                f"leading zeros or how a number is written ({_alike_text(mine ^ theirs)}). Write "
+                "ids alike in study.toml where they are the same people, or add --groups where "
+                "they are not."
+            )
         elif paired is None and both and mine != theirs:
             raise DataError(
                 f"compare: {a.name} and {b.name} share {len(both)} of {len(mine | theirs)} "
@@ -57,6 +70,10 @@ def pair_designs(read: Sequence[Results], *, paired: bool | None) -> dict[tuple[
             )
         designs[a.name, b.name] = PAIRED if same else GROUPS
     return designs
+
+
+def _alike_text(labels: set[str]) -> str:
+    return ", ".join(" and ".join(group) for group in alike_labels(sorted(labels)))
 
 
 def _parameters(read: Sequence[Results]) -> tuple[str, ...]:
@@ -145,7 +162,7 @@ def mean_of(own: Own, place: tuple[str, str]) -> SourceMean:
         timing_point=place[1],
         n=n,
         n_missing=len(own) - n,
-        n_at_bound=sum(v.status == "at_bound" for v in own.values()),
+        n_at_bound=sum(v.at_bound for v in own.values()),
         mean=mean,
         sd=sd,
         ci_low=None if mean is None or half is None else mean - half,

@@ -1,12 +1,22 @@
 """What a reader of a comparison must know: who is missing, what is unlike, what stands beside."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 from jointz.core.comparison import Comparison
-from jointz.core.comparison_rows import GROUPS, PAIRED, PersonValue, ReferenceRange, SourceMean
+from jointz.core.comparison_labels import alike_labels
+from jointz.core.comparison_rows import (
+    GROUPS,
+    PAIRED,
+    POOLED,
+    PersonValue,
+    ReferenceRange,
+    SourceMean,
+)
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.workflows.comparison_cells import comparison_cells, mean_of
+from jointz.workflows.comparison_onsets import NOTED_PCT, onset_gaps
 from jointz.workflows.comparison_sources import (
     PUBLISHED,
     SHARED,
@@ -18,6 +28,8 @@ from jointz.workflows.comparison_sources import (
 _DECISIVE = ("baseline", "window_s", "cutoff_hz", "timing_points")
 #: A share of the variance over people that is worth a word.
 _LARGE_SHARE = 0.25
+#: Below this the differences of pairs vary too unlike for the F test.
+_LOW_EPSILON = 0.75
 
 
 def comparison_references(
@@ -87,11 +99,13 @@ def comparison_notes(
     """
     return (
         *_people(read, designs),
+        *_alike(read, apart=made.settings.get("paired") is False),
         *_unlike(read),
         *_masses(read, made.parameters),
         *_points(read),
+        *_sphericity(made),
         *_inertia(read, made),
-        *_missing(made.missing),
+        *_missing(made),
         *_at_bound(made.at_bound),
         *_measurement(made.means),
         *(f"{test.parameter}: no mixed model over {test.factor.replace('_', ' ')}s: {test.reason}."
@@ -122,6 +136,20 @@ def _people(read: Sequence[Results], designs: Mapping[tuple[str, str], str]) -> 
         )
 
 
+def _alike(read: Sequence[Results], *, apart: bool) -> Iterator[str]:
+    """Name ids that a reader takes for one person, and this does not."""
+    own = [set(results.source.participants) for results in read if not results.source.published]
+    groups = [group for people in (own if apart else [set().union(*own)])
+              for group in alike_labels(sorted(people))]  # fmt: skip
+    if groups:
+        told = ", ".join(" and ".join(group) for group in dict.fromkeys(groups))
+        yield (
+            "WARNING: ids that are the same but for case, leading zeros or how a number is "
+            f"written are taken as different people: {told}. Write them alike in study.toml where "
+            "they are one person."
+        )
+
+
 def _unlike(read: Sequence[Results]) -> Iterator[str]:
     methods = {results.source.name: " and ".join(results.source.methods) for results in read}
     if len(set(methods.values())) > 1:
@@ -129,6 +157,13 @@ def _unlike(read: Sequence[Results]) -> Iterator[str]:
         yield (
             f"WARNING: estimates by unlike methods ({told}): a difference may be the method's. "
             "Analyse both by one method before you compare people or conditions."
+        )
+    versions = {r.source.name: r.version for r in read if r.version}
+    if len(set(versions.values())) > 1:
+        told = "; ".join(f"{name} by {version}" for name, version in versions.items())
+        yield (
+            f"WARNING: estimates by unlike versions of jointz ({told}): a difference may be the "
+            "version's. Analyse all by one."
         )
     for one, other in combinations(read, 2):
         if one.recordings and one.recordings == other.recordings:
@@ -168,6 +203,34 @@ def _points(read: Sequence[Results]) -> Iterator[str]:
         own = [point for point in results.points if point not in common]
         if own:
             yield f"{results.source.name} alone has {', '.join(own)}: no difference there."
+    gaps = onset_gaps(read)
+    if gaps:
+        yield (
+            f"timing points of one name are more than {NOTED_PCT:g} % of the gait cycle apart: "
+            f"{'; '.join(map(str, gaps))}. Where impedance changes fast, the difference may be "
+            "that of the onset."
+        )
+
+
+def _sphericity(made: Comparison) -> Iterator[str]:
+    """Say where pairs do not vary alike, which the F test assumes."""
+    for test in made.tests:
+        sphericity = None if test.fit is None else test.fit.repeated_measures
+        if sphericity is None or sphericity.epsilon >= _LOW_EPSILON:
+            continue
+        pooled = any(d.design == POOLED and d.parameter == test.parameter for d in made.differences)
+        of = f"conditions at {test.where}"
+        if test.factor == "timing_point":
+            of = f"timing points of {test.where}"
+        told = (
+            f"{test.parameter}, {of}: differences of pairs do not vary alike (Greenhouse-Geisser "
+            f"epsilon {sphericity.epsilon:.2f}), which the F test of the mixed model assumes. Read "
+            f"p {sphericity.p_epsilon:.2g}, after Greenhouse and Geisser."
+        )
+        pooled = any(d.design == POOLED and d.parameter == test.parameter for d in made.differences)
+        if pooled:
+            told = f"WARNING: {told} Pairs by pooled error assume it too: leave out --error pooled."
+        yield told
 
 
 def _inertia(read: Sequence[Results], made: Comparison) -> Iterator[str]:
@@ -181,6 +244,16 @@ def _inertia(read: Sequence[Results], made: Comparison) -> Iterator[str]:
             f"inertia: {name} has one a timing point, another has one of all: compared is the "
             f"mean over the timing points of each of {n} participants."
         )
+    lacking = [v for v in made.values if v.n_lacking]
+    if lacking:
+        named = ", ".join(
+            f"{v.source} {v.participant} (of {v.n_points} of {v.n_points + v.n_lacking})"
+            for v in lacking
+        )
+        yield (
+            f"inertia: means over fewer timing points, as values are missing: {named}. They are "
+            "of other parts of the gait cycle than those of the others."
+        )
     drawn = [r.source.name for r in read if "recommended" in r.source.methods]
     if drawn:
         yield (
@@ -193,19 +266,25 @@ def _inertia(read: Sequence[Results], made: Comparison) -> Iterator[str]:
         yield "inertia: the published one is that of device and joint together."
 
 
-def _missing(values: Sequence[PersonValue]) -> Iterator[str]:
+def _missing(made: Comparison) -> Iterator[str]:
+    empty = {s.name for s in made.sources} - {v.source for v in made.values if v.value is not None}
+    for name in (s.name for s in made.sources if s.name in empty):
+        found = Counter(v.status for v in made.values if v.source == name)
+        told = ", ".join(f"{n} {status}" for status, n in found.items())
+        yield f"WARNING: {name}: no value stands ({told or 'nothing is there'}): see its report."
+    values = [v for v in made.missing if v.source not in empty]
     if values:
-        yield (
-            f"{len(values)} values are missing, the others of these people are used: "
-            f"{_named(values)}."
-        )
+        count = "1 value is" if len(values) == 1 else f"{len(values)} values are"
+        yield f"{count} missing, the others of these people are used: {_named(values)}."
 
 
 def _at_bound(values: Sequence[PersonValue]) -> Iterator[str]:
     if values:
+        count = "1 value stands at its bound and is used as it is"
+        if len(values) > 1:
+            count = f"{len(values)} values stand at their bound and are used as they are"
         yield (
-            f"{len(values)} values stand at their bound and are used as they are, which draws "
-            f"means towards it and makes spreads too small: {_named(values)}."
+            f"{count}, which draws means towards it and makes spreads too small: {_named(values)}."
         )
 
 
@@ -214,6 +293,7 @@ def _named(values: Sequence[PersonValue]) -> str:
     for v in values:
         groups.setdefault((v.source, v.parameter, v.status), []).append(
             f"{v.participant} {v.timing_point}"
+            + (f" ({v.n_bounded} of {v.n_points} at bound)" if v.n_bounded else "")
         )
     return "; ".join(
         f"{source} {parameter} ({status}): {', '.join(where)}"

@@ -1,6 +1,7 @@
 """What is compared, as it is read: results folders, and the published tables."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
 from jointz.core.comparison_rows import PersonValue, Source
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
@@ -26,6 +28,9 @@ _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
 _STANDING = ("ok", "at_bound")
 _PER_MASS = ("stiffness_per_mass", "damping_per_mass")
+_MASSLESS = (Failure.MASS_MISSING.status, "absent")
+#: Nothing of a joint is larger in SI; of what is, squares are no numbers any more.
+_LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Results:
         Empty where it is not known.
     recordings : str
         Hash of the study; empty where it is not known.
+    version : str
+        Of jointz that made them; empty where it is not known.
     settings : mapping
         Of the analysis.
     inputs : tuple of mapping
@@ -55,6 +62,7 @@ class Results:
     onsets_pct: Mapping[str, float] = field(default_factory=dict)
     joint: str = ""
     recordings: str = ""
+    version: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: tuple[Mapping[str, Any], ...] = ()
 
@@ -68,9 +76,9 @@ class Results:
 
     @cached_property
     def per_mass(self) -> bool:
-        """Whether somebody has values per kg of body mass."""
+        """Whether the body mass of somebody is known, whatever became of the values."""
         return any(
-            v.value is not None for (parameter, _, _), v in self.values.items()
+            v.status not in _MASSLESS for (parameter, _, _), v in self.values.items()
             if parameter in _PER_MASS
         )  # fmt: skip
 
@@ -105,17 +113,24 @@ class Results:
         if one.status != "absent":
             return one
         rows = [self.value("inertia", point, person) for point in self.points]
-        held = [row.value for row in rows if row.value is not None]
+        held = [row for row in rows if row.value is not None]
         if not held:
             status = rows[0].status if rows else "absent"
             return PersonValue(self.source.name, person, "inertia", SHARED, None, status=status)
-        mean = float(np.mean(held))
         return PersonValue(
-            self.source.name, person, "inertia", SHARED, mean, status="mean_over_points"
+            self.source.name,
+            person,
+            "inertia",
+            SHARED,
+            float(np.mean([row.value for row in held])),
+            status="mean_over_points",
+            n_points=len(held),
+            n_lacking=len(rows) - len(held),
+            n_bounded=sum(row.at_bound for row in held),
         )
 
 
-def read_sources(given: Sequence[str | Path]) -> tuple[Results, ...]:
+def read_sources(given: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]:
     """Read everything that is compared.
 
     Parameters
@@ -126,9 +141,10 @@ def read_sources(given: Sequence[str | Path]) -> tuple[Results, ...]:
     Raises
     ------
     DataError
-        When one is no results folder, is given twice, is of a bench or another joint.
+        When one is no results folder, is given twice, is of a bench or another joint; when the
+        word might mean a folder of that name.
     """
-    paths = [None if str(one) == PUBLISHED else Path(one) for one in given]
+    paths = result_paths(given)
     twice = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
     if twice:
         raise DataError(f"{twice[0] or PUBLISHED}: given twice. Name every one of them once.")
@@ -147,13 +163,36 @@ def read_sources(given: Sequence[str | Path]) -> tuple[Results, ...]:
     return made
 
 
+def result_paths(given: Sequence[str | os.PathLike[str]]) -> list[Path | None]:
+    """Return the folders that are meant, None for the published tables.
+
+    Parameters
+    ----------
+    given : sequence of str or path
+        Results folders, and the word ``published``; a path object is always a folder.
+
+    Raises
+    ------
+    DataError
+        When the word might mean a folder of that name.
+    """
+    paths = [None if isinstance(one, str) and one == PUBLISHED else Path(one) for one in given]
+    if None in paths and Path(PUBLISHED).is_dir():
+        raise DataError(
+            f"{PUBLISHED}: is a folder here, and the word for the dissertation's tables. Write "
+            f"./{PUBLISHED} for the folder; for the tables, call jointz from another folder."
+        )
+    return paths
+
+
 def _names(paths: Sequence[Path | None]) -> list[str]:
-    """Name folders by the end of their path, as short as tells them apart."""
+    """Name folders by the end of their path, as short as tells them apart, never ``published``."""
     parts = [None if path is None else path.resolve().parts for path in paths]
     longest = max((len(p) for p in parts if p), default=1)
     for length in range(1, longest + 1):
         names = [PUBLISHED if p is None else "/".join(p[-length:]) for p in parts]
-        if len(set(names)) == len(names):
+        reserved = any(p and name == PUBLISHED for p, name in zip(parts, names, strict=True))
+        if len(set(names)) == len(names) and not reserved:
             break
     return names
 
@@ -197,14 +236,9 @@ def read_results(folder: Path, name: str) -> Results:
         When it is none, is damaged, or is of a bench.
     """
     provenance = _provenance(folder)
-    study = provenance.get("study") or {}
-    if study.get("kind") == "bench":
-        raise DataError(
-            f"{folder}: results of a bench study. Its participants are loads, and a mean over "
-            "unlike loads means nothing. Compare results of walking studies."
-        )
+    joint = _joint(provenance, folder)
     file = folder / _ESTIMATES
-    table = read_table(file, numeric=_NUMBERS, labels=_LABELS, files=FilesSpec())
+    table = read_table(file, numeric=_NUMBERS, labels=_LABELS, files=FilesSpec(), as_written=True)
     values = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
     methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
@@ -216,9 +250,10 @@ def read_results(folder: Path, name: str) -> Results:
         Source(name, people, methods),
         values,
         _onsets(table),
-        joint=str(study.get("joint", "")),
+        joint=joint,
         recordings=str(provenance.get("study_sha256", "")),
-        settings=dict(provenance.get("settings") or {}),
+        version=str(provenance.get("jointz", "")),
+        settings=provenance.get("settings", {}),
         inputs=inputs,
     )
 
@@ -243,6 +278,27 @@ def _provenance(folder: Path) -> dict[str, Any]:
             f"{file}: expected a JSON object. Run jointz analyze again.", path=str(file)
         )
     return content
+
+
+def _joint(provenance: Mapping[str, Any], folder: Path) -> str:
+    """Return the joint of a walking study."""
+    study, settings = provenance.get("study"), provenance.get("settings", {})
+    held = study if isinstance(study, dict) else {}
+    if not all(isinstance(held.get(key), str) and held[key] for key in ("kind", "joint")) or not (
+        isinstance(settings, dict)
+    ):
+        raise DataError(
+            f"{folder / _PROVENANCE}: expected study with kind and joint, and settings, as jointz "
+            f"analyze writes them; found study {study!r:.60}, settings {settings!r:.60}. Run "
+            "jointz analyze again.",
+            path=str(folder / _PROVENANCE),
+        )
+    if held["kind"] == "bench":
+        raise DataError(
+            f"{folder}: results of a bench study. Its participants are loads, and a mean over "
+            "unlike loads means nothing. Compare results of walking studies."
+        )
+    return str(held["joint"])
 
 
 def _values(table: RawTable, file: Path, name: str) -> dict[tuple[str, str, str], PersonValue]:
@@ -281,6 +337,13 @@ def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonVa
             row=line,
         )
     low, high = _number(row["ci_low"]), _number(row["ci_high"])
+    if max(abs(x or 0.0) for x in (number, low, high)) > _LARGEST:
+        raise DataError(
+            f"{file}, row {line}: {row['parameter']} {row['value']:g} [{row['ci_low']:g}, "
+            f"{row['ci_high']:g}] is no value of a joint. Correct it, or run jointz analyze again.",
+            path=str(file),
+            row=line,
+        )
     place = (row["participant"], row["parameter"], row["timing_point"])
     return PersonValue(name, *place, number, low, high, row["status"])
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.registry import list_columns, read_table
+from jointz.io.registry import RawTable, list_columns, read_table
 
 _DELIMITERS = (",", ";", "\t")
 _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
@@ -31,7 +31,7 @@ def read_responses(
     Returns
     -------
     pandas.DataFrame
-        The columns; labels are text, in the order of the file.
+        The columns, in the order of the file; labels are text, as they are written.
 
     Raises
     ------
@@ -47,13 +47,13 @@ def read_responses(
     delimiter = _delimiter(file, names)
     try:
         files = FilesSpec(delimiter=delimiter)
-        table = read_table(file, numeric=responses, labels=labels, files=files)
+        table = _read(file, responses, labels, files)
     except DataError as exc:
         if delimiter != ";":
             raise
         try:  # where semicolons stand between columns, commas are decimal signs
             files = FilesSpec(delimiter=delimiter, decimal=",")
-            table = read_table(file, numeric=responses, labels=labels, files=files)
+            table = _read(file, responses, labels, files)
         except DataError:
             raise exc from None
     columns = dict(table.columns)
@@ -62,12 +62,21 @@ def read_responses(
     return pd.DataFrame(columns)[names]
 
 
+def _read(
+    file: Path, responses: Sequence[str], labels: Sequence[str], files: FilesSpec
+) -> RawTable:
+    return read_table(file, numeric=responses, labels=labels, files=files, as_written=True)
+
+
 def _delimiter(file: Path, names: Sequence[str]) -> str | None:
     """Return what stands between the columns: that by which most names are found."""
     if not file.name.lower().endswith(_TEXT) or not file.is_file():
         return None
     found = {}
     for delimiter in _DELIMITERS:
-        columns = list_columns(file, FilesSpec(delimiter=delimiter)) or []
+        try:
+            columns = list_columns(file, FilesSpec(delimiter=delimiter)) or []
+        except DataError:  # several numbers instead of names: told when it is read
+            columns = ["", ""]
         found[delimiter] = (len({*names} & {*columns}), len(columns))
     return max(_DELIMITERS, key=found.__getitem__)

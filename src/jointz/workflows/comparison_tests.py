@@ -62,7 +62,7 @@ def between_sources(
         for i, j in combinations(range(len(read)), 2)
         if row[i] and row[j] and (names := (read[i].source.name, read[j].source.name))
     ]
-    return _by_holm(rows)
+    return _adjusted(rows, "holm")
 
 
 def _difference(
@@ -88,7 +88,7 @@ def _difference(
         design=design,
         n_first=a.size,
         n_second=b.size,
-        n_at_bound=sum(v.status == "at_bound" for v in used),
+        n_at_bound=sum(v.at_bound for v in used),
         mean_first=float(a.mean()) if a.size else None,
         mean_second=float(b.mean()) if b.size else None,
     )
@@ -112,41 +112,75 @@ def _difference(
     )
 
 
-def _by_holm(rows: Sequence[Difference]) -> tuple[Difference, ...]:
+_ADJUST: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "holm": holm,
+    "bonferroni": lambda p: np.minimum(p * p.size, 1.0),
+    "none": lambda p: p,
+}
+
+
+def _adjusted(rows: Sequence[Difference], adjust: str) -> tuple[Difference, ...]:
     """Adjust p over all differences of a parameter."""
     adjusted: dict[int, float] = {}
     for parameter in dict.fromkeys(row.parameter for row in rows):
         tested = [(i, row.p) for i, row in enumerate(rows)
                   if row.parameter == parameter and row.p is not None]  # fmt: skip
-        p = holm(np.array([p for _, p in tested]))
+        p = _ADJUST[adjust](np.array([p for _, p in tested]))
         adjusted |= {i: float(value) for (i, _), value in zip(tested, p, strict=True)}
     return tuple(replace(row, p_adjusted=adjusted.get(i)) for i, row in enumerate(rows))
 
 
-def between_points(tests: Sequence[FactorTest], cells: Cells) -> tuple[Difference, ...]:
-    """Return the pairs of timing points of the mixed models, with Holm's p.
+def between_points(
+    tests: Sequence[FactorTest], cells: Cells, *, adjust: str, error: str
+) -> tuple[Difference, ...]:
+    """Return the pairs of timing points of one source.
 
     Parameters
     ----------
     tests : sequence of FactorTest
-        Of the timing points of one source.
+        Of the timing points.
     cells : mapping
-        Its values.
+        The values.
+    adjust : str
+        Of p over the pairs of a parameter: ``holm``, ``bonferroni``, ``none``.
+    error : str
+        ``paired``: every pair has its own; ``pooled``: all have that of the mixed model.
     """
-    return tuple(
-        row for test in tests if test.fit is not None for row in _point_pairs(test, test.fit, cells)
-    )
+    rows: list[Difference] = []
+    for test in tests:
+        if test.fit is None:
+            continue
+        pairs = _paired_points if error == PAIRED else _pooled_points
+        made, sphericity = pairs(test, test.fit, cells), test.fit.repeated_measures
+        if sphericity is not None:
+            numbers: dict[str, Any] = {
+                "epsilon": sphericity.epsilon,
+                "p_epsilon": sphericity.p_epsilon,
+            }
+            made = [replace(row, **numbers) for row in made]
+        rows += made
+    return _adjusted(rows, adjust)
 
 
-def _point_pairs(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Difference]:
+def _paired_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Difference]:
+    own = {point: cells[test.parameter, point][0] for point in fit.levels}
+    return [
+        replace(
+            _difference((test.parameter, ""), own[a], own[b], design=PAIRED, margin_pct=None),
+            first=a,
+            second=b,
+        )
+        for a, b in combinations(fit.levels, 2)
+    ]
+
+
+def _pooled_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Difference]:
     means = {m.level: m for m in fit.means}
     at_bound = {
-        point: sum(v.status == "at_bound" for v in cells[test.parameter, point][0].values())
-        for point in means
+        point: sum(v.at_bound for v in cells[test.parameter, point][0].values()) for point in means
     }
-    alone, adjusted = fit.pairs("none"), fit.pairs("holm")["p_adjusted"]
     rows = []
-    for pair, p_adjusted in zip(alone.to_dict("records"), adjusted, strict=True):
+    for pair in fit.pairs("none").to_dict("records"):
         first, second = means[pair["first"]], means[pair["second"]]
         numbers: dict[str, Any] = {key: float(pair[key]) for key in
                    ("difference", "ci_low", "ci_high", "t", "df", "p")}  # fmt: skip
@@ -164,7 +198,6 @@ def _point_pairs(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Dif
                 mean_first=first.mean,
                 mean_second=second.mean,
                 **numbers,
-                p_adjusted=float(p_adjusted),
             )
         )
     return rows
@@ -173,7 +206,9 @@ def _point_pairs(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Dif
 # --- mixed models and repeatability --------------------------------------------------------------
 
 
-def factor_tests(read: Sequence[Results], cells: Cells, designs: Designs) -> tuple[FactorTest, ...]:
+def factor_tests(
+    read: Sequence[Results], cells: Cells, designs: Designs, *, df: str
+) -> tuple[FactorTest, ...]:
     """Return a mixed model over timing points of one source, or over three and more sources.
 
     Parameters
@@ -184,24 +219,27 @@ def factor_tests(read: Sequence[Results], cells: Cells, designs: Designs) -> tup
         Their values.
     designs : mapping
         Whether their people are the same: only then there is a model over sources.
+    df : str
+        Denominator degrees of freedom: ``kenward-roger`` or ``satterthwaite``.
     """
     if len(read) == 1:
         tests = []
         for parameter in dict.fromkeys(parameter for parameter, _ in cells):
             levels = {point: row[0] for (name, point), row in cells.items() if name == parameter}
-            tests.append(_factor(parameter, "timing_point", read[0].source.name, levels))
+            tests.append(_factor((parameter, "timing_point", read[0].source.name), levels, df=df))
         return tuple(tests)
     if len(read) < 3 or GROUPS in designs.values():
         return ()
     return tuple(
-        _factor(parameter, "condition", point,
-                {r.source.name: own for r, own in zip(read, row, strict=True)})
+        _factor((parameter, "condition", point),
+                {r.source.name: own for r, own in zip(read, row, strict=True)}, df=df)
         for (parameter, point), row in cells.items()
         if all(row)
     )  # fmt: skip
 
 
-def _factor(parameter: str, factor: str, where: str, levels: Mapping[str, Own]) -> FactorTest:
+def _factor(of: tuple[str, str, str], levels: Mapping[str, Own], *, df: str) -> FactorTest:
+    parameter, factor, where = of
     made = FactorTest(parameter, PARAMETER_UNITS[parameter], factor, where, None)
     if set(levels) == {SHARED}:
         return replace(made, reason="one value a participant, of all timing points")
@@ -210,11 +248,15 @@ def _factor(parameter: str, factor: str, where: str, levels: Mapping[str, Own]) 
         for level, own in levels.items()
         for person, value in standing(own).items()
     ]
+    if not rows:
+        return replace(made, reason="nobody has a value")
     table = pd.DataFrame(rows, columns=["participant", factor, parameter])
     try:
-        fit = mixed_model(table, response=parameter, within=factor, participant="participant")
+        fit = mixed_model(
+            table, response=parameter, within=factor, participant="participant", df=df
+        )
     except (DataError, EstimationError) as exc:
-        return replace(made, reason=str(exc))
+        return replace(made, reason=str(exc).removeprefix("mixed_model: "))
     return replace(made, fit=fit)
 
 

@@ -17,7 +17,12 @@ from jointz.workflows.reproduce_chapter2 import reproduce_chapter2
 from jointz.workflows.reproduce_chapter3 import reproduce_chapter3
 from jointz.workflows.reproduce_chapter4 import reproduce_chapter4
 from jointz.workflows.reproduction_tasks import Progress
-from jointz.workflows.results_folder import check_free, new_folder, write_marker
+from jointz.workflows.results_folder import (
+    REPRODUCTION,
+    check_free,
+    new_folder,
+    write_marker,
+)
 
 MARKER = "provenance.json"
 #: All chapters on one page.
@@ -81,10 +86,12 @@ def reproduce(
     tell = progress or (lambda _done, _total, _what: None)
     folders = {number: _folder(Path(out), number) for number in chapters}
     for folder in folders.values():  # before hours of work, not after
-        check_free(folder, marker=MARKER, overwrite=overwrite)
+        check_free(folder, marker=MARKER, overwrite=overwrite, made_by=REPRODUCTION)
     written = []
     for number, folder in folders.items():
-        with new_folder(folder, marker=MARKER, overwrite=overwrite) as partial:
+        with new_folder(
+            folder, marker=MARKER, overwrite=overwrite, made_by=REPRODUCTION
+        ) as partial:
             made = _CHAPTERS[number](seed, preset, tell)
             _write(made, partial)
         written.append(Chapter(folder / f"chapter{number}.html", made))
@@ -121,7 +128,7 @@ def _write(made: Reproduction, folder: Path) -> None:
     text = json.dumps(made.to_dict(), allow_nan=False)
     (folder / f"{name}.json").write_text(text, encoding="utf-8")
     (folder / f"{name}.html").write_text(render_chapter(made, figures), encoding="utf-8")
-    write_marker(folder, MARKER, dict(made.provenance))
+    write_marker(folder, MARKER, {**made.provenance, "made_by": REPRODUCTION})
 
 
 _CHAPTERS: Mapping[int, Callable[[int, str, Progress], Reproduction]] = {

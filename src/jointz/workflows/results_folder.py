@@ -1,5 +1,6 @@
 """Write an analysis as a folder: whole or not at all."""
 
+import fnmatch
 import json
 import shutil
 import tempfile
@@ -23,6 +24,14 @@ from jointz.workflows.process_pool import shared_out
 
 #: The file that shows a folder to be one of ours, and so replaceable.
 MARKER = "provenance.json"
+#: What a folder may hold, as its marker says (``made_by``); one never replaces another.
+ANALYSIS, COMPARISON, REPRODUCTION = "analysis", "comparison", "reproduction"
+#: What tells it of a folder whose marker is older and does not.
+_TELLING = (
+    (ANALYSIS, "estimates.csv"),
+    (COMPARISON, "comparison.json"),
+    (REPRODUCTION, "chapter[0-9].json"),
+)
 _FLOAT_FORMAT = "%.10g"
 
 
@@ -62,7 +71,7 @@ def write_results(
     OutputError
         When the folder exists and may not be replaced, or cannot be written.
     """
-    with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
+    with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS) as folder:
         drawings = _drawings(analysis, pool)
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
@@ -78,7 +87,8 @@ def write_results(
         page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
         settings = {"settings": dict(analysis.settings)}
-        write_marker(folder, MARKER, {**analysis.provenance, **settings})
+        kind = {"made_by": ANALYSIS}
+        write_marker(folder, MARKER, {**analysis.provenance, **settings, **kind})
     return out / "report.html"
 
 
@@ -94,7 +104,7 @@ def _drawings(
     return dict(zip(FIGURES, calls, strict=True))
 
 
-def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
+def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None = None) -> None:
     """Raise unless a folder can be made or replaced here.
 
     Parameters
@@ -105,6 +115,8 @@ def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
         File that shows a folder to be one that jointz made.
     overwrite : bool
         Whether such a folder may be replaced.
+    made_by : str, optional
+        What such a folder must hold, where that is known: :data:`ANALYSIS` and the like.
 
     Raises
     ------
@@ -126,6 +138,8 @@ def check_free(out: Path, *, marker: str, overwrite: bool) -> None:
             f"{out}: holds no {marker} of jointz, so jointz did not make it and will not replace "
             "it. Name another folder."
         )
+    if made_by is not None:
+        _check_kind(out, out / marker, made_by)
     foreign = sorted(_files(out) - own - {marker})
     if foreign:
         raise OutputError(
@@ -145,7 +159,7 @@ def write_marker(folder: Path, marker: str, content: Mapping[str, object]) -> No
     marker : str
         The file's name.
     content : mapping
-        What else it says.
+        What else it says: ``made_by``, and where its files come from.
     """
     _write_json(folder / marker, {**content, "files": sorted(_files(folder) - {marker})})
 
@@ -163,8 +177,28 @@ def _own_files(marker: Path) -> set[str] | None:
         return None
 
 
+def _kind(marker: Path) -> str:
+    """Return what a folder holds, empty where its marker does not tell."""
+    content = json.loads(marker.read_text(encoding="utf-8"))
+    if "made_by" in content:
+        return str(content["made_by"])
+    names = list(map(str, content["files"]))
+    return next((kind for kind, name in _TELLING if fnmatch.filter(names, name)), "")
+
+
+def _check_kind(out: Path, marker: Path, made_by: str) -> None:
+    """Refuse to replace what holds something else."""
+    if (found := _kind(marker)) != made_by:
+        raise OutputError(
+            f"{out}: jointz made it as {found or 'something else'}, not as {made_by or 'this'}: it "
+            "is kept, for --overwrite replaces the same kind only. Name another folder."
+        )
+
+
 @contextmanager
-def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
+def new_folder(
+    out: Path, *, marker: str, overwrite: bool, made_by: str | None = None
+) -> Iterator[Path]:
     """Give a folder to fill, which takes its name only when all went well.
 
     Parameters
@@ -175,6 +209,9 @@ def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
         File that shows a folder to be one that jointz made.
     overwrite : bool
         Replace such a folder.
+    made_by : str, optional
+        What such a folder must hold; by default that of the new marker, which is known, and
+        refused, only when all is written.
 
     Yields
     ------
@@ -187,9 +224,11 @@ def new_folder(out: Path, *, marker: str, overwrite: bool) -> Iterator[Path]:
     OutputError
         When ``out`` must be kept, or the system refuses to write it.
     """
-    check_free(out, marker=marker, overwrite=overwrite)
+    check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
     with _refusals_told(out), _parents(out), _partial(out) as partial:
         yield partial
+        if (out / marker).exists():
+            _check_kind(out, out / marker, _kind(partial / marker))
         _take_place(partial, out)
 
 

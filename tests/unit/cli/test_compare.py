@@ -120,6 +120,82 @@ def test_labels_that_are_numbers_stay_labels(jointz, tmp_path):
     assert jointz("compare", tmp_path / "t.csv", *COLUMNS, "--json").json["n_participants"] == 6
 
 
+def test_labels_are_kept_as_they_are_written(jointz, tmp_path):
+    table = long_table()
+    names = {"S0": "NA", "S1": "nan", "S2": "1", "S3": "1.0", "S4": "1e3", "S5": "None"}
+    table["who"] = table["who"].map(names)
+    table.to_csv(tmp_path / "t.csv", index=False)
+
+    made = jointz("compare", tmp_path / "t.csv", *COLUMNS, "--json").json
+
+    assert (made["n_participants"], made["missing"]) == (6, [])
+    assert made["notes"][0].startswith("'1' and '1.0' of who are taken as 2 different labels")
+
+
+def test_an_empty_last_cell_without_a_line_end_is_missing(jointz, table):
+    text = table.read_text()[: table.read_text().rstrip().rindex(",")]
+    table.write_text(text.rsplit(",", 1)[0] + ",,5.0\n")
+    known = jointz("compare", table, *COLUMNS, "--json").json
+    lines = [",".join([who, point, damping, stiffness]) for who, point, stiffness, damping in
+             (line.split(",") for line in table.read_text().split())]  # fmt: skip
+    table.write_text("\n".join(lines))
+
+    made = jointz("compare", table, *COLUMNS, "--json").json
+
+    assert made["missing"] == known["missing"] == [["S5", "MST"]]
+    table.write_text("\n".join(lines).rsplit(",", 1)[0])
+    cut = jointz("compare", table, *COLUMNS)
+    assert (cut.code, "cut off" in cut.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("stiffness,damping", "stiffness,stiffness"), "columns 3 and 4. Rename or remove one."),
+        (("S1,TST,", 'S1,TST,"3,5"#'), "Correct the cell"),
+    ],
+)
+def test_advice_is_what_can_be_done(jointz, table, change, words):
+    table.write_text(table.read_text().replace(*change))
+
+    outcome = jointz("compare", table, *COLUMNS)
+
+    assert outcome.code == 2
+    assert words in outcome.err
+    assert not any(word in outcome.err for word in ("[files]", "jointz identify", "--decimal"))
+
+
+def test_a_table_without_names_of_columns_is_told(jointz, tmp_path):
+    (tmp_path / "t.csv").write_text("1,1,0.5,2\n1,2,0.6,3\n2,1,0.7,4\n2,2,0.8,5\n")
+
+    outcome = jointz("compare", tmp_path / "t.csv", *COLUMNS)
+
+    assert (outcome.code, "[files]" in outcome.err) == (2, False)
+    assert "Write the names of the columns above them." in outcome.err
+
+
+def test_decimal_commas_among_points_are_told(jointz, tmp_path):
+    text = long_table().to_csv(index=False, sep=";")
+    (tmp_path / "t.csv").write_text(text.replace("S0;TST;", "S0;TST;1,2;1\nX;TST;", 1))
+
+    outcome = jointz("compare", tmp_path / "t.csv", *COLUMNS)
+
+    assert outcome.code == 2
+    assert "Write all decimals alike" in outcome.err
+    assert "[files]" not in outcome.err
+
+
+@pytest.mark.parametrize("word", ["True", "FALSE"])
+def test_true_and_false_are_no_numbers(jointz, table, word):
+    whole = long_table().assign(stiffness=word)
+    whole.to_csv(table, index=False)
+
+    outcome = jointz("compare", table, *COLUMNS)
+
+    assert outcome.code == 2
+    assert f"expected a number, found '{word}'" in outcome.err
+
+
 def test_pulses_are_no_people(jointz, table, tmp_path):
     pulses = tmp_path / "pulses.csv"
     rng = np.random.default_rng(0)
@@ -202,13 +278,50 @@ def test_where_nothing_stands_the_exit_status_is_1(jointz, tmp_path):
     )
     rows = [f"S{k},LRE,7,stiffness,,N*m/rad,,,recommended,undecided" for k in (1, 2)]
     (tmp_path / "estimates.csv").write_text("\n".join([header, *rows]) + "\n")
-    (tmp_path / "provenance.json").write_text("{}")
+    study = {"study": {"kind": "walking", "joint": "knee"}}
+    (tmp_path / "provenance.json").write_text(json.dumps(study))
 
     outcome = jointz("compare", tmp_path, "--json")
 
     assert (outcome.code, outcome.json["status"]) == (1, "nothing_stands")
     assert jointz("compare", tmp_path, "--out", tmp_path / "out").code == 1
     assert "Timing points of" in (tmp_path / "out" / "comparison.html").read_text()
+
+
+def test_where_no_difference_stands_the_exit_status_is_1(jointz, tmp_path):
+    header = (
+        "participant,timing_point,onset_gait_pct,parameter,value,unit,ci_low,ci_high,method,status"
+    )
+    study = {"study": {"kind": "walking", "joint": "knee"}}
+    for name, people in (("a", "ABC"), ("b", "A")):
+        rows = [
+            f"{name}{k},LRE,7,inertia,0.0{k},kg*m^2,,,recommended,ok" for k in range(len(people))
+        ]
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "estimates.csv").write_text("\n".join([header, *rows]) + "\n")
+        (tmp_path / name / "provenance.json").write_text(json.dumps(study))
+
+    alone = jointz("compare", tmp_path / "a", "--json")
+    both = jointz("compare", tmp_path / "a", tmp_path / "b", "--json")
+
+    assert (alone.code, alone.json["status"]) == (0, "ok")
+    assert (both.code, both.json["status"]) == (1, "nothing_stands")
+
+
+def test_a_comparison_does_not_replace_what_it_compares(jointz, tmp_path):
+    folder = tmp_path / "a"
+    folder.mkdir()
+    files = {"files": ["estimates.csv"], "study": {"kind": "walking", "joint": "knee"}}
+    (folder / "estimates.csv").write_text("x")
+    (folder / "provenance.json").write_text(json.dumps(files))
+
+    own = jointz("compare", folder, "--out", f"{folder}/../a", "--overwrite")
+    other = jointz("compare", "published", "--out", folder, "--overwrite")
+
+    assert (own.code, other.code) == (2, 2)
+    assert "is what is compared" in own.err
+    assert "made it as analysis, not as comparison" in other.err
+    assert (folder / "estimates.csv").read_text() == "x"
 
 
 @pytest.mark.parametrize(
@@ -220,6 +333,9 @@ def test_where_nothing_stands_the_exit_status_is_1(jointz, tmp_path):
         (("published", "more", *COLUMNS), "--response is of one table"),
         (("published", "--nested"), "--nested is of a table"),
         (("published", "--days"), "days are two or more results"),
+        (("published", "--margin", "10"), "of two or more results only: --margin"),
+        (("published", "--groups"), "of two or more results only: --paired and --groups"),
+        (("published", "nowhere", "--df", "satterthwaite"), "one results folder only: --df"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(jointz, arguments, words):

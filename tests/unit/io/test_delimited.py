@@ -86,6 +86,14 @@ def test_labels_are_written_plainly(tmp_path):
     assert table.columns["c"].tolist() == ["left", "right", "True"]
 
 
+def test_labels_of_a_file_that_stands_for_itself_are_as_written(tmp_path):
+    path = write(tmp_path, "t,a,b\n1,1.0,NA\n2,1e3,nan\n3,,None\nNA,01, right \n5,1,")
+    table = read_table(path, numeric=("t",), labels=("a", "b"), files=FilesSpec(), as_written=True)
+    assert table.columns["a"].tolist() == ["1.0", "1e3", "", "01", "1"]
+    assert table.columns["b"].tolist() == ["NA", "nan", "None", "right", ""]
+    np.testing.assert_array_equal(table.columns["t"], [1.0, 2.0, 3.0, np.nan, 5.0])
+
+
 @pytest.mark.parametrize(
     "content",
     [

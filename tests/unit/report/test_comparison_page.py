@@ -1,6 +1,7 @@
 """The page, the figures and the text of a comparison."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -109,6 +110,28 @@ def test_the_figures_of_the_published_tables_are_small_and_deterministic(publish
     assert all(len(svg) < 300_000 for svg in figures.values())
 
 
+def test_the_page_of_one_source_speaks_of_one(published):
+    page = render_comparison(published, draw_comparison(published))
+    pooled = compare_results(["published"], error="pooled", df="satterthwaite", adjust="none")
+    other = render_comparison(pooled, draw_comparison(pooled))
+
+    assert "Thin lines: people. Open" in page
+    assert "two results" not in page
+    assert "every pair is compared by itself" in page
+    assert "g_z: mean over" in page
+    assert "p (Holm)" in page
+    assert "pairs are compared by its error" in other
+    assert "g_z" not in other
+    assert "Satterthwaite\N{RIGHT SINGLE QUOTATION MARK}s degrees" in other
+    assert "Holm" not in other
+
+
+def test_effect_sizes_are_told_where_there_are_some():
+    assert "g: difference of groups" in render_comparison(two_groups(), {})
+    without = replace(two_groups(), differences=())
+    assert "noncentral" not in render_comparison(without, {})
+
+
 def test_nothing_to_draw_draws_nothing():
     assert draw_comparison(Comparison((), (), (), ())) == {}
 
@@ -118,7 +141,9 @@ def test_the_text_has_one_row_a_difference(published):
 
     assert len(tables["First"]) == 3 * 15
     assert len(tables["Means"]) == 3 * 6
+    sphericity = published.tests[0].fit.repeated_measures
     assert tables["Mixed"][0][3:6] == ["6.835", "5, 45", "< 0.0001"]
+    assert tables["Mixed"][0][6:8] == [f"{sphericity.epsilon:.2f}", f"{sphericity.p_epsilon:.2g}"]
 
 
 def test_every_row_is_as_wide_as_its_header():

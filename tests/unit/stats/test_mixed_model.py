@@ -379,7 +379,7 @@ def changed(rows, column, value):
         (changed(slice(None), "y", np.nan), "has no value of 'y'"),
         (changed(3, "y", np.inf), "1 infinite values"),
         (changed(3, "level", None), "'level' must name every row, 1 have none"),
-        (changed(3, "y", "3,5"), "column 'y' must hold numbers, it holds object"),
+        (changed(3, "y", "3,5"), "column 'y' must hold numbers, it holds text or a mix of kinds"),
         (made_up(np.random.default_rng(8)).iloc[::5], "cannot be told apart"),
         (made_up(np.random.default_rng(8)).rename(columns={"y": "K"}), "missing \\['y'\\]"),
         (made_up(np.random.default_rng(8)).iloc[:0], "found none"),
@@ -411,6 +411,38 @@ def test_labels_of_a_categorical_without_rows_are_said():
     assert fit.notes == ("no row has L9 of level",)
 
 
+@pytest.mark.parametrize("size", [1e300, 1e-200])
+def test_values_whose_squares_are_no_numbers_are_refused(size):
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="column 'y' has values of the size of"):
+        fit_of(table.assign(y=size * table["y"]), nested=False)
+
+
+@pytest.mark.parametrize("kind", [bool, complex, object])
+def test_a_response_is_of_real_numbers(kind):
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="column 'y' must hold numbers, it holds"):
+        fit_of(table.assign(y=(table["y"] > 0) if kind is bool else table["y"].astype(kind)))
+
+
+def test_a_column_twice_is_refused():
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="several columns 'y'; rename or drop all but one"):
+        fit_of(pd.concat([table, table[["y"]]], axis=1))
+
+
+def test_labels_that_are_nearly_the_same_are_said():
+    table = made_up(np.random.default_rng(9))
+    table["level"] = table["level"].replace({"L1": "l0"})
+
+    (note,) = fit_of(table, nested=False).notes
+
+    assert note.startswith("'L0' and 'l0' of level are taken as 2 different labels")
+
+
 def test_a_number_and_its_text_are_not_two_levels():
     table = made_up(np.random.default_rng(9))
     table["level"] = table["level"].astype(object).replace({"L0": 1, "L1": "1"})
@@ -423,10 +455,10 @@ def test_nothing_left_beside_people_and_levels_is_refused():
     table = made_up(np.random.default_rng(10))
     level, person = table["level"].str[1:].astype(float), table["participant"].str[1:].astype(float)
 
-    with pytest.raises(DataError, match="mixed model of 'y'"):
-        fit_of(table.assign(y=level**2 + 3 * person))
+    with pytest.raises(DataError, match="mixed model of 'y': participants and levels explain"):
+        fit_of(table.assign(y=level**2 + 3 * person), nested=False)
     repeated = pd.concat([table, table])
-    with pytest.raises(DataError, match="mixed model of 'y'"):
+    with pytest.raises(DataError, match="participants and levels, or their cells, explain every"):
         fit_of(repeated)
 
 

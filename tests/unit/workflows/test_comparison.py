@@ -154,7 +154,7 @@ def test_holm_counts_the_timing_points_of_a_parameter(results):
 
 
 def test_the_published_tables_give_their_known_tests():
-    made = compare_results(["published"])
+    made = compare_results(["published"], error="pooled")
 
     assert [test.fit.f_test.F for test in made.tests] == pytest.approx(
         [6.83472, 1.98101, 1.07921], abs=5e-6
@@ -164,6 +164,69 @@ def test_the_published_tables_give_their_known_tests():
     assert len(made.at_bound) == 7
     assert {d.n_at_bound for d in made.differences if "LRE" in (d.first, d.second)} >= {1, 2, 3}
     assert said(made, "S5 LRE")
+
+
+def test_every_pair_of_timing_points_has_an_error_of_its_own():
+    made = compare_results(["published"])
+
+    table = participant_table().pivot_table(
+        "stiffness_per_mass", "participant", "timing_point", observed=True
+    )
+    own = [d for d in made.differences if d.parameter == "stiffness_per_mass"]
+    known = [stats.ttest_rel(table[d.first], table[d.second]) for d in own]
+    assert {(d.design, d.effect, d.n_first) for d in own} == {("paired", "g_z", 10)}
+    assert [d.p for d in own] == pytest.approx([k.pvalue for k in known])
+    ranked = sorted(k.pvalue for k in known)
+    steps = np.maximum.accumulate(np.multiply(ranked, range(15, 0, -1))).clip(max=1.0)
+    assert sorted(d.p_adjusted for d in own) == pytest.approx(steps)
+    assert (made.settings["error"], made.settings["adjust"]) == ("paired", "holm")
+
+
+def test_timing_points_that_do_not_vary_alike_are_told():
+    made = compare_results(["published"])
+    pooled = compare_results(["published"], error="pooled")
+
+    (test, *_) = made.tests
+    rm = test.fit.repeated_measures
+    assert rm.epsilon < 0.75
+    frame = made.to_frame().query("parameter == 'stiffness_per_mass'")
+    assert frame["epsilon"].to_list() == pytest.approx([rm.epsilon] * 15)
+    assert frame["p_epsilon"].to_list() == pytest.approx([rm.p_epsilon] * 15)
+    (note,) = (n for n in said(made, "do not vary alike") if "stiffness" in n)
+    assert f"epsilon {rm.epsilon:.2f}" in note
+    assert not said(made, "--error pooled")
+    assert said(pooled, "leave out --error pooled")
+
+
+def test_one_folder_may_be_given_the_choices_of_a_table(results):
+    made = compare_results(
+        [results("own")], df="satterthwaite", adjust="bonferroni", error="pooled"
+    )
+
+    fit = made.tests[0].fit
+    own = [d for d in made.differences if d.parameter == fit.response]
+    assert fit.df_method == "satterthwaite"
+    assert {d.design for d in own} == {"pooled"}
+    assert [d.p_adjusted for d in own] == pytest.approx(list(fit.pairs()["p_adjusted"]))
+    assert made.adjusted == "adjusted by Bonferroni"
+    alone = compare_results(["published"], adjust="none")
+    assert [d.p_adjusted for d in alone.differences] == [d.p for d in alone.differences]
+
+
+@pytest.mark.parametrize("option", ["df", "adjust", "error"])
+def test_several_folders_have_no_choices_of_a_model(results, option):
+    choice = {"df": "satterthwaite", "adjust": "holm", "error": "paired"}[option]
+
+    with pytest.raises(DataError, match=f"of a table or one results folder only: --{option}"):
+        compare_results([results("a"), results("b")], **{option: choice})
+    with pytest.raises(DataError, match=f"expected --{option} .*got 'most'"):
+        compare_results(["published"], **{option: "most"})
+
+
+@pytest.mark.parametrize("option", [{"margin_pct": 10.0}, {"paired": True}, {"paired": False}])
+def test_one_folder_has_no_other_to_be_paired_with_or_alike(option):
+    with pytest.raises(DataError, match="of two or more results only"):
+        compare_results(["published"], **option)
 
 
 def test_one_folder_is_beside_the_published_values(results):
@@ -264,7 +327,7 @@ def test_a_value_at_its_bound_is_used_and_named(results):
     found = row(made, "damping_per_mass", "LRE")
     assert (found.n_first, found.n_at_bound) == (5, 1)
     assert found.mean_first == pytest.approx(of(table, "damping_per_mass", "LRE").mean())
-    (note,) = said(made, "at their bound")
+    (note,) = said(made, "1 value stands at its bound")
     assert "a damping_per_mass (at_bound): A LRE" in note
 
 
@@ -307,7 +370,8 @@ def test_unlike_methods_and_equal_recordings_are_a_warning(results):
     other = estimates("ABCDE", seed=1).assign(method="dissertation")
     folders = [results("a"), results("b", table=other)]
     file = folders[1] / "provenance.json"
-    settings = {"study": {}, "study_sha256": "a", "settings": {"window_s": 0.2}}
+    study = {"kind": "walking", "joint": "knee"}
+    settings = {"study": study, "study_sha256": "a", "settings": {"window_s": 0.2}}
     file.write_text(json.dumps(settings))
 
     made = compare_results(folders)

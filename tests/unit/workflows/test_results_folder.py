@@ -11,7 +11,10 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError
 from jointz.workflows import results_folder
 from jointz.workflows.results_folder import (
+    ANALYSIS,
+    COMPARISON,
     MARKER,
+    REPRODUCTION,
     check_free,
     new_folder,
     write_marker,
@@ -23,9 +26,9 @@ def names(folder):
     return sorted(p.name for p in folder.iterdir())
 
 
-def fill(out, text, *, overwrite=False):
-    with new_folder(out, marker=MARKER, overwrite=overwrite) as folder:
-        write_marker(folder, MARKER, {"text": text})
+def fill(out, text, *, overwrite=False, **more):
+    with new_folder(out, marker=MARKER, overwrite=overwrite, **more) as folder:
+        write_marker(folder, MARKER, {"made_by": ANALYSIS, "text": text})
 
 
 def text_of(out):
@@ -54,7 +57,7 @@ def test_nothing_is_left_of_a_folder_that_failed(tmp_path, error):
 def test_an_old_folder_is_replaced_whole(tmp_path):
     with new_folder(tmp_path / "out", marker=MARKER, overwrite=False) as folder:
         (folder / "stale.csv").write_text("x")
-        write_marker(folder, MARKER, {"text": "old"})
+        write_marker(folder, MARKER, {"made_by": ANALYSIS, "text": "old"})
     fill(tmp_path / "out", "new", overwrite=True)
 
     assert names(tmp_path) == ["out"]
@@ -77,6 +80,47 @@ def test_a_marker_of_somebody_else_protects_its_folder(tmp_path):
     (tmp_path / "out" / MARKER).write_text('{"made": "by hand"}')
     with pytest.raises(OutputError, match="did not make it"):
         fill(tmp_path / "out", "new", overwrite=True)
+
+
+def old_folder(out, file):
+    """Write a folder as jointz did before markers told what they hold."""
+    out.mkdir()
+    (out / file).write_text("x")
+    (out / MARKER).write_text(json.dumps({"files": [file]}))
+
+
+@pytest.mark.parametrize("made_by", [COMPARISON, REPRODUCTION])
+def test_a_folder_of_another_kind_is_kept(tmp_path, made_by):
+    fill(tmp_path / "out", "old")
+
+    message = f"made it as analysis, not as {made_by}: it is kept"
+    with pytest.raises(OutputError, match=message):
+        check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=made_by)
+    with pytest.raises(OutputError, match=message):
+        fill(tmp_path / "out", "new", overwrite=True, made_by=made_by)
+    assert text_of(tmp_path / "out") == "old"
+
+
+@pytest.mark.parametrize(
+    ("file", "kind"),
+    [("estimates.csv", ANALYSIS), ("comparison.json", COMPARISON), ("chapter4.json", REPRODUCTION)],
+)
+def test_an_older_folder_is_known_by_its_files(tmp_path, file, kind):
+    old_folder(tmp_path / "out", file)
+
+    for other in {ANALYSIS, COMPARISON, REPRODUCTION} - {kind}:
+        with pytest.raises(OutputError, match=f"made it as {kind}, not as {other}"):
+            check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=other)
+    check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=kind)
+
+
+def test_a_kind_that_is_told_only_by_the_new_marker_is_compared_too(tmp_path):
+    old_folder(tmp_path / "out", "comparison.json")
+
+    with pytest.raises(OutputError, match="made it as comparison, not as analysis"):
+        fill(tmp_path / "out", "new", overwrite=True)
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == ["comparison.json", MARKER]
 
 
 def test_a_failure_keeps_the_old_folder(tmp_path):
