@@ -58,7 +58,8 @@ Where a figure asked for is not met:
 - **Inertia, hard, lag unknown**: 95 % of cells are withheld. Those that stand are the ones whose
   interval came out narrow by chance or error, and hold the truth in six of ten: without a
   measured lag do not use an inertia of such recordings.
-- **Reflex of velocity at 30 ms**: nearest to what K and B do themselves; 0.885 and 0.891 instead of 0.90.
+- **Reflex of velocity at 30 ms**: nearest to what K and B do themselves; 0.885 and 0.891 instead of
+  0.90.
 
 """
 

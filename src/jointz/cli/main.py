@@ -18,7 +18,9 @@ from jointz.cli.console import (
     emit,
     emit_json,
 )
+from jointz.cli.console_page import console
 from jointz.cli.demo import demo
+from jointz.cli.explore import explore
 from jointz.cli.identify import identify
 from jointz.cli.protocols import protocols
 from jointz.cli.reproduce import reproduce
@@ -42,9 +44,11 @@ app = typer.Typer(
 app.command("demo")(demo)
 app.add_typer(protocols, name="protocols")
 app.command("run")(run_experiment)
+app.command("console")(console)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
 app.command("compare")(compare)
+app.command("explore")(explore)
 app.command("reproduce")(reproduce)
 
 

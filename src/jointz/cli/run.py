@@ -88,6 +88,10 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run that was interrupted.")
     ] = False,
+    attended: Annotated[
+        bool,
+        typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -114,8 +118,9 @@ def run(
             preset=preset.value,
             clock=clock.value,
             participants=participants,
-            workers=workers or (1 if real else os.cpu_count() or 1),
+            workers=workers or (1 if real or attended else os.cpu_count() or 1),
             resume=resume,
+            attended=attended,
             operator=NoOperator() if simulated else _Prompting(bars.paused),
             progress=bars.experiment,
         )

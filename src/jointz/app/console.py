@@ -1,0 +1,139 @@
+"""The operator's console: a page that shows a session and a button that stops it.
+
+The page's process is not the session's. It reads the session's files and leaves commands in a
+box in memory: it cannot hold up the loop, and the loop goes on without it.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jointz.app.console_page import build_page
+from jointz.app.desk import Beat, Desk
+from jointz.app.live_feed import LiveFeed
+from jointz.app.server import require_app, serve
+from jointz.app.session_process import SessionProcess
+from jointz.core.errors import DataError, OutputError
+from jointz.workflows.live_session import LiveSession
+from jointz.workflows.run_claim import RUN_FILE
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+STATIC = Path(__file__).parent / "static"
+_LONGEST_COMMAND_BYTES = 4096
+
+
+def open_console(
+    study: Path,
+    arguments: Sequence[str],
+    *,
+    resume: bool,
+    host: str,
+    port: int,
+    announce: Callable[[str], None],
+) -> None:
+    """Start a session, or find the one that runs, and serve its page.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        The study's folder.
+    arguments : sequence of str
+        Of ``jointz run``; empty to look on only.
+    resume : bool
+        Whether to go on with a run that was interrupted.
+    host, port : str, int
+        Where to listen.
+    announce : callable
+        Told the page's address.
+
+    Raises
+    ------
+    DataError
+        When NiceGUI is not installed, there is no session to look at, or the address cannot
+        be listened on.
+    """
+    require_app()
+    process = SessionProcess(study, arguments)
+    if not process.can_start and not (study / RUN_FILE).exists():
+        raise DataError(
+            f"{study}: holds no {RUN_FILE}: no session to show. Give a protocol to begin one.",
+            path=str(study),
+        )
+    begin = process.can_start and not (resume and process.alive())
+    if begin and not resume and study.is_dir() and any(study.iterdir()):
+        raise OutputError(
+            f"{study}: exists and is kept. Name another folder, or add --resume to go on with the "
+            "run in it."
+        )
+    live = LiveSession(study, alive=process.alive)
+    feed = LiveFeed(live, process)
+    desk = Desk(study, process, feed.look)
+
+    def ready(address: str) -> None:
+        # Last of all: a session begins only when there is a page to stop it with.
+        if begin:
+            process.start(resume=resume)
+        for work in (feed.run, Beat(live, feed.somebody).run):
+            threading.Thread(target=work, daemon=True).start()
+        announce(address)
+
+    try:
+        serve(
+            build_page,
+            title=f"jointz console - {study.name}",
+            host=host,
+            port=port,
+            routes=lambda app: add_routes(app, feed, desk),
+            announce=ready,
+        )
+    finally:
+        process.close()
+
+
+def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:
+    """Add what the page's script asks for, without NiceGUI between.
+
+    Parameters
+    ----------
+    app : FastAPI
+        The application.
+    feed : LiveFeed
+        What is told.
+    desk : Desk
+        What is asked for.
+    """
+    from starlette.responses import JSONResponse
+    from starlette.routing import Mount, Route, WebSocketRoute
+    from starlette.staticfiles import StaticFiles
+
+    async def stop(request: "Request") -> "Response":
+        # Before anything is waited for.
+        asked = desk.stop()
+        del request
+        return JSONResponse({"asked": asked})
+
+    async def command(request: "Request") -> "Response":
+        message = bytearray()
+        async for part in request.stream():
+            message += part
+            if len(message) > _LONGEST_COMMAND_BYTES:
+                return JSONResponse({"refused": "too long"}, status_code=413)
+        try:
+            # In a thread: a stop must not wait for what is asked for here.
+            await asyncio.to_thread(desk.ask, bytes(message))
+        except DataError as exc:
+            return JSONResponse({"refused": str(exc)}, status_code=422)
+        return JSONResponse({})
+
+    app.router.routes += [
+        Route("/stop", stop, methods=["POST"]),
+        Route("/command", command, methods=["POST"]),
+        WebSocketRoute("/live", feed.answer),
+        Mount("/console-files", StaticFiles(directory=STATIC)),
+    ]

@@ -1,0 +1,218 @@
+"""What an operator may ask for: every word of it checked before it reaches a session."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
+
+from jointz.app.session_process import SessionProcess
+from jointz.core.errors import DataError
+from jointz.experiment.control_box import LONGEST_TEXT_BYTES, ControlSender, Order
+from jointz.experiment.session_files import CONTROL_FILE
+from jointz.workflows.live_session import LiveSession, control_files
+from jointz.workflows.run_settings import SESSIONS
+
+#: States of a session that ended before its end.
+BROKEN_OFF = frozenset({"stopped", "tripped", "failed"})
+_BEAT_S = 0.2
+
+
+class _Asked(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class StartCondition(_Asked):
+    """The participant is ready; names the condition that the page shows."""
+
+    order: Literal["start"]
+    condition: str
+
+
+class Pause(_Asked):
+    """No more pulses for now."""
+
+    order: Literal["pause"]
+
+
+class GoOn(_Asked):
+    """Pulses again."""
+
+    order: Literal["go_on"]
+
+
+class Note(_Asked):
+    """Something to write into the journal."""
+
+    order: Literal["note"]
+    text: Annotated[str, Field(min_length=1)]
+
+    @field_validator("text")
+    @classmethod
+    def _prints(cls, text: str) -> str:
+        if not text.isprintable() or not text.strip():
+            raise ValueError("expected text on one line")
+        if len(text.encode()) > LONGEST_TEXT_BYTES:
+            raise ValueError(f"expected at most {LONGEST_TEXT_BYTES} bytes; write two notes")
+        return text
+
+
+class ReArm(_Asked):
+    """Go on after a trip, stop or failure; names what the page says was the reason."""
+
+    order: Literal["rearm"]
+    reason: str
+
+
+_ANY: TypeAdapter[StartCondition | Pause | GoOn | Note | ReArm] = TypeAdapter(
+    Annotated[StartCondition | Pause | GoOn | Note | ReArm, Field(discriminator="order")]
+)
+_ORDERS = {"start": Order.START, "pause": Order.PAUSE, "go_on": Order.GO_ON, "note": Order.NOTE}
+
+
+class Desk:
+    """Passes on what was asked for.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        The study's folder.
+    process : SessionProcess
+        What runs the session.
+    look : callable
+        Returns the status of the session as it is now.
+    """
+
+    def __init__(
+        self, study: Path, process: SessionProcess, look: Callable[[], dict[str, Any]]
+    ) -> None:
+        self._study = study
+        self._process = process
+        self._look = look
+        self._lock = threading.Lock()
+
+    def stop(self) -> int:
+        """Ask for a stop, at once, and return of how many sessions.
+
+        The sessions of a study that are over have no use for it and take no harm: which one
+        runs need not be known.
+        """
+        asked = 0
+        for file in control_files(self._study):
+            try:
+                sender = ControlSender(file)
+            except DataError:  # another one may still be reached
+                continue
+            sender.stop()
+            sender.close()
+            asked += 1
+        return asked
+
+    def ask(self, message: bytes) -> None:
+        """Check a command and pass it on.
+
+        Parameters
+        ----------
+        message : bytes
+            JSON with ``order`` and what belongs to it.
+
+        Raises
+        ------
+        DataError
+            When it is malformed, or does not fit the state of the session.
+        """
+        try:
+            asked = _ANY.validate_json(message)
+        except ValidationError as exc:
+            problems = "; ".join(error["msg"] for error in exc.errors(include_url=False))
+            raise DataError(f"command: {problems}.") from exc
+        with self._lock:
+            told = self._look()
+            if isinstance(asked, ReArm):
+                self._rearm(asked, told["state"], told.get("reason", ""))
+                return
+            _see_that_it_fits(asked, told["state"], told.get("condition", ""))
+            self._send(told["participant"], asked)
+
+    def _rearm(self, asked: ReArm, state: str, reason: str) -> None:
+        if state not in BROKEN_OFF:
+            raise DataError(f"re-arm: the session is {state}.")
+        if asked.reason != reason:
+            raise DataError("re-arm: something else has happened since. Read it first.")
+        self._process.start(resume=True)
+
+    def _send(self, participant: str, asked: StartCondition | Pause | GoOn | Note) -> None:
+        if not participant or not self._process.alive():
+            raise DataError("no session runs that could take it.")
+        sender = ControlSender(self._study / SESSIONS / participant / CONTROL_FILE)
+        try:
+            sender.send(_ORDERS[asked.order], asked.text if isinstance(asked, Note) else "")
+        finally:
+            sender.close()
+
+
+def _see_that_it_fits(
+    asked: StartCondition | Pause | GoOn | Note, state: str, condition: str
+) -> None:
+    """Refuse what a page asked for when the session was elsewhere already."""
+    if isinstance(asked, StartCondition) and (state, condition) != ("waiting", asked.condition):
+        raise DataError(f"start of {asked.condition!r}: the session is {state} ({condition}).")
+    if isinstance(asked, Pause) and state != "running":
+        raise DataError(f"pause: the session is {state}.")
+    if isinstance(asked, GoOn) and state != "paused":
+        raise DataError(f"go on: the session is {state}.")
+
+
+class Beat:
+    """Gives the session signs of life, as long as somebody looks at the page.
+
+    Parameters
+    ----------
+    live : LiveSession
+        The session.
+    somebody : callable
+        Whether a page is connected and answers.
+    """
+
+    def __init__(self, live: LiveSession, somebody: Callable[[], bool]) -> None:
+        self._live = live
+        self._somebody = somebody
+        self._path: Path | None = None
+        self._inode = -1
+        self._sender: ControlSender | None = None
+
+    def run(self) -> None:
+        """Go on for as long as the page's process lives."""
+        while True:
+            time.sleep(_BEAT_S)
+            if self._somebody():
+                self.beat()
+
+    def beat(self) -> None:
+        """Give one sign of life to the session that runs."""
+        folder = self._live.folder
+        if folder is None:
+            return
+        try:
+            self._reopen(folder / CONTROL_FILE)
+        except (OSError, DataError):  # none yet, or no more
+            return
+        if self._sender is not None:
+            self._sender.beat()
+
+    def close(self) -> None:
+        """Let go of the box."""
+        if self._sender is not None:
+            self._sender.close()
+        self._sender, self._path = None, None
+
+    def _reopen(self, path: Path) -> None:
+        """Hold the file that is there now: a session that goes on makes a new one."""
+        inode = path.stat().st_ino
+        if path == self._path and inode == self._inode:
+            return
+        self.close()
+        self._sender = ControlSender(path)
+        self._path, self._inode = path, inode

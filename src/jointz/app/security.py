@@ -1,0 +1,231 @@
+"""Who may talk to a page: one machine, one site, and elsewhere only who has the token.
+
+Everything, sockets and files included, passes :class:`Guard` before anything looks at it. A page
+on a loopback address is open to the machine's own browsers, but to no other site that they show:
+the name that was asked for (DNS rebinding) and the site that asks (cross-site requests) are
+checked. Elsewhere every request needs a token besides.
+"""
+
+import socket
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from hmac import compare_digest
+from http.cookies import CookieError, SimpleCookie
+from ipaddress import ip_address
+from secrets import token_urlsafe
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+#: What was asked for in lower case -> what was given, once an occurrence.
+Headers = dict[str, list[str]]
+
+_READING = frozenset({"GET", "HEAD"})
+_ITSELF = frozenset({"same-origin", "none"})
+_POLICY_VIOLATION = 1008
+#: Nothing comes from elsewhere, and nobody frames the page to steal its clicks.
+_HEADERS = [
+    (b"x-frame-options", b"DENY"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (
+        b"content-security-policy",
+        b"default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; frame-ancestors 'none'; "
+        b"form-action 'self'; base-uri 'self'",
+    ),
+]
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether an address or name is of this machine alone.
+
+    Parameters
+    ----------
+    host : str
+        Address or name, without a port.
+    """
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class Access:
+    """Whom a page answers.
+
+    Parameters
+    ----------
+    host : str
+        What it listens on.
+    port : int
+        The same; names the cookie, since cookies do not tell ports apart.
+
+    Attributes
+    ----------
+    token : str
+        That a browser shows once in the address; empty on a loopback address.
+    cookie : str
+        Name of what it shows from then on.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._loopback = is_loopback(host)
+        self._host = host.lower()
+        self._secret = token_urlsafe(32)
+        self.token = "" if self._loopback else token_urlsafe(32)
+        self.cookie = f"jointz_{port}"
+
+    def refusal(self, method: str, headers: Headers, *, socket: bool) -> str:
+        """Return why a request is refused, whoever makes it; empty where it is not.
+
+        Parameters
+        ----------
+        method : str
+            Of the request.
+        headers : dict
+            Of the request.
+        socket : bool
+            Whether a WebSocket is to be opened.
+        """
+        hosts = headers.get("host", [])
+        if len(hosts) != 1 or not self._is_ours(hosts[0]):
+            return "not the name of this page"
+        origins = headers.get("origin", [])
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
+            return "asked for by another site"
+        if not origins and (socket or method not in _READING):
+            return "a browser names the site that asks"
+        if any(site not in _ITSELF for site in headers.get("sec-fetch-site", [])):
+            return "asked for by another site; type the address yourself"
+        return ""
+
+    def is_known(self, headers: Headers) -> bool:
+        """Tell whether the browser has shown the token.
+
+        Parameters
+        ----------
+        headers : dict
+            Of the request.
+        """
+        if not self.token:
+            return True
+        shown = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
+        return any(compare_digest(one.encode(), self._secret.encode()) for one in shown)
+
+    def introduces(self, query: bytes) -> bool:
+        """Tell whether an address holds the token.
+
+        Parameters
+        ----------
+        query : bytes
+            What follows its question mark.
+        """
+        shown = parse_qs(query.decode("latin-1")).get("token", [""])[0]
+        return bool(self.token) and compare_digest(shown.encode(), self.token.encode())
+
+    def set_cookie(self) -> str:
+        """Return the header that lets a browser in from now on."""
+        return f"{self.cookie}={self._secret}; Path=/; HttpOnly; SameSite=Strict"
+
+    def _is_ours(self, netloc: str) -> bool:
+        """Tell whether a name stands for us; an address cannot be rebound, a name can."""
+        try:
+            name = (urlsplit(f"//{netloc}").hostname or "").lower()
+        except ValueError:
+            return False
+        if self._loopback:
+            return is_loopback(name)
+        return _is_address(name) or name in {self._host, "localhost", *_own_names()}
+
+
+class Guard:
+    """Lets through to an application what :class:`Access` allows, and nothing else.
+
+    Parameters
+    ----------
+    app : callable
+        ASGI application.
+    access : Access
+        Whom it answers.
+    """
+
+    def __init__(self, app: Application, access: Access) -> None:
+        self.app = app
+        self._access = access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or pass it on.
+
+        Parameters
+        ----------
+        scope, receive, send
+            Of ASGI.
+        """
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        access, headers = self._access, _headers(scope["headers"])
+        opens_socket = scope["type"] == "websocket"
+        why = access.refusal(scope.get("method", "GET"), headers, socket=opens_socket)
+        if not why and not access.is_known(headers):
+            if not opens_socket and access.introduces(scope["query_string"]):
+                await _answer(send, 303, [("location", "/"), ("set-cookie", access.set_cookie())])
+                return
+            why = "open the address with its token that was printed"
+        if not why:
+            await self.app(scope, receive, send if opens_socket else _hardened(send))
+        elif opens_socket:
+            await send({"type": "websocket.close", "code": _POLICY_VIOLATION})
+        else:
+            await _answer(send, 403, [("content-type", "text/plain")], f"Refused: {why}.\n")
+
+
+def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> Headers:
+    found: Headers = {}
+    for name, value in pairs:
+        found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+    return found
+
+
+def _cookie(line: str, name: str) -> str:
+    try:
+        found = SimpleCookie(line).get(name)
+    except CookieError:
+        return ""
+    return found.value if found else ""
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _own_names() -> tuple[str, str]:
+    name = socket.gethostname().lower()
+    return name, f"{name}.local"
+
+
+def _hardened(send: Send) -> Send:
+    async def hardened(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [*message.get("headers", []), *_HEADERS]
+        await send(message)
+
+    return hardened
+
+
+async def _answer(send: Send, status: int, headers: list[tuple[str, str]], text: str = "") -> None:
+    body = text.encode()
+    told = [*headers, ("content-length", str(len(body))), ("cache-control", "no-store")]
+    raw = [(name.encode(), value.encode()) for name, value in told]
+    start = {"type": "http.response.start", "status": status, "headers": raw + _HEADERS}
+    await send(start)
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,111 @@
+"""Serves one page, by NiceGUI: what the console and the explorer have in common."""
+
+import socket
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from jointz.app.security import Access, Guard
+from jointz.core.errors import DataError
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+#: Longer messages of a browser are none of ours.
+_LONGEST_MESSAGE_BYTES = 1_000_000
+_PATIENCE_S = 2
+
+
+def serve(
+    build: Callable[[], None],
+    *,
+    title: str,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    routes: "Callable[[FastAPI], None] | None" = None,
+    announce: Callable[[str], None],
+) -> None:
+    """Serve a page until the process is told to end.
+
+    Parameters
+    ----------
+    build : callable
+        Makes the page, once for every browser that opens it.
+    title : str
+        Of the page.
+    host : str
+        Address to listen on. Elsewhere than on a loopback address a token is asked for.
+    port : int
+        To listen on; 0 for one that is free.
+    routes : callable, optional
+        Given the application, adds answers of its own.
+    announce : callable
+        Told the page's address, with its token, when it answers.
+
+    Raises
+    ------
+    DataError
+        When NiceGUI is not installed, or the address cannot be listened on.
+    """
+    require_app()
+    import uvicorn
+    from fastapi import FastAPI
+    from nicegui import ui
+
+    listening = _listen(host, port)
+    port = listening.getsockname()[1]
+    access = Access(host, port)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    if routes is not None:
+        routes(app)
+    # dark=None: as the browser has it.
+    ui.run_with(app, root=build, title=title, dark=None, show_welcome_message=False)
+    config = uvicorn.Config(
+        Guard(app, access),  # outermost: nothing of any library sees what is refused
+        log_level="warning",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        ws_max_size=_LONGEST_MESSAGE_BYTES,
+        timeout_graceful_shutdown=_PATIENCE_S,
+    )
+
+    class Server(uvicorn.Server):
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets=sockets)
+            if self.started:
+                announce(_address(host, port, access.token))
+
+    with listening:
+        Server(config).run(sockets=[listening])
+
+
+def require_app() -> None:
+    """See that what pages need is installed.
+
+    Raises
+    ------
+    DataError
+        When it is not.
+    """
+    try:
+        import nicegui  # noqa: F401 - only whether it is there
+    except ImportError as exc:
+        raise DataError(
+            'pages need NiceGUI, which is not installed. Install it: pip install "jointz[app]".'
+        ) from exc
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except (OSError, OverflowError) as exc:
+        raise DataError(
+            f"{host} port {port}: cannot be listened on ({exc}). Name another with --port."
+        ) from exc
+
+
+def _address(host: str, port: int, token: str) -> str:
+    shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
+    name = f"[{shown}]" if ":" in shown else shown
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")

@@ -1,0 +1,376 @@
+// The console in the browser: listens to the session, shows it, and passes on what is asked for.
+// The stop hangs on nothing else: no library, no socket, no drawing.
+"use strict";
+
+const jointzConsole = (() => {
+  const byId = (id) => document.getElementById(id);
+  const MOVES = new Set(["starting", "running", "paused", "stopping", "silent"]);
+  const WORDS = {
+    idle: "no session", waiting: "ready to start", starting: "starting", running: "running",
+    paused: "pulses paused", stopping: "stopping", stopped: "stopped", tripped: "tripped",
+    failed: "failed", writing: "writing the study", done: "done", silent: "no records",
+  };
+  let status = { state: "" };
+  let rows = [], strikes = [];
+  let heard = -1e9, ahead = 0, latest = 0;
+
+  // ---------------------------------------------------------------- stop
+  let stopAskedAt = 0;
+
+  function stop() {
+    const button = byId("jz-stop");
+    button.classList.add("asked");
+    if (!stopAskedAt) stopAskedAt = performance.now();
+    sendStop(0);
+  }
+
+  function sendStop(tries) {
+    fetch("/stop", { method: "POST", keepalive: true, cache: "no-store" })
+      .then((answer) => { if (!answer.ok) throw new Error(String(answer.status)); return answer.json(); })
+      .then((answer) => {
+        if (!answer.asked && MOVES.has(status.state)) {
+          alarm("stop", "This session takes no stop from a page. Use the emergency stop.");
+        }
+      })
+      .catch(() => {
+        alarm("stop", "The stop has not reached the session. Use the emergency stop.");
+        if (tries < 50) setTimeout(() => sendStop(tries + 1), 200);
+      });
+  }
+
+  function watchStop() {
+    if (!stopAskedAt) return;
+    if (!MOVES.has(status.state) && status.state !== "waiting") {
+      stopAskedAt = 0;
+      byId("jz-stop").classList.remove("asked");
+      alarm("stop", "");
+    } else if (performance.now() - stopAskedAt > 1500 && status.state !== "stopping") {
+      alarm("stop", "The session does not answer to the stop. Use the emergency stop.");
+    }
+  }
+
+  byId("jz-stop").addEventListener("pointerdown", stop);
+  byId("jz-stop").addEventListener("click", stop);
+  window.addEventListener("keydown", (event) => {
+    const writes = event.target && event.target.id === "jz-note";
+    if (event.code !== "Escape" && (event.code !== "Space" || writes)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) stop();
+  }, true);
+  // A button that has the focus must not take the space key as a press of its own.
+  window.addEventListener("keyup", (event) => {
+    if (event.code === "Space" && !(event.target && event.target.id === "jz-note")) event.preventDefault();
+  }, true);
+
+  // ---------------------------------------------------------------- commands
+  async function ask(message) {
+    try {
+      const answer = await fetch("/command", {
+        method: "POST", cache: "no-store", body: JSON.stringify(message),
+        headers: { "content-type": "application/json" },
+      });
+      const told = await answer.json();
+      alarm("command", answer.ok ? "" : `Not done: ${told.refused}`, 6000);
+      return answer.ok;
+    } catch {
+      alarm("command", "Not done: the page's server does not answer.", 6000);
+      return false;
+    }
+  }
+
+  const start = () => ask({ order: "start", condition: status.condition });
+  const pause = () => ask({ order: "pause" });
+  const goOn = () => ask({ order: "go_on" });
+
+  async function note() {
+    const field = byId("jz-note");
+    const text = field.value.trim();
+    if (!text || !(await ask({ order: "note", text }))) return;
+    field.value = "";
+    field.dispatchEvent(new Event("input", { bubbles: true }));
+    field.blur();
+  }
+
+  function rearm() {
+    byId("jz-reason").textContent = `${WORDS[status.state]}: ${status.reason || "no reason was written down"}`;
+    byId("jz-confirm").dataset.reason = status.reason || "";
+    byId("jz-confirm").showModal();
+  }
+  byId("jz-no").addEventListener("click", () => byId("jz-confirm").close());
+  byId("jz-yes").addEventListener("click", () => {
+    byId("jz-confirm").close();
+    ask({ order: "rearm", reason: byId("jz-confirm").dataset.reason });
+  });
+
+  // ---------------------------------------------------------------- alarms
+  const alarms = new Map();
+
+  function alarm(of, text, forMs = 0) {
+    if (text) alarms.set(of, text); else alarms.delete(of);
+    const box = byId("jz-alarm");
+    const told = [...alarms.values()].join("  ");
+    if (box.textContent !== told) box.textContent = told;
+    box.hidden = !told;
+    if (text && forMs) setTimeout(() => { if (alarms.get(of) === text) alarm(of, ""); }, forMs);
+  }
+
+  // ---------------------------------------------------------------- the feed
+  function connect() {
+    const socket = new WebSocket(`ws://${location.host}/live`);
+    socket.onmessage = (message) => {
+      socket.send("next"); // at once: what is drawn late is not worth waiting for
+      take(JSON.parse(message.data));
+    };
+    socket.onclose = () => setTimeout(connect, 500);
+  }
+
+  function take(frame) {
+    heard = performance.now();
+    if (frame.anew) { rows = []; strikes = []; latest = ahead = 0; }
+    const columns = frame.rows;
+    for (let i = 0; i < columns[0].length; i++) rows.push(columns.map((column) => column[i]));
+    if (columns[0].length) {
+      const newest = rows[rows.length - 1][0];
+      while (rows[0][0] < newest - 30) rows.shift();
+      // Time runs smoothly from row to row, whenever they come.
+      const offset = newest - heard / 1000;
+      ahead = latest ? ahead + Math.max(-0.05, Math.min(0.05, offset - ahead)) * 0.1 : offset;
+      if (Math.abs(offset - ahead) > 0.5) ahead = offset;
+      latest = newest;
+    }
+    strikes = frame.strikes;
+    if (frame.status) { status = frame.status; show(); }
+  }
+
+  // ---------------------------------------------------------------- words
+  const write = (e, text) => { if (e && e.textContent !== text) e.textContent = text; };
+  const set = (id, text) => write(byId(id), text);
+  const make = (tag, kind, text) => {
+    const e = document.createElement(tag);
+    if (kind) e.className = kind;
+    if (text !== undefined) e.textContent = text; // never markup: names are of strangers
+    return e;
+  };
+  const shown = new Map();
+  // Replaces what a card holds, when it changed.
+  function fill(id, key, build) {
+    const e = byId(id), now = JSON.stringify(key);
+    if (!e || (shown.get(id) === now && e.childElementCount)) return;
+    shown.set(id, now);
+    e.replaceChildren(...build());
+  }
+
+  function show() {
+    const body = document.body;
+    body.dataset.state = status.state;
+    body.dataset.canStart = status.can_start ? "yes" : "no";
+    body.dataset.kind = status.kind || "walking";
+    body.dataset.pulses = status.planned ? "yes" : "no";
+    set("jz-study", status.study || "");
+    set("jz-who", status.participant || "");
+    set("jz-state", WORDS[status.state] || status.state);
+    byId("jz-state").dataset.state = status.state;
+    fill("jz-conditions", status.conditions, () => (status.conditions || []).map((one) => {
+      const item = make("li", one.now ? "now" : one.done >= one.trials ? "done" : "", one.name);
+      if (one.trials > 1) item.append(make("small", "", ` ${one.done}/${one.trials}`));
+      return item;
+    }));
+    set("jz-doing", doing());
+    set("jz-prompt", prompt());
+    plan();
+    figures();
+    safety();
+    told();
+    alarm("problem", status.problem || "");
+    alarm("silent", status.state === "silent"
+      ? "The session writes no records: it has died or hangs. Use the emergency stop." : "");
+  }
+
+  function doing() {
+    const name = status.condition || "";
+    return {
+      waiting: `Before “${name}”`, starting: "Devices are switched on", running: `“${name}” runs`,
+      paused: `“${name}” runs, no more pulses for now`, stopping: "Torque is taken away",
+      stopped: `Stopped in “${name}”`, tripped: `Safety gate tripped in “${name}”`,
+      failed: "The session ended before its end", writing: "The study is written",
+      done: "The session is done", silent: "No records from the session", idle: "No session runs",
+    }[status.state] || "";
+  }
+
+  function prompt() {
+    if (["stopped", "tripped", "failed"].includes(status.state)) return status.reason || status.words || "";
+    if (status.state === "idle") return status.words || "";
+    if (status.state === "done") return "Analyse it with: jointz analyze";
+    return status.prompt || "";
+  }
+
+  // A card of bars and lines of text. What is there is changed, not made anew: ten times a second
+  // new elements would keep the browser busy.
+  function lines(id, items) {
+    const e = byId(id);
+    if (!e) return;
+    const kinds = items.map((item) => (item.text === undefined ? "jz-bar" : "jz-small")).join();
+    if (shown.get(id) !== kinds || e.childElementCount !== items.length) {
+      shown.set(id, kinds);
+      e.replaceChildren(...items.map((item) => (item.text === undefined ? emptyBar() : make("div", "jz-small"))));
+    }
+    items.forEach((item, k) => {
+      const line = e.children[k];
+      if (item.text !== undefined) { write(line, item.text); return; }
+      line.className = `jz-bar ${item.kind || ""}`;
+      write(line.children[0], item.name);
+      write(line.children[1], item.value);
+      line.children[2].firstChild.style.width = `${Math.max(0, Math.min(1, item.share || 0)) * 100}%`;
+    });
+  }
+
+  function emptyBar() {
+    const row = make("div", "jz-bar"), track = make("div", "jz-track");
+    track.append(make("div", "jz-fill"));
+    row.append(make("span", "jz-name"), make("span", "jz-value"), track);
+    return row;
+  }
+
+  function plan() {
+    const next = status.next, points = status.points || [], items = [];
+    const banner = byId("jz-next");
+    if (banner) {
+      banner.hidden = !next;
+      const n = next ? next.in_strides : 0;
+      write(banner.children[0], next ? `next: ${next.point}` : "");
+      write(banner.children[1], !next || n === undefined ? "" : n === 0 ? "this stride" : `in ${n} stride${n === 1 ? "" : "s"}`);
+    }
+    for (const point of points) {
+      const name = point.pct === null ? point.name || "pulses" : `${point.name}  ${point.pct} %`;
+      const kind = next && next.point === point.name ? "due" : "";
+      items.push({ name, value: `${point.done} / ${point.planned}`, share: point.done / point.planned, kind });
+    }
+    if (!points.length && status.strides_planned) {
+      const n = Math.min(status.strides || 0, status.strides_planned);
+      items.push({ name: "strides", value: `${n} / ${status.strides_planned}`, share: n / status.strides_planned });
+    }
+    if (status.planned) {
+      const again = status.missed + status.aborted;
+      items.push({ text: `${status.done} of ${status.planned} pulses done`
+        + (again ? `; ${status.missed} missed and ${status.aborted} broken off are done again` : "") });
+    }
+    if (!items.length) items.push({ text: "nothing planned yet" });
+    lines("jz-plan", items);
+  }
+
+  const round = (v, digits = 0) => (v === null || v === undefined ? "\u2013" : v.toFixed(digits));
+  const kindOf = (share) => (share > 0.9 ? "high" : share > 0.8 ? "raised" : "");
+
+  function figures() {
+    const loop = status.loop, device = status.device || {}, limits = status.limits || {};
+    if (!loop) {
+      lines("jz-loop", [{ text: "no records yet" }]);
+      lines("jz-device", [{ text: "no records yet" }]);
+      return;
+    }
+    const time = (name, us) => {
+      const share = us / loop.period_us;
+      return { name, value: `${round(us)} \u00b5s`, share, kind: kindOf(share) };
+    };
+    lines("jz-loop", [
+      time("work of a tick, p99", loop.busy_p99_us), time("late, p99", loop.late_p99_us),
+      time("late, most", loop.late_max_us),
+      { text: `Last 10 s, against a slot of ${round(loop.period_us)} \u00b5s.` },
+      { text: `${loop.missed_slots} of ${loop.ticks + loop.missed_slots} slots missed so far.`
+        + (loop.damaged ? ` ${loop.damaged} records damaged.` : "") },
+    ]);
+    const gauge = (name, value, limit, unit, digits) => ({
+      name, share: limit ? value / limit : 0, kind: limit ? kindOf(value / limit) : "",
+      value: `${round(value, digits)}${limit ? ` / ${round(limit)}` : ""} ${unit}`,
+    });
+    lines("jz-device", limits.torque_nm === undefined ? [{ text: "not worn" }] : [
+      gauge("winding", device.temperature_c, limits.temperature_c, "\u00b0C", 1),
+      gauge("torque, peak", device.peak_sent_torque, limits.torque_nm, "N\u00b7m", 1),
+      gauge("current, peak", device.peak_current, limits.current_a, "A", 1),
+      gauge("velocity, peak", device.peak_velocity, limits.velocity_rad_s, "rad/s", 1),
+      gauge("time under pulses", 100 * (device.pulse_duty || 0), 100 * limits.pulse_duty, "%", 0),
+      { text: `supply ${round(device.voltage, 1)} V` },
+    ]);
+  }
+
+  function safety() {
+    const lit = status.flags || [], faults = status.faults || [];
+    fill("jz-safety", [status.state, status.reason, lit, faults, status.without_console], () => {
+      const made = [], lamps = make("div", "jz-lamps");
+      const lamp = (name, kind) => lamps.append(make("span", `jz-lamp ${kind}`, name));
+      const tripped = status.state === "tripped" || lit.includes("tripped");
+      lamp(tripped ? "tripped" : "no trip", tripped ? "bad" : "good");
+      for (const [flag, name] of [["clamped", "clamped"], ["fading", "fading"], ["overrun", "slot missed"]]) {
+        lamp(name, lit.includes(flag) ? "warn" : "");
+      }
+      for (const fault of faults) lamp(fault, "bad");
+      made.push(lamps);
+      if (tripped) made.push(make("div", "jz-trip", status.reason || ""));
+      made.push(make("div", "jz-small", status.without_console === "stop"
+        ? "Without this page the session stops." : "Without this page the session goes on."));
+      return made;
+    });
+  }
+
+  function told() {
+    fill("jz-told", status.told, () => (status.told || []).slice(-30).reverse().map((event) => {
+      const line = make("div", `jz-event ${event.event}`);
+      const at = event.time_ns ? new Date(event.time_ns / 1e6).toLocaleTimeString([], { hour12: false }) : "";
+      const words = event.event === "note" ? `“${event.text}”` : event.event.replaceAll("_", " ");
+      const more = event.event === "prompted" ? event.condition
+        : event.reason || (event.pulse ? `pulse ${event.pulse}` : event.order || "");
+      line.append(make("time", "", at), make("b", "", words), make("span", "", more));
+      return line;
+    }));
+  }
+
+  function legend() {
+    fill("jz-legend", "legend", () => [
+      ["angle", "joint angle"], ["command", "pulse commanded"], ["sent", "sent to the device"],
+      ["applied", "applied to the joint"], ["pulse", "pulse"], ["heel", "heel strike"],
+    ].map(([kind, text]) => {
+      const item = make("span", `jz-key ${kind}`);
+      item.append(make("i"), document.createTextNode(text));
+      return item;
+    }));
+  }
+
+  // ---------------------------------------------------------------- drawing
+  function link() {
+    const age = performance.now() - heard;
+    const dead = age > 1500;
+    const e = byId("jz-link");
+    set("jz-link", dead ? "page lost the session" : "live");
+    e.dataset.state = dead ? "failed" : "running";
+    document.body.classList.toggle("jz-lost", dead);
+    alarm("link", dead && heard > 0 ? "This page hears nothing. What it shows is old." : "");
+  }
+
+  let drawn = 0;
+  function draw(at) {
+    requestAnimationFrame(draw);
+    if (at - drawn < 30) return; // 33 pictures a second are enough
+    drawn = at;
+    link();
+    watchStop();
+    legend();
+    const flows = MOVES.has(status.state) && performance.now() - heard < 300;
+    const now = flows ? Math.min(latest + 0.1, Math.max(latest - 0.1, performance.now() / 1000 + ahead)) : latest;
+    jointzDraw.traces(rows, strikes, now);
+    const phase = flows && rows.length ? rows[rows.length - 1][5] : null;
+    const beat = strikes.length ? now - strikes[strikes.length - 1] : 9;
+    jointzDraw.dial(phase, status.timing_points, status.next && status.next.point, status.strides || 0, beat, flows ? "no steady gait" : "");
+    jointzDraw.onsets(status.onset_errors || []);
+  }
+
+  jointzDraw.refreshColours();
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", jointzDraw.refreshColours);
+  window.addEventListener("load", () => { jointzDraw.refreshColours(); shown.clear(); if (status.state) show(); });
+  // NiceGUI mounts its part late: words go in when their places are there.
+  setInterval(() => { if (status.state) show(); }, 500);
+  connect();
+  requestAnimationFrame(draw);
+  return { start, pause, goOn, note, rearm, stop };
+})();
+window.jointzConsole = jointzConsole;

@@ -1,0 +1,84 @@
+"""``jointz console``: the page of whoever stands beside the treadmill."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jointz.cli.console import emit
+from jointz.cli.options import Debug
+from jointz.cli.run import Device, Preset
+
+DEFAULT_PORT = 8700
+
+
+def console(
+    out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
+    protocol: Annotated[
+        str | None,
+        typer.Argument(help="A built-in protocol, or a protocol file; none to look on only."),
+    ] = None,
+    device: Annotated[Device, typer.Option("--device", help="What to run it on.")] = Device.sim,
+    preset: Annotated[
+        Preset, typer.Option("--preset", help="How well simulated devices behave.")
+    ] = Preset.nominal,
+    participants: Annotated[
+        int | None, typer.Option("--participants", min=1, help="How many; else the protocol's.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a run, or find the one that runs.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 for any.")
+    ] = DEFAULT_PORT,
+    listen: Annotated[
+        str, typer.Option("--listen", help="Address to listen on; not loopback: with a token.")
+    ] = "127.0.0.1",
+    debug: Debug = False,
+) -> None:
+    """Run an experiment from a page: see what the device does, start, pause and stop it.
+
+    The session runs in a process of its own and goes on without the page, or stops, as the
+    protocol says. The emergency stop in the wearer's hand is no part of this. Needs the
+    extra: pip install "jointz[app]".
+
+    Example: jointz console walking --out study --participants 2 --seed 1
+    """
+    del debug
+    from jointz.app.console import open_console
+
+    open_console(
+        out,
+        _arguments(protocol, out, device, preset, participants=participants, seed=seed),
+        resume=resume,
+        host=listen,
+        port=port,
+        announce=lambda address: emit(f"Console: {address}"),
+    )
+
+
+def _arguments(
+    protocol: str | None,
+    out: Path,
+    device: Device,
+    preset: Preset,
+    *,
+    participants: int | None,
+    seed: int | None,
+) -> list[str]:
+    """Return the arguments of ``jointz run`` that do it; none to look on only."""
+    if protocol is None:
+        return []
+    from jointz.io.protocols import load_protocol
+
+    load_protocol(protocol)  # what is wrong with it is told here, not on the page
+    made = [protocol, "--out", str(out), "--device", device.value, "--preset", preset.value]
+    made += ["--clock", "real", "--attended", "--quiet"]
+    if participants is not None:
+        made += ["--participants", str(participants)]
+    if seed is not None:
+        made += ["--seed", str(seed)]
+    return made

@@ -1,0 +1,203 @@
+"""One participant estimated again, as ``jointz analyze`` would, with every pulse's traces."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.errors import DataError
+from jointz.core.estimates import CellEstimate
+from jointz.core.pooled_estimates import has_budget
+from jointz.core.study import Study
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.stats.partial_pooling import pool_people
+from jointz.stats.population import population_means
+from jointz.workflows.exploration_traces import PulseKey, PulseTrace, pulse_traces
+from jointz.workflows.participants import participant_settings, read_participant
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Again:
+    """A participant estimated again.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    result : ParticipantResult
+        Estimates of every method, without evidence; pulses of a bench by themselves are not in it.
+    traces : mapping of PulseKey to PulseTrace
+        What each pulse was estimated from.
+    """
+
+    participant: str
+    result: ParticipantResult
+    traces: Mapping[PulseKey, PulseTrace]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How to estimate.
+
+    Parameters
+    ----------
+    method : str
+        By its own name.
+    resamples, seed : int
+        Of the bootstrap.
+    sha256 : mapping of str to str
+        File -> what it was when the study was analysed; another one is refused.
+    """
+
+    method: str
+    resamples: int
+    seed: int
+    sha256: Mapping[str, str]
+
+    @classmethod
+    def of(cls, analysis: StudyAnalysis) -> "Wanted":
+        """Return how an analysis was made.
+
+        Parameters
+        ----------
+        analysis : StudyAnalysis
+            The analysis.
+        """
+        settings, provenance = analysis.settings, analysis.provenance
+        inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
+        return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
+
+
+def estimate_again(study: Study, person_id: str, wanted: Wanted) -> Again:
+    """Estimate a participant again, with the exclusions that stand in the study now.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    wanted : Wanted
+        How; the same numbers come out as from ``jointz analyze``.
+
+    Raises
+    ------
+    DataError
+        When a recording cannot be used, or is not the one that was analysed.
+    """
+    settings = participant_settings(
+        study, person_id, wanted.method, resamples=wanted.resamples, seed=wanted.seed
+    )
+    inputs: dict[str, dict[str, Any]] = {}
+    recordings = read_participant(study, person_id, inputs)
+    _check_same(inputs, wanted.sha256)
+    result = analyze_participant(person_id, recordings, settings)
+    traces = pulse_traces(person_id, recordings, settings, result)
+    return Again(person_id, replace(result, evidence=None), traces)
+
+
+def estimate_otherwise(
+    study: Study, person_id: str, wanted: Wanted, *, method: str
+) -> tuple[CellEstimate, ...]:
+    """Estimate a participant by one more method, to compare.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    person_id : str
+        Which participant.
+    wanted : Wanted
+        Resamples and seed.
+    method : str
+        By its own name.
+
+    Raises
+    ------
+    DataError
+        As :func:`estimate_again`.
+    """
+    settings = participant_settings(
+        study, person_id, method, resamples=wanted.resamples, seed=wanted.seed
+    )
+    inputs: dict[str, dict[str, Any]] = {}
+    recordings = read_participant(study, person_id, inputs)
+    _check_same(inputs, wanted.sha256)
+    alone = replace(settings, methods=(method,))
+    return tuple(analyze_participant(person_id, recordings, alone).cells[method])
+
+
+def _check_same(inputs: Mapping[str, Mapping[str, Any]], sha256: Mapping[str, str]) -> None:
+    changed = [name for name, now in inputs.items() if sha256.get(name) != now["sha256"]]
+    if changed:
+        raise DataError(
+            f"{', '.join(changed)}: expected what was analysed, found another content. "
+            "Analyse the study again: jointz analyze."
+        )
+
+
+def with_again(
+    analysis: StudyAnalysis, study: Study, results: Mapping[str, ParticipantResult]
+) -> StudyAnalysis:
+    """Return an analysis with participants estimated again, and the means that follow.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    study : Study
+        The study.
+    results : mapping of str to ParticipantResult
+        Participant -> estimated again.
+
+    Notes
+    -----
+    Certificate, statistics and provenance are the old ones; :func:`jointz.analyze` makes them
+    anew.
+    """
+    method = str(analysis.settings["method"])
+    found = {
+        (cell.participant, cell.timing_point, name): cell
+        for result in results.values()
+        for name, cells in result.cells.items()
+        for cell in cells
+    }
+    cells = _renewed(analysis.cells, found)
+    people = list(dict.fromkeys(cell.participant for cell in cells))
+    pulses = {p: tuple(r.pulses) for p, r in results.items()}
+    strides = {p: tuple(r.strides) for p, r in results.items()}
+    # Pulses of a bench by themselves stay those of the analysis where whole trials are explained.
+    single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
+    models = {p: () if r.model is None else (r.model,) for p, r in results.items()}
+    changed = replace(
+        analysis,
+        cells=cells,
+        comparison=_renewed(analysis.comparison, found),
+        population=population_means(cells) if study.spec.kind == "walking" else (),
+        pulses=_replaced(people, analysis.pulses, pulses),
+        strides=_replaced(people, analysis.strides, strides),
+        single=_replaced(people, analysis.single, single),
+        models=_replaced(people, analysis.models, models),
+        pooled=(),
+    )
+    if method != RECOMMENDED or len(people) < 2 or not any(map(has_budget, cells)):
+        return changed
+    together = pool_people(cells)
+    return replace(changed, population=together.population, pooled=together.cells)
+
+
+def _renewed(
+    cells: tuple[CellEstimate, ...], found: Mapping[tuple[str, str, str], CellEstimate]
+) -> tuple[CellEstimate, ...]:
+    # A point without a pulse has none whatever is left out: its cell stays.
+    return tuple(found.get((c.participant, c.timing_point, c.method), c) for c in cells)
+
+
+def _replaced(people: list[str], old: tuple[Any, ...], new: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(
+        record
+        for person in people
+        for record in new.get(person, [r for r in old if r.participant == person])
+    )

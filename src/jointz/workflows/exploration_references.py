@@ -1,0 +1,88 @@
+"""Values of others over the gait cycle: what the dissertation prints and says of other studies."""
+
+from dataclasses import dataclass
+from statistics import fmean, stdev
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.reference import chapter4, literature
+
+
+@dataclass(frozen=True, slots=True)
+class ReferencePoint:
+    """A value of others.
+
+    Parameters
+    ----------
+    gait_pct : float, % of the gait cycle
+        Where.
+    value : float or None
+        SI; None where only a range is stated.
+    low, high : float
+        SI, the range.
+    """
+
+    gait_pct: float
+    value: float | None
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceCurve:
+    """Values of others, of one parameter.
+
+    Parameters
+    ----------
+    name : str
+        Whose.
+    meaning : str
+        What value and range are.
+    points : tuple of ReferencePoint
+        In the order of the cycle.
+    """
+
+    name: str
+    meaning: str
+    points: tuple[ReferencePoint, ...]
+
+
+def reference_curves(joint: str, parameter: str) -> tuple[ReferenceCurve, ...]:
+    """Return what others found; nothing where nobody's numbers are known.
+
+    Parameters
+    ----------
+    joint : str
+        The study's; numbers are known for the knee.
+    parameter : str
+        As in ``estimates.csv``; the printed values are per body mass, and the inertia.
+    """
+    if joint != "knee" or parameter not in chapter4.TABLES:
+        return ()
+    printed = ReferenceCurve(
+        "dissertation, ten people",
+        "printed mean and standard deviation over people (tables 4.1 to 4.3)",
+        tuple(_printed(parameter, point) for point in TIMING_POINTS),
+    )
+    return (printed, *(_stated() if parameter == "stiffness_per_mass" else ()))
+
+
+def _printed(parameter: str, point: str) -> ReferencePoint:
+    row = chapter4.TABLES[parameter][point]
+    values = [row[subject].value for subject in chapter4.SUBJECTS]
+    mean, sd = fmean(values), stdev(values)
+    return ReferencePoint(TIMING_POINTS[point], mean, mean - sd, mean + sd)
+
+
+def _stated() -> tuple[ReferenceCurve, ...]:
+    curves = []
+    for key, study in literature.STUDIES.items():
+        ranges = {p: literature.stated_stiffness_range(key, p) for p in TIMING_POINTS}
+        points = tuple(
+            ReferencePoint(TIMING_POINTS[point], None, *stated)
+            for point, stated in ranges.items()
+            if stated is not None
+        )
+        if points:
+            meaning = "range that the dissertation's text gives in words, times its own mean"
+            curves.append(ReferenceCurve(study.name, meaning, points))
+    return tuple(curves)

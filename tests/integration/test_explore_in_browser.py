@@ -1,0 +1,177 @@
+"""The explorer as a person uses it: in a real browser, on real results, files and all."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from jointz.report.wording import DASH
+from jointz.workflows.analysis import analyze
+from jointz.workflows.results_folder import write_results
+
+pytest.importorskip("nicegui", reason="the extra app is not installed")
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
+pytestmark = pytest.mark.skipif(not BROWSER, reason="no chromium on this machine")
+
+NASTY = '<img src=x onerror="document.title=1">&amp; S01'
+PATIENCE_MS = 30_000
+#: NiceGUI resizes a plot whose tab was left in the meantime.
+HARMLESS = "Resize must be passed a displayed plot"
+
+
+@pytest.fixture(scope="module")
+def study(small_study_source, tmp_path_factory):
+    """A study, one of whose participants has a name that would be a tag, with results beside it."""
+    above = tmp_path_factory.mktemp("explored")
+    root = above / "study"
+    shutil.copytree(small_study_source, root)
+    toml = root / "study.toml"
+    ids = [e.split('"')[1] for e in toml.read_text().splitlines() if e.startswith("id = ")]
+    toml.write_text(toml.read_text().replace(f'"{ids[0]}"', json.dumps(NASTY)))
+    write_results(analyze(root, resamples=50), above / "results")
+    return root
+
+
+@pytest.fixture(scope="module")
+def address(study):
+    command = [sys.executable, "-m", "jointz", "explore", str(study.parent / "results"), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            told = "".join(iter(process.stdout.readline, "}\n"))
+            yield json.loads(told + "}")["address"]
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) in (0, 130)
+        finally:
+            process.kill()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def page(browser, address):
+    context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
+    context.set_default_timeout(PATIENCE_MS)
+    opened = context.new_page()
+    opened.errors = []
+    opened.foreign = []
+    opened.on("pageerror", lambda error: opened.errors.append(str(error)))
+    opened.on("request", lambda request: opened.foreign.append(request.url))
+    opened.goto(address)
+    opened.locator(".pulse-state", has_text="used").wait_for()  # the recordings were read
+    yield opened
+    assert [error for error in opened.errors if not error.startswith(HARMLESS)] == []
+    assert all(url.startswith((address, "data:", "blob:", "ws:")) for url in opened.foreign)
+    context.close()
+
+
+def stiffness(page):
+    return page.locator(".number .now").first.inner_text()
+
+
+def finished(page, used):
+    """Wait until the numbers stand that were made of so many pulses."""
+    page.locator(".used", has_text=f"{used} of 4 pulses used").wait_for()
+    page.locator(".number.stale").first.wait_for(state="detached")
+
+
+def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study, tmp_path):
+    finished(page, 4)
+    before = stiffness(page)
+    page.get_by_role("button", name="Exclude pulse").click()  # without a reason: refused
+    page.get_by_text("Say why").wait_for()
+    assert not (study / "exclusions.csv").exists()
+
+    page.get_by_label("Reason").fill("stumbled <b>hard</b>")
+    page.get_by_role("button", name="Exclude pulse").click()
+
+    finished(page, 3)
+    after = stiffness(page)
+    assert after != before
+    page.locator(".was", has_text=before).first.wait_for()  # the old number stays beside it
+    page.locator(".pulse-state", has_text="left out by you: stumbled <b>hard</b>").wait_for()
+
+    page.reload()
+    finished(page, 3)
+    assert stiffness(page) == after
+
+    # A fresh analysis from the study's own file gives the same numbers as the page's table.
+    with page.expect_download() as download:
+        page.get_by_role("tab", name="Files").click()
+        page.get_by_role("button", name="estimates.csv").click()
+    taken = tmp_path / "estimates.csv"
+    download.value.save_as(taken)
+    analyze_again(study, tmp_path / "fresh")
+    fresh = pd.read_csv(tmp_path / "fresh" / "estimates.csv")
+    pd.testing.assert_frame_equal(pd.read_csv(taken), fresh)
+
+    # A second page restores it, and the first follows.
+    second = page.context.new_page()
+    second.goto(address)
+    second.get_by_role("button", name="Restore pulse").click()
+    finished(second, 4)
+    finished(page, 4)
+    assert stiffness(page) == stiffness(second) == before
+
+
+def analyze_again(study: Path, out: Path) -> None:
+    command = [sys.executable, "-m", "jointz", "analyze", str(study), "--out", str(out)]
+    subprocess.run([*command, "--resamples", "50", "--quiet"], check=True)
+
+
+def test_names_of_strangers_are_text(page):
+    names = page.locator(".item .name").all_inner_texts()
+
+    assert NASTY in names
+    assert page.locator("img[src='x']").count() == 0
+    page.get_by_role("tab", name="Gait cycle").click()
+    # SVG has every name as it is; it would be empty had a figure taken it for a tag.
+    page.locator(".legendtext", has_text=NASTY).first.wait_for()
+    assert page.title().startswith("jointz explore")
+
+
+def test_pulses_are_walked_through_by_key_and_by_table(page):
+    page.locator(".pulse-name", has_text="Pulse 1 of 4").wait_for()
+    page.keyboard.press("ArrowRight")
+    page.locator(".pulse-name", has_text="Pulse 2 of 4").wait_for()
+    page.locator(".pulses tbody tr").nth(3).click()
+    page.locator(".pulse-name", has_text="Pulse 4 of 4").wait_for()
+    page.keyboard.press("ArrowRight")
+    page.locator(".pulse-name", has_text="Pulse 1 of 4").wait_for()
+    assert page.locator(".plot.tall .scatterlayer .trace").count() >= 8
+
+
+def test_a_method_is_added_and_shown(page):
+    page.get_by_role("tab", name="Methods").click()
+    page.get_by_label("Add a method").click()
+    page.get_by_role("option", name="matched strides").click()
+    page.locator(".methods th", has_text="matched strides").wait_for()
+    page.locator(".state", has_text="as analysed").wait_for()
+    cells = page.locator(".methods tbody tr").first.locator("td").all_inner_texts()
+    assert len(cells) == 4
+    assert cells[3] not in ("", DASH)
+
+
+def test_files_come_with_safe_names(page):
+    page.get_by_role("tab", name="Files").click()
+    with page.expect_download() as figure:
+        page.get_by_role("button", name="impedance_over_gait.svg").click()
+    assert figure.value.path().read_bytes().startswith(b"<svg")
+    with page.expect_download() as traces:
+        page.get_by_role("button", name=".nc").click()
+    assert traces.value.suggested_filename == "pulses_img_src_x_onerror_document.title_1_amp_S01.nc"
+    assert traces.value.path().read_bytes()[1:4] == b"HDF"
+    assert "jointz analyze" in page.locator(".command").inner_text()

@@ -1,0 +1,193 @@
+"""What is asked for is checked before it reaches a session."""
+
+import json
+import random
+
+import pytest
+
+from jointz.app.desk import Beat, Desk
+from jointz.core.errors import DataError
+from jointz.experiment.control_box import ControlBox, Order
+
+
+class Process:
+    """Would run a session."""
+
+    def __init__(self):
+        self.lives, self.started = True, []
+
+    def alive(self):
+        return self.lives
+
+    def start(self, *, resume):
+        self.started.append(resume)
+
+
+class Room:
+    """A desk, with the box that a session reads."""
+
+    def __init__(self, study):
+        self.folder = study / "sessions" / "S01"
+        self.folder.mkdir(parents=True)
+        self.box = ControlBox(self.folder / "control")
+        self.process = Process()
+        self.status = {
+            "state": "waiting",
+            "condition": "perturbed",
+            "participant": "S01",
+            "reason": "",
+        }
+        self.desk = Desk(study, self.process, lambda: dict(self.status))
+
+    def ask(self, **message):
+        self.desk.ask(json.dumps(message).encode())
+
+
+@pytest.fixture
+def room(tmp_path):
+    made = Room(tmp_path)
+    yield made
+    made.box.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("state", "message", "order"),
+    [
+        ("waiting", {"order": "start", "condition": "perturbed"}, Order.START),
+        ("running", {"order": "pause"}, Order.PAUSE),
+        ("paused", {"order": "go_on"}, Order.GO_ON),
+        ("running", {"order": "note", "text": "left strap"}, Order.NOTE),
+        ("waiting", {"order": "note", "text": "left strap"}, Order.NOTE),
+    ],
+)
+def test_what_fits_is_passed_on(room, state, message, order):
+    room.status["state"] = state
+    room.ask(**message)
+    command = room.box.take()
+    assert command.order is order
+    assert command.text == message.get("text", "")
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ("running", {"order": "start", "condition": "perturbed"}),
+        ("waiting", {"order": "start", "condition": "another"}),
+        ("waiting", {"order": "pause"}),
+        ("running", {"order": "go_on"}),
+        ("running", {"order": "rearm", "reason": ""}),
+    ],
+)
+def test_what_was_meant_for_another_moment_is_refused(room, state, message):
+    room.status["state"] = state
+    with pytest.raises(DataError, match="session is"):
+        room.ask(**message)
+    assert room.box.take() is None
+    assert room.process.started == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        b"",
+        b"null",
+        b"{}",
+        b'"start"',
+        b'{"order": "start"}',
+        b'{"order": "torque", "value": 17}',
+        b'{"order": "start", "condition": "perturbed", "torque": 17}',
+        b'{"order": "note", "text": ""}',
+        b'{"order": "note", "text": "  "}',
+        b'{"order": "note", "text": 3}',
+        b'{"order": "note", "text": "a\\nb"}',
+        b'{"order": "note", "text": "\\ud800"}',
+        b'{"order": "note", "text": "' + b"x" * 300 + b'"}',
+        b"\xff\xfe",
+    ],
+)
+def test_what_is_malformed_is_refused(room, message):
+    with pytest.raises(DataError, match=r"^command: "):
+        room.desk.ask(message)
+    assert room.box.take() is None
+
+
+def test_noise_never_starts_anything(room):
+    rng = random.Random(7)
+    valid = b'{"order": "start", "condition": "perturbed"}'
+    for _ in range(3000):
+        message = bytearray(valid)
+        for _ in range(rng.randint(1, 6)):
+            message[rng.randrange(len(message))] = rng.randrange(256)
+        if json_or_none(message) == json.loads(valid):
+            continue
+        try:
+            room.desk.ask(bytes(message))
+        except DataError:
+            continue
+        raise AssertionError(f"{bytes(message)!r} was passed on")
+    assert room.box.take() is None
+    assert not room.box.stop_asked
+
+
+def json_or_none(message):
+    try:
+        return json.loads(bytes(message))
+    except ValueError:
+        return None
+
+
+def test_a_stop_reaches_every_box_whatever_the_state(room, tmp_path):
+    (tmp_path / "sessions" / "S00").mkdir()
+    (tmp_path / "sessions" / "S00" / "control").write_bytes(b"something else")
+    with ControlBox(tmp_path / "sessions" / "S00x.control"):
+        assert room.desk.stop() == 1
+    assert room.box.stop_asked
+
+
+def test_a_stop_without_a_session_does_nothing(tmp_path):
+    assert Desk(tmp_path, Process(), dict).stop() == 0
+
+
+def test_a_new_box_of_the_same_name_is_the_one_that_is_stopped(room):
+    """A session that goes on makes its box anew: the old one is not what is meant."""
+    with ControlBox(room.folder / "control") as newer:
+        room.desk.stop()
+        assert newer.stop_asked
+        assert not room.box.stop_asked
+
+
+def test_rearming_names_what_happened(room):
+    room.status |= {"state": "tripped", "reason": "safety: overrun"}
+    with pytest.raises(DataError, match="something else has happened"):
+        room.ask(order="rearm", reason="safety: posture")
+    assert room.process.started == []
+    room.ask(order="rearm", reason="safety: overrun")
+    assert room.process.started == [True]
+
+
+def test_nothing_is_left_for_a_session_that_is_gone(room):
+    room.process.lives = False
+    with pytest.raises(DataError, match="no session runs"):
+        room.ask(order="start", condition="perturbed")
+
+
+class Followed:
+    """A session that is followed."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+
+def test_signs_of_life_follow_a_session_that_goes_on(room):
+    beat = Beat(Followed(room.folder), lambda: True)
+    beat.beat()
+    assert room.box.beat_ns > 0
+    with ControlBox(room.folder / "control") as newer:
+        beat.beat()
+        assert newer.beat_ns > 0
+    beat.close()
+
+
+def test_without_a_session_there_is_nobody_to_beat_for(tmp_path):
+    Beat(Followed(None), lambda: True).beat()
+    Beat(Followed(tmp_path), lambda: True).beat()

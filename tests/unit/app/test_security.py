@@ -1,0 +1,172 @@
+"""Who is let in to a page: nobody but this machine, its own site, and who has the token."""
+
+import asyncio
+
+import pytest
+
+from jointz.app.security import Access, Guard, is_loopback
+
+PORT = 8700
+
+
+def call(access, *, kind="http", method="GET", path="/", query="", **headers):
+    """Send one request through the guard; return its status, headers, and whether it came in."""
+    came, sent = [], []
+
+    async def app(scope, receive, send):
+        came.append(scope["path"])
+        if scope["type"] == "http":
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+        else:
+            await send({"type": "websocket.accept"})
+
+    async def receive():
+        return {}
+
+    async def send(message):
+        sent.append(message)
+
+    pairs = [(name.replace("_", "-"), value) for name, value in headers.items()]
+    scope = {
+        "type": kind,
+        "method": method,
+        "path": path,
+        "query_string": query.encode(),
+        "headers": [
+            (name.encode(), one.encode())
+            for name, value in pairs
+            for one in ([value] if isinstance(value, str) else value)
+        ],
+    }
+    asyncio.run(Guard(app, access)(scope, receive, send))
+    start = sent[0]
+    found = {name.decode(): value.decode() for name, value in start.get("headers", [])}
+    return start.get("status", start["type"]), found, bool(came)
+
+
+@pytest.fixture
+def own():
+    return Access("127.0.0.1", PORT)
+
+
+@pytest.fixture
+def net():
+    return Access("0.0.0.0", PORT)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8700", "localhost:9000", "[::1]:8700", "127.0.0.1"])
+def test_the_machine_itself_is_let_in(own, host):
+    assert call(own, host=host)[2]
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example:8700",
+        "192.168.1.5:8700",
+        "127.0.0.1.evil.example",
+        "localhost.evil",
+        "",
+        "[::",
+    ],
+)
+def test_a_name_that_was_rebound_is_refused(own, host):
+    status, _, came = call(own, host=host)
+    assert (status, came) == (403, False)
+
+
+def test_a_request_without_a_name_or_with_two_is_refused(own):
+    assert not call(own)[2]
+    assert not call(own, host=["localhost:8700", "evil.example"])[2]
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "http://localhost:9999", "https://localhost:8700", "null", ""],
+)
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_another_site_is_refused(own, origin, method):
+    assert not call(own, method=method, host="localhost:8700", origin=origin)[2]
+
+
+def test_what_changes_something_has_to_name_its_site(own):
+    assert not call(own, method="POST", host="localhost:8700")[2]
+    assert call(own, method="POST", host="localhost:8700", origin="http://localhost:8700")[2]
+
+
+def test_what_another_site_fetches_or_links_to_is_refused(own):
+    for site in ("cross-site", "same-site"):
+        assert not call(own, host="localhost:8700", sec_fetch_site=site)[2]
+    for site in ("same-origin", "none"):
+        assert call(own, host="localhost:8700", sec_fetch_site=site)[2]
+
+
+def test_sockets_pass_the_same_guard(own):
+    same = {"host": "localhost:8700", "origin": "http://localhost:8700"}
+    assert call(own, kind="websocket", **same) == ("websocket.accept", {}, True)
+    for headers in ({"host": "localhost:8700"}, same | {"origin": "http://evil.example"}):
+        kind, _, came = call(own, kind="websocket", **headers)
+        assert (kind, came) == ("websocket.close", False)
+
+
+def test_elsewhere_nobody_is_answered_without_the_token(net):
+    for method in ("GET", "HEAD", "POST", "PUT", "OPTIONS"):
+        for path in ("/", "/stop", "/live", "/_nicegui/x.js", "/console-files/console.js"):
+            status, _, came = call(
+                net,
+                method=method,
+                path=path,
+                host="192.168.1.5:8700",
+                origin="http://192.168.1.5:8700",
+            )
+            assert (status, came) == (403, False)
+    kind, _, came = call(
+        net, kind="websocket", host="192.168.1.5:8700", origin="http://192.168.1.5:8700"
+    )
+    assert (kind, came) == ("websocket.close", False)
+
+
+def test_the_token_buys_a_cookie_that_only_this_site_gets(net):
+    status, headers, came = call(net, query=f"token={net.token}", host="192.168.1.5:8700")
+    assert (status, came) == (303, False)  # the token leaves the address at once
+    assert headers["location"] == "/"
+    cookie = headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert net.token not in cookie
+    value = cookie.split(";")[0]
+    assert call(net, host="192.168.1.5:8700", cookie=value)[2]
+    # A name may be rebound: the cookie does not make up for that.
+    assert not call(net, host="evil.example:8700", cookie=value)[2]
+
+
+@pytest.mark.parametrize(
+    "shown",
+    ["", "x", "token", "token=", "token=x", "token=%FF", "token=é".encode().decode("latin-1")],
+)
+def test_a_wrong_token_buys_nothing(net, shown):
+    status, headers, _ = call(net, query=shown, host="192.168.1.5:8700")
+    assert status == 403
+    assert "set-cookie" not in headers
+
+
+@pytest.mark.parametrize("value", ["jointz_8700=", "jointz_8700=x", "=;=", "jointz_8700=é"])
+def test_a_wrong_cookie_is_none(net, value):
+    assert not call(net, host="192.168.1.5:8700", cookie=value.encode().decode("latin-1"))[2]
+
+
+def test_no_two_pages_share_a_token():
+    assert Access("0.0.0.0", 1).token != Access("0.0.0.0", 1).token
+    assert Access("127.0.0.1", 1).token == ""
+
+
+def test_pages_cannot_be_framed_and_fetch_nothing_from_elsewhere(own):
+    _, headers, _ = call(own, host="localhost:8700")
+    assert headers["x-frame-options"] == "DENY"
+    assert "default-src 'self'" in headers["content-security-policy"]
+
+
+def test_loopback_is_told_from_the_rest():
+    assert all(map(is_loopback, ("127.0.0.1", "127.1.2.3", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.0.1", "", "example.org")))

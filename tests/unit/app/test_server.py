@@ -1,0 +1,42 @@
+"""A page needs its extra and an address; both are named when they are missing."""
+
+import socket
+import sys
+
+import pytest
+
+from jointz.app.server import _address, _listen, require_app
+from jointz.core.errors import DataError
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    with pytest.raises(DataError, match=r'pip install "jointz\[app\]"'):
+        require_app()
+
+
+def test_console_without_the_extra_says_how_to_get_it(monkeypatch, jointz, tmp_path):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    outcome = jointz("console", "walking", "--out", tmp_path / "study")
+    assert outcome.code == 2
+    assert 'pip install "jointz[app]"' in outcome.err
+    assert not (tmp_path / "study").exists()
+
+
+def test_an_address_that_is_taken_is_told():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(DataError, match=f"127.0.0.1 port {port}.*--port"):
+            _listen("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["no.such.name.invalid", "300.1.1.1"])
+def test_an_address_that_is_none_is_told(host):
+    with pytest.raises(DataError, match="cannot be listened on"):
+        _listen(host, 0)
+
+
+def test_the_address_that_is_told_can_be_opened():
+    assert _address("127.0.0.1", 80, "") == "http://127.0.0.1:80/"
+    assert _address("::1", 80, "") == "http://[::1]:80/"
+    assert _address("0.0.0.0", 80, "t") == f"http://{socket.gethostname()}:80/?token=t"
