@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from jointz.cli.console import emit
-from jointz.cli.options import Debug
+from jointz.cli.console import emit, emit_json
+from jointz.cli.options import Debug, Json, Quiet
 from jointz.cli.run import Device, Preset
 
 DEFAULT_PORT = 8700
@@ -37,6 +37,8 @@ def console(
     listen: Annotated[
         str, typer.Option("--listen", help="Address to listen on; not loopback: with a token.")
     ] = "127.0.0.1",
+    as_json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Run an experiment from a page: see what the device does, start, pause and stop it.
@@ -50,13 +52,19 @@ def console(
     del debug
     from jointz.app.console import open_console
 
+    def announce(address: str) -> None:
+        if as_json:
+            emit_json({"status": "serving", "address": address})
+        elif not quiet:
+            emit(f"Console: {address}")
+
     open_console(
         out,
         _arguments(protocol, out, device, preset, participants=participants, seed=seed),
         resume=resume,
         host=listen,
         port=port,
-        announce=lambda address: emit(f"Console: {address}"),
+        announce=announce,
     )
 
 
