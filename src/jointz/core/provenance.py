@@ -2,6 +2,7 @@
 
 import platform
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -15,6 +16,12 @@ def software() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
     }
+
+
+@cache  # reading what is installed takes as long as many a fit
+def own_version() -> str:
+    """Return the version of jointz, for results of which many are made."""
+    return _version("jointz")
 
 
 def now() -> str:

@@ -160,6 +160,36 @@ BENCH = Layout(
 LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH)}
 
 
+def decode_header(line: bytes) -> tuple[dict[str, Any], Layout]:
+    """Return the header of a log and the layout of its records.
+
+    Parameters
+    ----------
+    line : bytes
+        The first line of a file.
+
+    Raises
+    ------
+    ValueError
+        When it is no log's, or of a version that is not read here.
+    """
+    try:
+        header = json.loads(line)
+        version, size = header["jointz_log"], header["record_bytes"]
+        layout = LAYOUTS[header.get("layout", "walking")]  # early logs name none
+    except (ValueError, KeyError, TypeError) as exc:
+        raise ValueError(
+            "expected a log of jointz, whose first line is JSON with 'jointz_log'. Give a .jzlog "
+            "file of a session."
+        ) from exc
+    if (version, size) != (VERSION, layout.record_bytes):
+        raise ValueError(
+            f"a log of version {version} with records of {size} bytes; this jointz reads version "
+            f"{VERSION} with {layout.record_bytes}. Read it with the jointz that wrote it."
+        )
+    return dict(header), layout
+
+
 class Flag(IntFlag):
     """State of a tick; ``LEAD``: a bench is led to its reference, or back from it."""
 

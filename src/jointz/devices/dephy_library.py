@@ -35,22 +35,29 @@ def flexsea_device(name: str) -> Any:
 
 
 @contextlib.contextmanager
-def flexsea_kept_quiet() -> Iterator[None]:
-    """Keep its prints out of stdout, which belongs to ``--json``, and restore tracebacks.
+def traceback_limit_kept() -> Iterator[None]:
+    """Undo that flexsea sets ``sys.tracebacklimit = 0`` for the whole program.
 
-    flexsea sets ``sys.tracebacklimit = 0`` for the whole program: every error would lose where
-    it came from.
+    Every error would lose where it came from.
     """
     missing = object()
     limit = getattr(sys, "tracebacklimit", missing)
-    said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said):
-            yield
+        yield
     finally:
         if limit is not missing:
             sys.tracebacklimit = limit  # type: ignore[assignment]
         elif hasattr(sys, "tracebacklimit"):
             del sys.tracebacklimit
+
+
+@contextlib.contextmanager
+def flexsea_kept_quiet() -> Iterator[None]:
+    """Keep its prints out of stdout, which belongs to ``--json``, and restore tracebacks."""
+    said = io.StringIO()
+    try:
+        with traceback_limit_kept(), contextlib.redirect_stdout(said):
+            yield
+    finally:
         if text := said.getvalue().strip():
             _LOG.debug("flexsea: %s", text)

@@ -24,7 +24,7 @@ import numpy as np
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError
-from jointz.core.session_log import LAYOUTS, VERSION, Flag, Layout
+from jointz.core.session_log import Flag, Layout, decode_header
 from jointz.devices.lsl import load_pylsl
 
 #: How often the files are looked at.
@@ -66,22 +66,12 @@ class LogFollower:
         with path.open("rb") as file:
             line = file.readline()
         try:
-            self.header: dict[str, Any] = json.loads(line)
-            self.layout: Layout = LAYOUTS[self.header.get("layout", "walking")]
-            size, version = self.header["record_bytes"], self.header["jointz_log"]
-        except (ValueError, KeyError, TypeError) as exc:
-            raise DataError(
-                f"{path}: expected a log of jointz, whose first line is JSON with 'jointz_log'.",
-                path=str(path),
-            ) from exc
-        if (version, size) != (VERSION, self.layout.record_bytes):
-            raise DataError(
-                f"{path}: a log of version {version}, expected {VERSION}. Use the jointz that "
-                "writes it.",
-                path=str(path),
-            )
+            self.header, self.layout = decode_header(line)
+        except ValueError as exc:
+            raise DataError(f"{path}: {exc}", path=str(path)) from exc
         self._at = len(line)
         if from_end:
+            size = self.layout.record_bytes
             self._at += (path.stat().st_size - self._at) // size * size
 
     def read(self) -> np.ndarray:

@@ -11,16 +11,16 @@ the lock go, the loop blocks too.
 """
 
 import importlib
-import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.devices.dephy_library import traceback_limit_kept
 
 NEVER_TRIED = "this adapter was never tried on hardware"
 #: Samples that wait to be read; the oldest are dropped: two seconds at 1000 Hz.
@@ -236,7 +236,7 @@ def made(kind: str, arguments: Mapping[str, Any]) -> Any:
             f"expected module and class as opensourceleg.actuators.dephy:DephyActuator, got "
             f"{kind!r}.",
         )
-    with _traceback_limit_kept():
+    with traceback_limit_kept():  # DephyActuator stands on flexsea
         try:
             return getattr(importlib.import_module(module), name)(**arguments)
         except ImportError as exc:
@@ -258,19 +258,6 @@ def _lacking(exc: BaseException) -> str:
     if isinstance(exc, ImportError) and exc.name:
         return exc.name.split(".")[0]
     return _lacking(exc.__cause__) if exc.__cause__ else "a library"
-
-
-@contextmanager
-def _traceback_limit_kept() -> Iterator[None]:
-    """Undo that flexsea, on which DephyActuator stands, hides every traceback."""
-    before = getattr(sys, "tracebacklimit", None)
-    try:
-        yield
-    finally:
-        if before is not None:
-            sys.tracebacklimit = before
-        elif hasattr(sys, "tracebacklimit"):
-            del sys.tracebacklimit
 
 
 SampleT = TypeVar("SampleT")

@@ -101,16 +101,31 @@ def read_journal(path: Path) -> list[Event]:
     lines = path.read_bytes().split(b"\n")
     events = []
     for number, line in enumerate(lines[:-1], start=1):
-        text, _, check = line.rpartition(b" ")
-        if check != b"%08x" % zlib.crc32(text):
+        event = decode_event(line)
+        if event is None:
             raise DataError(
                 f"{path}: line {number} was altered or damaged: its checksum does not fit. "
                 "Restore the file from a copy.",
                 path=str(path),
                 row=number,
             )
-        events.append(json.loads(text))
+        events.append(event)
     return events
+
+
+def decode_event(line: bytes) -> Event | None:
+    """Return the event of a line, None where its checksum does not fit.
+
+    Parameters
+    ----------
+    line : bytes
+        Of a journal, without its end.
+    """
+    text, _, check = line.rpartition(b" ")
+    if check != b"%08x" % zlib.crc32(text):
+        return None
+    event: Event = json.loads(text)
+    return event
 
 
 def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:

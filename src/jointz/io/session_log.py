@@ -1,6 +1,5 @@
 """Read the crash-safe log of a session (:mod:`jointz.core.session_log`)."""
 
-import json
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.session_log import LAYOUTS, VERSION, Layout
+from jointz.core.session_log import decode_header
 
 #: So many bad records at the end are what a crash left of it, more are damage; zeros, which
 #: a disk without power leaves, may be any number.
@@ -57,32 +56,15 @@ def read_log(path: Path) -> SessionLog:
         is damaged.
     """
     line, _, body = path.read_bytes().partition(b"\n")
-    header, layout = _header(path, line)
+    try:
+        header, layout = decode_header(line)
+    except ValueError as exc:
+        raise DataError(f"{path}: {exc}", path=str(path)) from exc
     size = layout.record_bytes
     records = np.frombuffer(body, dtype=layout.dtype, count=len(body) // size)
     records = records[: _whole_records(path, body, records["crc"], size=size)]
     kept = records.size * size
     return SessionLog(header, records, len(line) + 1 + kept, len(body) - kept)
-
-
-def _header(path: Path, line: bytes) -> tuple[dict[str, Any], Layout]:
-    try:
-        header = json.loads(line)
-        version, size = header["jointz_log"], header["record_bytes"]
-        layout = LAYOUTS[header.get("layout", "walking")]  # early logs name none
-    except (ValueError, KeyError, TypeError) as exc:
-        raise DataError(
-            f"{path}: expected a log of jointz, whose first line is JSON with 'jointz_log'. "
-            "Give a .jzlog file of a session.",
-            path=str(path),
-        ) from exc
-    if (version, size) != (VERSION, layout.record_bytes):
-        raise DataError(
-            f"{path}: a log of version {version} with records of {size} bytes; this jointz reads "
-            f"version {VERSION} with {layout.record_bytes}. Read it with the jointz that wrote it.",
-            path=str(path),
-        )
-    return dict(header), layout
 
 
 def _whole_records(path: Path, body: bytes, expected: np.ndarray, *, size: int) -> int:

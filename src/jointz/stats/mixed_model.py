@@ -1,7 +1,6 @@
 """Do the levels of a factor differ? Participants are random, replicates are no participants."""
 
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -20,7 +19,7 @@ from jointz.core.mixed_model_fit import (
     RepeatedMeasuresTest,
     Variances,
 )
-from jointz.core.provenance import software
+from jointz.core.provenance import own_version
 from jointz.kernels.anova import FTest
 from jointz.kernels.kenward_roger import kenward_roger_test, single_contrasts
 from jointz.kernels.mixed_model import satterthwaite_test, sequential_contrasts
@@ -136,14 +135,14 @@ def mixed_model(
         n_participants=len(rows.persons),
         missing=tuple((rows.persons[i], rows.levels[j]) for i, j in np.argwhere(rows.counts == 0)),
         ci_level=ci_level,
-        settings={"df": df, "nested": nested, "ci_level": ci_level, "version": _version()},
+        settings={
+            "df": df,
+            "nested": nested,
+            "ci_level": ci_level,
+            "version": own_version(),
+        },
         notes=(*rows.notes, *_notes(fit, df, complete=repeated is not None)),
     )
-
-
-@cache  # reading it takes as long as a fit
-def _version() -> str:
-    return str(software()["jointz"])
 
 
 # --- the model -----------------------------------------------------------------------------------

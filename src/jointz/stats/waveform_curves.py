@@ -1,14 +1,13 @@
 """Curves of participants as the tests over nodes take them, checked."""
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.errors import DataError
-from jointz.core.provenance import software
+from jointz.core.provenance import own_version
 
 _FEWEST_NODES = 5
 _SMALLEST_ALPHA = 1e-6
@@ -220,13 +219,7 @@ def recorded_settings(**chosen: Any) -> dict[str, Any]:
     **chosen
         Plain values.
     """
-    return chosen | {"jointz": _version()}
-
-
-@cache
-def _version() -> str:
-    # Asked of the installed packages once: it takes longer than a test.
-    return str(software()["jointz"])
+    return chosen | {"jointz": own_version()}
 
 
 def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:

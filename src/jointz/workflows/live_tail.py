@@ -4,7 +4,6 @@ A journal and a log only grow; what is not whole yet is left for the next look. 
 limited share of a long file, so that catching up never holds up anything else.
 """
 
-import json
 import zlib
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.session_log import LAYOUTS, VERSION, Layout
-from jointz.experiment.journal import Event
+from jointz.core.session_log import Layout, decode_header
+from jointz.experiment.journal import Event, decode_event
 
 #: Of a log at a look: more than a second of any loop, little enough to be read in one go.
 _MOST_RECORDS = 4000
@@ -118,16 +117,12 @@ class LogTail:
         if not end:
             return None
         try:
-            header = json.loads(line)
-            layout = LAYOUTS[header.get("layout", "walking")]
-            known = (header["jointz_log"], header["record_bytes"]) == (VERSION, layout.record_bytes)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            known = False
-        if not known:
+            header, layout = decode_header(line)
+        except ValueError as exc:
             raise DataError(
                 f"{self._path}: not a log of this jointz. Follow it with the one that writes it.",
                 path=str(self._path),
-            )
+            ) from exc
         self.header, self._at = header, len(line) + 1
         return layout
 
@@ -144,12 +139,11 @@ def _read(path: Path, at: int, most: int) -> bytes:
 
 
 def _event(path: Path, line: bytes) -> Event:
-    text, _, check = line.rpartition(b" ")
-    if check != b"%08x" % zlib.crc32(text):
+    event = decode_event(line)
+    if event is None:
         raise DataError(
             f"{path}: a line was altered or damaged: its checksum does not fit. Restore the file "
             "from a copy.",
             path=str(path),
         )
-    event: Event = json.loads(text)
     return event

@@ -106,14 +106,16 @@ def _folder(out: Path, number: int) -> Path:
 def _write_page(out: Path) -> None:
     """Write all chapters that are there as one page: it never shows an older one."""
     files = [_folder(out, number) / f"chapter{number}.json" for number in CHAPTERS]
-    there = [
-        Reproduction.from_dict(json.loads(file.read_text(encoding="utf-8")))
-        for file in files
-        if file.exists()
-    ]
-    page = render_validation([(made, _FIGURES[made.chapter](made.curves)) for made in there])
+    page = render_validation([_written(file) for file in files if file.exists()])
     with whole_file(out / PAGE) as under:
         under.write_text(page, encoding="utf-8")
+
+
+def _written(file: Path) -> tuple[Reproduction, dict[str, str]]:
+    """Read a chapter and its figures back."""
+    made = Reproduction.from_dict(json.loads(file.read_text(encoding="utf-8")))
+    figures = sorted((file.parent / "figures").glob("*.svg"))
+    return made, {figure.stem: figure.read_text(encoding="utf-8") for figure in figures}
 
 
 def _write(made: Reproduction, folder: Path) -> None:
