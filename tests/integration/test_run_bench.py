@@ -1,6 +1,9 @@
 """Benches on the real runtime: what is recorded, how a trial ends badly, what an analysis finds."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -225,3 +228,25 @@ def test_a_trial_that_was_broken_off_is_done_again_whole(tmp_path):
     assert done == ["A-unperturbed", "A-perturbed"]
     logs = sorted(p.name for p in (tmp_path / "logs").iterdir())
     assert logs == ["A-perturbed-0.jzlog", "A-unperturbed-0.jzlog", "A-unperturbed-1.jzlog"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["qdd-perturbation", "sea-mass-spring"])
+def test_nothing_is_compiled_in_a_loop_in_real_time(tmp_path, name):
+    script = """
+import sys
+import jointz
+from jointz.io.protocols import load_protocol
+whole = load_protocol(sys.argv[1])
+first = whole.conditions[0].model_copy(update={"duration_s": 2.8, "trials": 1})
+short = whole.model_copy(update={"conditions": (first,), "loads": whole.loads[:1]})
+jointz.run(short, out=sys.argv[2], clock="real", preset="clean")
+"""
+    command = [sys.executable, "-c", script, name, str(tmp_path / "study")]
+    cold = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    subprocess.run(command, env=cold, check=True, timeout=200)
+    [journal] = (tmp_path / "study").glob("sessions/*/journal.jsonl")
+    started, completed = read_journal(journal)
+    took_s = (completed["time_ns"] - started["time_ns"]) * 1e-9
+    assert completed["event"] == "condition_completed"
+    assert 2.8 <= took_s < 10.0

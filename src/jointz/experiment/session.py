@@ -11,6 +11,7 @@ Nothing of it is ever rewritten; a session that was interrupted goes on in a new
 stretch with the pulses that the journal does not count as done.
 """
 
+import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
@@ -250,15 +251,16 @@ class Session:
         segment, clock = segments_begun(events, name), self._clocks()
         walking = self._plan.protocol.kind == "walking"
         drivers: dict[str, object] = {"rig": self._rig}
+        note = partial(self._note, journal, condition=name, segment=segment)
         with ExitStack() as stack:
-            stack.enter_context(_journaled(journal, name, segment))
+            stack.enter_context(_journaled(note))
             stack.enter_context(drivers_answer_for(drivers))
             devices = self._rig.open(name, worn=condition.worn, segment=segment, clock=clock)
             drivers |= devices.named()
             for device in devices.all():
                 stack.push(partial(_close, device))
             gate = self._gate(devices, self._felt(events, name) if walking else 0)
-            journal.write("segment_started", condition=name, segment=segment)
+            note("segment_started")
             recorder = stack.enter_context(
                 Recorder(
                     log_path(self._plan.folder, name, segment),
@@ -279,8 +281,12 @@ class Session:
             trial = (self._walking if walking else self._bench)(setup, events, journal)
             self._run_trial(trial, name, devices, gate, clock)
             # How long the log is then: one that is found shorter has lost something.
-            size = recorder.size_bytes
-            journal.write("condition_completed", condition=name, segment=segment, log_bytes=size)
+            note("condition_completed", log_bytes=recorder.size_bytes)
+
+    def _note(self, journal: Journal, event: str, **details: Any) -> None:
+        """Write an event down, with the time of day where the time is a real one."""
+        moment = {"time_ns": time.time_ns()} if self._real_time else {}
+        journal.write(event, **details, **moment)
 
     def _bench(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
         del events, journal  # a trial on a bench is done again from its beginning
@@ -400,24 +406,20 @@ def _close(
 
 
 @contextmanager
-def _journaled(journal: Journal, condition: str, segment: int) -> Iterator[None]:
+def _journaled(note: Callable[..., None]) -> Iterator[None]:
     """Write down what ended a stretch before its time."""
-
-    def note(event: str, why: str) -> None:
-        journal.write(event, condition=condition, segment=segment, reason=why)
-
     try:
         yield
     except KeyboardInterrupt:
-        note("stopped", "asked for")
+        note("stopped", reason="asked for")
         raise
     except WriteError as exc:
         # Not into the journal: it most likely lies on the same disk.
         exc.add_note("The devices were stopped.")
         raise
     except DeviceError as exc:
-        note("tripped", str(exc))
+        note("tripped", reason=str(exc))
         raise
     except Exception as exc:
-        note("failed", f"{type(exc).__name__}: {exc}")
+        note("failed", reason=f"{type(exc).__name__}: {exc}")
         raise

@@ -251,6 +251,7 @@ class QddBenchPlant:
         self._noise = np.zeros((_NOISE_ROWS, _NOISES))
         self._state = np.zeros(STATE_SIZE)
         self._left = 0
+        self._compile()
 
     def advance(self, torque_nm: float, position_rad: float) -> QddRow:
         """Compute the next sample; the first is the state at rest.
@@ -283,6 +284,10 @@ class QddBenchPlant:
         """True torque on the spring at the newest sample, N*m."""
         at: _At = tuple(self._state[: QddState.SENSED].tolist())
         return float(_spring(self._params, at))
+
+    def _compile(self) -> None:
+        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
+        advance(self._params, self._state.copy(), self._noise, 0.0, 0.0)
 
     def _draw(self) -> None:
         self._noise[:, :-1] = self._rng.standard_normal((_NOISE_ROWS, _NOISES - 1))

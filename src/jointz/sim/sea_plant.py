@@ -349,6 +349,7 @@ class SeaPlant:
         self._state = np.zeros(STATE_SIZE)
         self._left = 0
         begin(self._params, self._state)
+        self._compile()
 
     def advance(self, torque_nm: float, angle_rad: float) -> SeaRow:
         """Compute the next sample; the first is the state at rest.
@@ -371,6 +372,10 @@ class SeaPlant:
         self._left -= 1
         row: SeaRow = advance(self._params, self._state, self._noise, torque_nm, angle_rad)
         return row
+
+    def _compile(self) -> None:
+        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
+        advance(self._params, self._state.copy(), self._noise, 0.0, math.nan)
 
     @property
     def angle(self) -> float:
