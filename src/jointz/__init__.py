@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from jointz.identify.series.joint import identify_joint
     from jointz.io.study import open_study
     from jointz.workflows.analysis import analyze
+    from jointz.workflows.calibration import calibrate
     from jointz.workflows.certificate import certify
     from jointz.workflows.run import run
     from jointz.workflows.specification import specification_curve
@@ -27,6 +28,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "analyze": "jointz.workflows.analysis",
+    "calibrate": "jointz.workflows.calibration",
     "certify": "jointz.workflows.certificate",
     "identify_actuator": "jointz.identify.actuators.actuator",
     "identify_bandwidth": "jointz.identify.actuators.bandwidth",
@@ -47,6 +49,7 @@ _ROOMS = ("reference", "stats")
 __all__ = [
     "__version__",
     "analyze",
+    "calibrate",
     "certify",
     "identify_actuator",
     "identify_bandwidth",

@@ -7,7 +7,7 @@ import typer
 
 from jointz.cli.console import emit, emit_json
 from jointz.cli.options import Debug, Json, Quiet
-from jointz.cli.run import Device, Preset
+from jointz.cli.run import ConfigOption, Device, DeviceOption, Preset, PresetOption
 
 DEFAULT_PORT = 8700
 
@@ -18,12 +18,14 @@ def console(
         str | None,
         typer.Argument(help="A built-in protocol, or a protocol file; none to look on only."),
     ] = None,
-    device: Annotated[Device, typer.Option("--device", help="What to run it on.")] = Device.sim,
-    preset: Annotated[
-        Preset, typer.Option("--preset", help="How well simulated devices behave.")
-    ] = Preset.nominal,
+    device: DeviceOption = None,
+    config: ConfigOption = None,
+    preset: PresetOption = None,
     participants: Annotated[
-        int | None, typer.Option("--participants", min=1, help="How many; else the protocol's.")
+        int | None,
+        typer.Option(
+            "--participants", min=1, help="How many; else those of --config, or the protocol's."
+        ),
     ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
@@ -60,7 +62,9 @@ def console(
 
     open_console(
         out,
-        _arguments(protocol, out, device, preset, participants=participants, seed=seed),
+        _arguments(
+            protocol, out, device, preset, config=config, participants=participants, seed=seed
+        ),
         resume=resume,
         host=listen,
         port=port,
@@ -71,9 +75,10 @@ def console(
 def _arguments(
     protocol: str | None,
     out: Path,
-    device: Device,
-    preset: Preset,
+    device: Device | None,
+    preset: Preset | None,
     *,
+    config: Path | None,
     participants: int | None,
     seed: int | None,
 ) -> list[str]:
@@ -82,9 +87,18 @@ def _arguments(
         return []
     from jointz.io.protocols import load_protocol
 
-    load_protocol(protocol)  # what is wrong with it is told here, not on the page
-    made = [protocol, "--out", str(out), "--device", device.value, "--preset", preset.value]
-    made += ["--clock", "real", "--attended", "--quiet"]
+    read = load_protocol(protocol)  # what is wrong with it is told here, not on the page
+    made = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
+    if config is not None:
+        from jointz.workflows.hardware_rig import read_hardware, refuse_with_devices
+
+        refuse_with_devices(device=device, preset=preset, clock="real", workers=1)
+        read_hardware(config, read, participants=participants)
+        made += ["--config", str(config)]
+    if device is not None:
+        made += ["--device", device.value]
+    if preset is not None:
+        made += ["--preset", preset.value]
     if participants is not None:
         made += ["--participants", str(participants)]
     if seed is not None:

@@ -15,6 +15,7 @@ from jointz.core.whole_file import whole_file
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
     from jointz.workflows.identification import Column
 
@@ -68,14 +69,7 @@ class Output:
 
     def __post_init__(self) -> None:
         """Refuse a figure that could not be written, before the work is done."""
-        kinds = (".svg", ".pdf", ".png")
-        figure = self.figure
-        if figure is None:
-            return
-        if figure.suffix.lower() not in kinds:
-            raise typer.BadParameter(f"--figure {figure}: expected a name that ends in {kinds}.")
-        if figure.is_dir() or not figure.absolute().parent.is_dir():
-            raise typer.BadParameter(f"--figure {figure}: expected a file in a folder that exists.")
+        check_figure(self.figure)
 
     @contextmanager
     def failures(self) -> Iterator[None]:
@@ -130,12 +124,47 @@ class Output:
         raise typer.Exit(0 if standing else EXIT_NOTHING_STANDS)
 
 
+def check_figure(figure: Path | None) -> None:
+    """Refuse a figure that could not be written.
+
+    Parameters
+    ----------
+    figure : pathlib.Path or None
+        Where it is to go; None: nowhere.
+
+    Raises
+    ------
+    typer.BadParameter
+        When its ending is not one of a figure, or there is no such folder.
+    """
+    kinds = (".svg", ".pdf", ".png")
+    if figure is None:
+        return
+    if figure.suffix.lower() not in kinds:
+        raise typer.BadParameter(f"--figure {figure}: expected a name that ends in {kinds}.")
+    if figure.is_dir() or not figure.absolute().parent.is_dir():
+        raise typer.BadParameter(f"--figure {figure}: expected a file in a folder that exists.")
+
+
 def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
     """Write the figure, whole or not at all."""
     from matplotlib.figure import Figure
 
     canvas = Figure(figsize=size)
     fit.plot(canvas.subplots())
+    save_canvas(canvas, figure)
+
+
+def save_canvas(canvas: "Canvas", figure: Path) -> None:
+    """Write a figure, whole or not at all.
+
+    Parameters
+    ----------
+    canvas : matplotlib.figure.Figure
+        What was drawn.
+    figure : pathlib.Path
+        Where it goes; :func:`check_figure` has seen it.
+    """
     kind = figure.suffix.removeprefix(".")
     with whole_file(figure, "Make room or ask for permission, or name another file.") as partial:
         canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)

@@ -127,15 +127,11 @@ def _about(protocol: "Protocol") -> dict[str, Any]:
         "title": protocol.title,
         "section": protocol.section,
         "kind": protocol.kind,
-        "participants": _participants(protocol),
+        "participants": protocol.cases,
         "conditions": [condition.name for condition in protocol.conditions],
         "pulses": _pulses(protocol),
         "expected_duration_s": round(protocol.expected_duration_s, 3),
     }
-
-
-def _participants(protocol: "Protocol") -> int:
-    return len(protocol.loads) or protocol.participants
 
 
 def _pulses(protocol: "Protocol") -> int:
@@ -143,8 +139,8 @@ def _pulses(protocol: "Protocol") -> int:
 
 
 def _told(protocol: "Protocol") -> str:
-    count, each = len(protocol.conditions), "load" if protocol.loads else "participant"
-    people = _participants(protocol)
+    count, each = len(protocol.conditions), "load" if protocol.cases_are_loads else "participant"
+    people = protocol.cases
     return (
         f"{count} condition{'s' if count != 1 else ''} and {_pulses(protocol)} pulses take about "
         f"{protocol.expected_duration_s / 60:.0f} min a {each}; {people} "

@@ -42,6 +42,25 @@ class ClockName(StrEnum):
     real = "real"
 
 
+DeviceOption = Annotated[
+    Device | None, typer.Option("--device", help="Simulated devices (sim); so without --config.")
+]
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        help="Real devices, as this device.toml names them. No driver was ever tried on hardware.",
+    ),
+]
+PresetOption = Annotated[
+    Preset | None,
+    typer.Option(
+        "--preset",
+        help="How well simulated devices behave, else nominal; anthropometric: people only.",
+    ),
+]
+
+
 class _Prompting:
     """The operator at the terminal: reads what to do and presses Enter.
 
@@ -66,18 +85,20 @@ class _Prompting:
 def run(
     protocol: Annotated[str, typer.Argument(help="A built-in protocol, or a protocol file.")],
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
-    device: Annotated[Device, typer.Option("--device", help="What to run it on.")] = Device.sim,
-    preset: Annotated[
-        Preset,
-        typer.Option(
-            "--preset", help="How well simulated devices behave; anthropometric: people only."
-        ),
-    ] = Preset.nominal,
+    device: DeviceOption = None,
+    config: ConfigOption = None,
+    preset: PresetOption = None,
     clock: Annotated[
-        ClockName, typer.Option("--clock", help="As fast as it can, or in real time.")
-    ] = ClockName.fast,
+        ClockName | None,
+        typer.Option(
+            "--clock", help="As fast as it can (fast, of sim), or in real time (real, of devices)."
+        ),
+    ] = None,
     participants: Annotated[
-        int | None, typer.Option("--participants", min=1, help="How many; else the protocol's.")
+        int | None,
+        typer.Option(
+            "--participants", min=1, help="How many; else those of --config, or the protocol's."
+        ),
     ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
@@ -92,6 +113,13 @@ def run(
         bool,
         typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
     ] = False,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            "--calibration",
+            help="Take the entries of this file of jointz calibrate into the study.",
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -107,21 +135,22 @@ def run(
     from jointz.workflows.run import NoOperator
     from jointz.workflows.run import run as run_study
 
-    real = clock is ClockName.real
-    simulated = device is Device.sim and not real
+    real = clock is ClockName.real or config is not None
     with experiment_bars(shown=not (quiet or as_json)) as bars, _resume_advised(out):
         made = run_study(
             protocol,
-            device=device.value,
+            device=device.value if device else None,
+            config=config,
             out=out,
             seed=seed,
-            preset=preset.value,
-            clock=clock.value,
+            preset=preset.value if preset else None,
+            clock=clock.value if clock else None,
             participants=participants,
             workers=workers or (1 if real or attended else os.cpu_count() or 1),
             resume=resume,
             attended=attended,
-            operator=NoOperator() if simulated else _Prompting(bars.paused),
+            calibration=calibration,
+            operator=_Prompting(bars.paused) if real else NoOperator(),
             progress=bars.experiment,
         )
     if as_json:

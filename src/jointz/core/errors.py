@@ -4,10 +4,12 @@
     ├── DataError (ValueError)      input that cannot be trusted; exit status 2
     │   ├── StudyError              a study.toml, with all its problems
     │   ├── ProtocolError           a protocol, with all its problems
+    │   ├── DeviceFileError         a device.toml, with all its problems
     │   └── UnitError               a unit that cannot be read or does not fit
     ├── DeviceError                 a device that cannot go on; exit status 3
     │   ├── NotConnectedError       it does not answer
     │   └── SafetyStop              the safety gate ended the trial
+    ├── WorkerLostError             a process that worked for this one was killed
     ├── EstimationError             a single fit that has no answer
     └── OutputError                 a place to write to that may not be used; exit status 2
         └── WriteError              the system did not let it be written; exit status 1
@@ -88,6 +90,10 @@ class ProtocolError(_ProblemsError):
     """One or more problems of a protocol."""
 
 
+class DeviceFileError(_ProblemsError):
+    """One or more problems of a ``device.toml``."""
+
+
 class UnitError(DataError):
     """A unit that cannot be read, or that measures something else."""
 
@@ -163,3 +169,7 @@ class SafetyStop(DeviceError):  # noqa: N818 - it states the event
     def __init__(self, code: str, message: str) -> None:
         super().__init__("safety", f"{code}: {message}")
         self.code = code
+
+
+class WorkerLostError(JointzError):
+    """A process that worked for this one was killed."""

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from jointz.core import protocol_calibration_checks as calibrations
 from jointz.core import protocol_checks as whole
 from jointz.core import protocol_limit_checks as limits
 from jointz.core.checked_model import Check, CheckedModel, Problem
@@ -22,6 +23,8 @@ from jointz.core.references import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, _version
 from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 
+#: The steps of a calibration, in the order in which a lab does them.
+CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]
 #: What a session does when the page of its operator is lost.
 WithoutConsole = Literal["go_on", "stop"]
 
@@ -306,7 +309,8 @@ class GaitSpec(CheckedModel):
 class LoadSpec(CheckedModel):
     """A known load of a bench, with standard deviations; what it leaves out is zero.
 
-    A load without any is a free output; ``locked`` holds the output instead.
+    A load without any is a free output; ``locked`` holds the output instead. In a
+    calibration it is on the joint in the condition of the same name.
     """
 
     name: Name
@@ -342,7 +346,8 @@ class Protocol(CheckedModel):
     name: Name
     title: str = Field(min_length=1)
     section: str = ""
-    kind: Literal["walking", "bench"]
+    kind: Literal["walking", "bench", "calibration"]
+    calibration: CalibrationStep | None = None
     bench: Literal["series-elastic", "quasi-direct-drive"] | None = None
     joint: str = Field(min_length=1)
     positive: Direction = "flexion"
@@ -359,15 +364,33 @@ class Protocol(CheckedModel):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the parts."""
-        checks = (*whole.PROTOCOL_CHECKS, *limits.PROTOCOL_LIMIT_CHECKS)
+        checks = (
+            *whole.PROTOCOL_CHECKS,
+            *limits.PROTOCOL_LIMIT_CHECKS,
+            *calibrations.PROTOCOL_CALIBRATION_CHECKS,
+        )
         of_whole = (partial(check, self) for check in checks)
         conditions = self.__dict__.get("conditions", ())  # none in a draft that lacks them
         of_conditions = (
             partial(check, self, i)
             for i in range(len(conditions))
-            for check in (*whole.CONDITION_CHECKS, *limits.CONDITION_LIMIT_CHECKS)
+            for check in (
+                *whole.CONDITION_CHECKS,
+                *limits.CONDITION_LIMIT_CHECKS,
+                *calibrations.CONDITION_CALIBRATION_CHECKS,
+            )
         )
         return partial(_checked_name, self), *of_whole, *of_conditions
+
+    @property
+    def cases_are_loads(self) -> bool:
+        """Whether loads stand for participants: on a bench that has some."""
+        return self.kind == "bench" and bool(self.loads)
+
+    @property
+    def cases(self) -> int:
+        """How many participants there are, or loads that stand for them."""
+        return len(self.loads) if self.cases_are_loads else self.participants
 
     @property
     def expected_duration_s(self) -> float:

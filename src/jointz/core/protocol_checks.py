@@ -129,13 +129,16 @@ def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
 def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
     if protocol.kind == "walking" and protocol.gait is None:
         yield Problem(("gait",), "missing; walking needs it, at least its speed_m_s.")
-    if protocol.kind == "bench" and protocol.gait is not None:
-        yield Problem(("gait",), 'a bench does not walk. Remove it, or set kind = "walking".')
+    if protocol.kind != "walking" and protocol.gait is not None:
+        yield Problem(
+            ("gait",), f'a {protocol.kind} does not walk. Remove it, or set kind = "walking".'
+        )
 
 
 def _bench_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
-    if protocol.kind == "walking" and protocol.bench is not None:
-        yield Problem(("bench",), 'walking needs none. Remove it, or set kind = "bench".')
+    if protocol.kind != "bench" and protocol.bench is not None:
+        told = f'{protocol.kind} needs none. Remove it, or set kind = "bench".'
+        yield Problem(("bench",), told)
 
 
 def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
@@ -143,7 +146,7 @@ def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
         return
     if protocol.kind == "walking":
         yield Problem(("loads",), 'only a bench has loads. Remove them, or set kind = "bench".')
-    elif _given(protocol, "participants"):
+    elif protocol.kind == "bench" and _given(protocol, "participants"):
         yield Problem(("participants",), "the loads stand for participants. Remove it.")
 
 
@@ -189,8 +192,9 @@ _FOREIGN = {
         ("count", "pause_s"),
     ),
     "bench": (("strides",), ("gap_strides", "warm_up_strides")),
+    "calibration": (("strides",), ("gap_strides", "warm_up_strides")),
 }
-_OTHER = {"walking": "bench", "bench": "walking"}
+_OTHER = {"walking": "bench", "bench": "walking", "calibration": "walking"}
 
 
 def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:

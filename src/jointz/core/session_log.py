@@ -42,7 +42,7 @@ class Layout:
     Parameters
     ----------
     name : str
-        ``walking`` or ``bench``.
+        ``walking``, ``bench`` or ``bench-contact``.
     fields : tuple of Field
         One of them is ``slot`` and one is ``part``.
 
@@ -156,8 +156,18 @@ BENCH = Layout(
     ),
 )
 
+#: Of a bench with a footswitch: a calibration of that.
+BENCH_CONTACT = Layout(
+    "bench-contact",
+    (
+        *BENCH.fields,
+        Field("contact_time_ns", "q", "ns", "when the footswitch measured, by its clock"),
+        Field("contact", "f", "V", "footswitch"),
+    ),
+)
+
 #: Name -> layout.
-LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH)}
+LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH, BENCH_CONTACT)}
 
 
 def decode_header(line: bytes) -> tuple[dict[str, Any], Layout]:

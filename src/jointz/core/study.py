@@ -79,7 +79,14 @@ class Calibrated(_Model):
 
 
 class CalibrationSpec(_Model):
-    """What is known about the instruments; every entry carries its sd."""
+    """What is known about the instruments; every entry carries its sd.
+
+    ``angle_zero_rad`` is what the record shows at the joint's true zero, ``angle_per_torque``
+    (rad/(N*m)) what it shows per torque on a joint that stands still. A footswitch that gives
+    volts is on from ``contact_threshold_v`` and off below ``contact_release_v``. ``tissue_hz`` is
+    the resonance of the tissue between joint and sensor. Gains are measured over true, but
+    ``friction_gain``: true over stated.
+    """
 
     angle_lag_s: Calibrated | None = None
     torque_lag_s: Calibrated | None = None
@@ -89,6 +96,11 @@ class CalibrationSpec(_Model):
     intrinsic_damping: Calibrated | None = None
     intrinsic_inertia: Calibrated | None = None
     friction_gain: Calibrated | None = None
+    angle_zero_rad: Calibrated | None = None
+    angle_per_torque: Calibrated | None = None
+    tissue_hz: Calibrated | None = None
+    contact_threshold_v: Calibrated | None = None
+    contact_release_v: Calibrated | None = None
 
     @model_validator(mode="after")
     def _gains_are_positive(self) -> "CalibrationSpec":
@@ -98,6 +110,34 @@ class CalibrationSpec(_Model):
                 of = "true over stated" if name == "friction_gain" else "measured over true"
                 raise ValueError(f"{name}: {of} must be positive, got {entry.value}")
         return self
+
+    @model_validator(mode="after")
+    def _tissue_resonates(self) -> "CalibrationSpec":
+        if self.tissue_hz is not None and self.tissue_hz.value <= 0:
+            raise ValueError(f"tissue_hz: must be positive, got {self.tissue_hz.value}")
+        return self
+
+    @model_validator(mode="after")
+    def _contact_levels_are_two(self) -> "CalibrationSpec":
+        on, off = self.contact_threshold_v, self.contact_release_v
+        if (on is None) != (off is None):
+            missing = "contact_threshold_v" if on is None else "contact_release_v"
+            raise ValueError(
+                f"{missing}: missing; contact_threshold_v and contact_release_v go together"
+            )
+        if on is not None and off is not None and on.value <= off.value:
+            raise ValueError(
+                f"contact_threshold_v: {on.value} V must lie above contact_release_v, "
+                f"{off.value} V; a switch that is low on the ground must be turned in the file"
+            )
+        return self
+
+    @property
+    def contact_levels_v(self) -> tuple[float, float] | None:
+        """A footswitch is off below the first and on from the second, V; None: not known."""
+        if self.contact_threshold_v is None or self.contact_release_v is None:
+            return None
+        return self.contact_release_v.value, self.contact_threshold_v.value
 
     def overridden_by(self, other: "CalibrationSpec | None") -> "CalibrationSpec":
         """Return this calibration with the entries that ``other`` gives.

@@ -1,9 +1,9 @@
 """The devices of a laboratory as its people write them down: ``device.toml``.
 
-Sections ``[actuator]``, ``[angle]``, ``[contact]``, each with a ``driver`` and its keys, and
-``[calibration]`` as in a study. Reading the file is not done here: these models take what
-:mod:`tomllib` makes of it. Drivers, and the libraries that they need, are imported when the
-devices are opened.
+Sections ``[actuator]``, ``[angle]``, ``[contact]``, each with a ``driver`` and its keys,
+``[calibration]`` and ``[device]`` as in a study, and ``[[participants]]``. Reading the file is not
+done here: these models take what :mod:`tomllib` makes of it. Drivers, and the libraries that they
+need, are imported when the devices are opened.
 """
 
 import importlib
@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
 from jointz.core.clock import Clock
-from jointz.core.errors import DataError
+from jointz.core.errors import DeviceFileError
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import CalibrationSpec, TorqueModelSpec
+from jointz.core.study import CalibrationSpec, DeviceSpec, Name, TorqueModelSpec
 from jointz.devices.dephy_units import WindingSpec
 from jointz.devices.interface import Actuator, Devices, Sensor
 
@@ -29,23 +29,6 @@ _OSL_MODULE = "jointz.devices.opensourceleg"
 Positive = Annotated[float, Field(gt=0)]
 Text = Annotated[str, Field(min_length=1)]
 ContactKind = Literal["contact", "voltage"]
-
-
-class DeviceFileError(DataError):
-    """One or more problems of a ``device.toml``.
-
-    Parameters
-    ----------
-    where : str
-        The file.
-    problems : sequence of str
-        One sentence a problem.
-    """
-
-    def __init__(self, where: str, problems: list[str]) -> None:
-        self.problems = tuple(problems)
-        head = f"{where}: {len(problems)} problem{'s' if len(problems) != 1 else ''}"
-        super().__init__("\n".join([head, *(f"  - {p}" for p in problems)]), path=where)
 
 
 class DephySpec(CheckedModel):
@@ -176,17 +159,42 @@ ActuatorSpec = Annotated[DephySpec | OpenSourceLegSpec, Field(discriminator="dri
 SensorSpec = Annotated[Ads1115Spec | LslSpec | OpenSourceLegSpec, Field(discriminator="driver")]
 
 
+class WearerSpec(CheckedModel):
+    """Somebody who is measured: name in the study, and body."""
+
+    id: Name
+    mass_kg: Positive | None = None
+    height_m: Annotated[float, Field(gt=0, lt=3)] | None = None
+
+
 class DeviceFile(CheckedModel):
-    """The whole of a ``device.toml``."""
+    """The whole of a ``device.toml``.
+
+    ``device`` is what hangs on the moving segment beyond the measured torque, as in a study.
+    """
 
     actuator: ActuatorSpec | None = None
     angle: SensorSpec | None = None
     contact: SensorSpec | None = None
     calibration: CalibrationSpec = CalibrationSpec()
+    device: DeviceSpec | None = None
+    participants: tuple[WearerSpec, ...] = Field(default=(), strict=False)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the sections."""
-        return (self._something_is_there, self._a_chip_for_each, self._angle_has_a_gain)
+        devices = self._something_is_there, self._a_chip_for_each, self._angle_has_a_gain
+        return *devices, self._each_is_another
+
+    def sections(self) -> dict[str, ActuatorSpec | SensorSpec]:
+        """Return what the file names of actuator, angle and contact."""
+        named = {"actuator": self.actuator, "angle": self.angle, "contact": self.contact}
+        return {name: spec for name, spec in named.items() if spec is not None}
+
+    def _each_is_another(self) -> Iterator[Problem]:
+        ids = [one.id for one in self.participants]
+        for i, name in enumerate(ids):
+            if name in ids[:i]:
+                yield Problem(("participants", i, "id"), f"{name!r} is there already.")
 
     def _something_is_there(self) -> Iterator[Problem]:
         if self.actuator is None and self.angle is None and self.contact is None:

@@ -16,7 +16,7 @@ class BenchStreams:
 
     Attributes
     ----------
-    actuator, angle, torque, position : list
+    actuator, angle, torque, position, contact : list
         The samples of this tick, oldest first.
     newest_actuator, newest_angle : ActuatorSample, SensorSample
         The last that came at all.
@@ -26,10 +26,12 @@ class BenchStreams:
         "_last_ns",
         "_read_actuator",
         "_read_angle",
+        "_read_contact",
         "_read_position",
         "_read_torque",
         "actuator",
         "angle",
+        "contact",
         "newest_actuator",
         "newest_angle",
         "position",
@@ -43,13 +45,20 @@ class BenchStreams:
         self._read_angle = devices.angle.read if devices.angle else None
         self._read_torque = devices.torque.read if devices.torque else None
         self._read_position = devices.positioner.read if devices.positioner else None
-        optional = (self._read_angle, self._read_torque, self._read_position)
+        self._read_contact = devices.contact.read if devices.contact else None
+        optional = (
+            self._read_angle,
+            self._read_torque,
+            self._read_position,
+            self._read_contact,
+        )
         #: When each last gave a sample; one that is not there is never late.
         self._last_ns = [-1, *(-1 if read else _NEVER_LATE_NS for read in optional)]
         self.actuator: list[ActuatorSample] = []
         self.angle: list[SensorSample] = []
         self.torque: list[SensorSample] = []
         self.position: list[SensorSample] = []
+        self.contact: list[SensorSample] = []
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
 
@@ -84,7 +93,14 @@ class BenchStreams:
             self.position = self._read_position()
             if self.position:
                 last[3] = slot_ns
+        self._read_footswitch(slot_ns)
         oldest_ns = min(last)
         if oldest_ns == slot_ns:
             return 0.0
         return (slot_ns - oldest_ns) * 1e-9 if oldest_ns >= 0 else float("inf")
+
+    def _read_footswitch(self, slot_ns: int) -> None:
+        if self._read_contact is not None:
+            self.contact = self._read_contact()
+            if self.contact:
+                self._last_ns[4] = slot_ns

@@ -55,6 +55,7 @@ class BenchTrial:
         self._period_ns = period_ns
         self._streams = BenchStreams(devices)
         self._has_angle_sensor = devices.angle is not None
+        self._has_contact = devices.contact is not None
         self._gate = gate
         self._command_torque = devices.actuator.command_torque
         self._stop_actuator = devices.actuator.stop
@@ -151,13 +152,26 @@ class BenchTrial:
         if not course.first <= slot < course.stop:
             flags |= _LEAD
         parts = max(
-            len(streams.actuator), len(streams.angle), len(streams.torque), len(streams.position)
+            len(streams.actuator),
+            len(streams.angle),
+            len(streams.torque),
+            len(streams.position),
+            len(streams.contact),
         )
         tick = (slot, place, host_ns, requested, flags)
+        record = self._part_with_contact if self._has_contact else self._part
         if parts < 2:
-            self._recorder.write(self._part(0, tick))
+            self._recorder.write(record(0, tick))
         else:
-            self._recorder.write(*[self._part(part, tick) for part in range(parts)])
+            self._recorder.write(*[record(part, tick) for part in range(parts)])
+
+    def _part_with_contact(
+        self, part: int, tick: tuple[int, int, int, float, int]
+    ) -> tuple[float, ...]:
+        """Return one record of a bench that has a footswitch."""
+        contact = self._streams.contact
+        c = contact[part] if part < len(contact) else NO_SENSOR_SAMPLE
+        return (*self._part(part, tick), c.device_time_ns, c.value)
 
     def _part(self, part: int, tick: tuple[int, int, int, float, int]) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""

@@ -6,7 +6,7 @@ from jointz.experiment.heel_strikes import HeelStrikeDetector
 from jointz.experiment.phase import KneePhase, StridePhase
 
 _NAN = float("nan")
-_LOW, _HIGH = 0.3, 0.7  # of a contact that is 0 or 1
+CONTACT_LEVELS = (0.3, 0.7)  # of a contact that is 0 or 1
 
 
 class GaitWatch:
@@ -19,6 +19,8 @@ class GaitWatch:
     ----------
     gait : GaitSpec
         Of the protocol.
+    contact_levels : tuple of float
+        The switch is off below the first and on from the second, in its own unit.
 
     Attributes
     ----------
@@ -46,8 +48,11 @@ class GaitWatch:
         "strides",
     )
 
-    def __init__(self, gait: GaitSpec) -> None:
-        self._detector = HeelStrikeDetector(low=_LOW, high=_HIGH, refractory_s=gait.refractory_s)
+    def __init__(
+        self, gait: GaitSpec, contact_levels: tuple[float, float] = CONTACT_LEVELS
+    ) -> None:
+        low, high = contact_levels
+        self._detector = HeelStrikeDetector(low=low, high=high, refractory_s=gait.refractory_s)
         self._knee = KneePhase(gait)
         self.strides = StridePhase(gait)
         self.steady = self.retracted = self._counted = False

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from jointz.core.clock import Clock
 
-_PRIORITY = 50  # of 1..99 under SCHED_FIFO: above everything but the kernel's own threads
+_PRIORITY = 49  # of 1..99 under SCHED_FIFO: just below the threads of interrupts, at 50
 
 
 @dataclass(frozen=True, slots=True)

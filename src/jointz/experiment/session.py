@@ -29,7 +29,7 @@ from jointz.core.errors import DeviceError, SafetyStop, WriteError
 from jointz.core.protocol import ConditionSpec
 from jointz.core.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
-from jointz.core.session_log import BENCH, WALKING
+from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Device, Devices, Rig
 from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
 from jointz.experiment.console_link import ConsoleLink
@@ -230,7 +230,7 @@ class Session:
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""
         plan, wearer = self._plan, self._rig.wearer.id
-        pulse, bench = plan.protocol.pulse, plan.protocol.kind == "bench"
+        pulse, walking = plan.protocol.pulse, plan.protocol.kind == "walking"
         rng = plan.stream(wearer, "")
         plans = {}
         for condition in plan.protocol.conditions:
@@ -238,9 +238,9 @@ class Session:
                 continue
             for name in condition.trial_names:
                 made: Sequence[TimedPulse | PlannedPulse] = (
-                    make_bench_plan(condition, pulse, rng)
-                    if bench
-                    else make_plan(condition.perturbations, pulse, rng)
+                    make_plan(condition.perturbations, pulse, rng)
+                    if walking
+                    else make_bench_plan(condition, pulse, rng)
                 )
                 plans[name] = [one.to_dict() for one in made]
         return plans
@@ -265,7 +265,7 @@ class Session:
                 Recorder(
                     log_path(self._plan.folder, name, segment),
                     self._header(condition, name, segment, devices),
-                    WALKING if walking else BENCH,
+                    _layout(devices, walking=walking),
                 )
             )
             setup = TrialSetup(
@@ -277,9 +277,10 @@ class Session:
                 gate=gate,
                 recorder=recorder,
                 clock=clock,
+                contact_levels_v=self._rig.calibration.contact_levels_v,
             )
             trial = (self._walking if walking else self._bench)(setup, events, journal)
-            self._run_trial(trial, name, devices, gate, clock)
+            self._run_trial(trial, setup, note)
             # How long the log is then: one that is found shorter has lost something.
             note("condition_completed", log_bytes=recorder.size_bytes)
 
@@ -309,17 +310,11 @@ class Session:
             ),
         )
 
-    def _run_trial(
-        self,
-        trial: AnyTrial,
-        name: str,
-        devices: Devices,
-        gate: SafetyGate | None,
-        clock: Clock,
-    ) -> None:
+    def _run_trial(self, trial: AnyTrial, setup: TrialSetup, note: Callable[..., None]) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
         self._trial = trial
-        tick = trial.tick if self._link is None else self._link.attended(trial, name)
+        devices, gate = setup.devices, setup.gate
+        tick = trial.tick if self._link is None else self._link.attended(trial, setup.name)
         with ExitStack() as stack:
             stack.callback(setattr, self, "_trial", None)
             # The last is called first: the actuator is stopped before all others.
@@ -329,8 +324,10 @@ class Session:
                 device.configure()
             for device in devices.all():
                 device.activate()
-            with undisturbed() if self._real_time else nullcontext():
-                ControlLoop(clock, self._plan.period_ns).run(tick)
+            with undisturbed() if self._real_time else nullcontext() as scheduling:
+                if scheduling is not None:
+                    note("loop_started", scheduling=scheduling)
+                ControlLoop(setup.clock, self._plan.period_ns).run(tick)
         if gate is not None and gate.tripped is not None:
             raise SafetyStop(gate.tripped, gate.detail)
         if self._stop_requested:
@@ -366,6 +363,13 @@ class Session:
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
+
+
+def _layout(devices: Devices, *, walking: bool) -> Layout:
+    """Return what the records of a log look like."""
+    if walking:
+        return WALKING
+    return BENCH if devices.contact is None else BENCH_CONTACT
 
 
 def _stop(

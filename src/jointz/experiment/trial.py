@@ -9,7 +9,7 @@ from jointz.core.protocol import GaitSpec
 from jointz.core.session_log import Flag
 from jointz.core.trips import Trip
 from jointz.devices.interface import Devices
-from jointz.experiment.gait_watch import GaitWatch
+from jointz.experiment.gait_watch import CONTACT_LEVELS, GaitWatch
 from jointz.experiment.pulse_runner import PulseRunner
 from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
@@ -38,11 +38,14 @@ class Course:
         Of the loop.
     strides : int
         Accepted strides; with pulses, the last pulse and a few more decide.
+    contact_levels : tuple of float
+        Of the footswitch, off and on, in its own unit.
     """
 
     gait: GaitSpec
     period_ns: int
     strides: int
+    contact_levels: tuple[float, float] = CONTACT_LEVELS
 
 
 class Motor:
@@ -108,7 +111,7 @@ class Trial:
     ) -> None:
         self._period_ns = course.period_ns
         self._streams = Streams(devices)
-        self._watch = GaitWatch(course.gait)
+        self._watch = GaitWatch(course.gait, course.contact_levels)
         self._motor = motor
         self._pulses = pulses
         self._strides = course.strides

@@ -14,6 +14,7 @@ from jointz.core.protocol_checks import trial_duration_s
 from jointz.devices.interface import Devices
 from jointz.experiment.bench_plan import TimedPulse, bench_course
 from jointz.experiment.bench_trial import BenchProgress, BenchTrial
+from jointz.experiment.gait_watch import CONTACT_LEVELS
 from jointz.experiment.journal import Journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
@@ -71,6 +72,8 @@ class TrialSetup:
         The log.
     clock : Clock
         The host's.
+    contact_levels_v : tuple of float, optional, V
+        Calibrated levels of a footswitch that gives volts, off and on.
     """
 
     protocol: ProtocolSpec
@@ -81,6 +84,15 @@ class TrialSetup:
     gate: SafetyGate | None
     recorder: Recorder
     clock: Clock
+    contact_levels_v: tuple[float, float] | None = None
+
+    @property
+    def contact_levels(self) -> tuple[float, float]:
+        """Levels of the footswitch, off and on, in its own unit."""
+        switch = self.devices.contact
+        if switch is None or self.contact_levels_v is None or switch.describe().kind != "voltage":
+            return CONTACT_LEVELS
+        return self.contact_levels_v
 
     @property
     def period_ns(self) -> int:
@@ -126,7 +138,7 @@ def walking_trial(
             period_ns=setup.period_ns,
         )
     return Trial(
-        Course(protocol.gait, setup.period_ns, condition.strides or 0),
+        Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
         devices=setup.devices,
         motor=None if setup.gate is None else Motor(setup.devices, setup.gate),
         pulses=pulses,

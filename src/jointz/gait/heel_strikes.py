@@ -68,7 +68,9 @@ class HeelStrikes:
     method: str
 
 
-def find_heel_strikes(recording: xr.Dataset) -> HeelStrikes:
+def find_heel_strikes(
+    recording: xr.Dataset, *, levels_v: tuple[float, float] | None = None
+) -> HeelStrikes:
     """Find the heel strikes of a recording.
 
     The channel ``contact`` is used where it exists, else
@@ -79,6 +81,9 @@ def find_heel_strikes(recording: xr.Dataset) -> HeelStrikes:
     ----------
     recording : xarray.Dataset
         A recording (:mod:`jointz.core.recording`); it is not modified.
+    levels_v : tuple of float, optional, V
+        Calibrated thresholds of a footswitch that gives volts, lower and upper; those of other
+        channels, and by default its own, are found in the record.
 
     Returns
     -------
@@ -94,6 +99,8 @@ def find_heel_strikes(recording: xr.Dataset) -> HeelStrikes:
     if "contact" in recording:
         signal = recording["contact"].to_numpy()
         kind = recording.attrs.get("contact_kind") or _kind(signal)
+        if kind == "voltage":
+            return strikes_from_voltage(time, signal, levels_v=levels_v)
         return _FOOTSWITCHES[kind](time, signal)
     if "ground_reaction_force" in recording:
         return strikes_from_force(time, recording["ground_reaction_force"].to_numpy())
@@ -134,7 +141,9 @@ def strikes_from_contact(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
     return _from_levels(t, x, _coarse_levels(x), method="contact")
 
 
-def strikes_from_voltage(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
+def strikes_from_voltage(
+    time: np.ndarray, signal: np.ndarray, *, levels_v: tuple[float, float] | None = None
+) -> HeelStrikes:
     """Find heel strikes in the voltage of an analog footswitch, high on the ground.
 
     Noise is lowered by a running median of 11 ms, which keeps edges where they
@@ -148,12 +157,17 @@ def strikes_from_voltage(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
         Increasing time stamps.
     signal : (n,) float
         The voltage, any gain (positive) and offset; NaN where missing.
+    levels_v : tuple of float, optional, V
+        Thresholds, lower and upper, at the middle of the drift; found in the record by default.
     """
     t, x = _finite(time, signal)
     if t.size < 2:
         return _none("voltage")
     half = int(0.0055 / np.median(np.diff(t)))
     x = _without_drift(t, median_filter(x, size=2 * half + 1, mode="nearest"))
+    if levels_v is not None:
+        switches = x.min() < levels_v[0] and x.max() >= levels_v[1]
+        return _trigger(t, x, levels_v, method="voltage") if switches else _none("voltage")
     return _from_levels(t, x, _coarse_levels(x), method="voltage")
 
 
@@ -239,7 +253,6 @@ def strikes_from_cycle(time: np.ndarray, cycle: np.ndarray) -> HeelStrikes:
 _INTERPOLATED = ("voltage", "force")
 _FOOTSWITCHES = {
     "contact": strikes_from_contact,
-    "voltage": strikes_from_voltage,
     "pulse": strikes_from_pulse,
 }
 

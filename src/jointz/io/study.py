@@ -274,7 +274,10 @@ def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
         yield "channels.angle: missing; every study needs the joint's angle."
     if "time" not in channels and "sample_rate_hz" not in raw:
         yield "channels.time: missing; without a time column give sample_rate_hz."
-    need_torque = any(_condition_of(r) != "no_device" for r in _entries(raw, "recordings"))
+    conditions = [_condition_of(r) for r in _entries(raw, "recordings")]
+    # A bench that nothing perturbs may be a calibration: a hinge swung by hand has no torque.
+    unmoved = raw.get("kind") == "bench" and set(conditions) <= {"unperturbed", "no_device"}
+    need_torque = any(c != "no_device" for c in conditions) and not unmoved
     from_current = "current" in channels and "torque_model" in raw
     if need_torque and "torque" not in channels and not from_current:
         yield "channels.torque: missing; give it, or channels.current and [torque_model]."

@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import ProtocolError, StudyError
+from jointz.core.errors import DeviceFileError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
 
@@ -31,7 +31,10 @@ _EXPECTED = {
 
 
 def parse_toml(
-    where: str, text: bytes, *, error: type[StudyError] | type[ProtocolError]
+    where: str,
+    text: bytes,
+    *,
+    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError],
 ) -> dict[str, Any]:
     """Parse a TOML file.
 

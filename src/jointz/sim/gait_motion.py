@@ -121,6 +121,39 @@ def knee_size_at(speed_m_s: float) -> float:
     return 1.0 + _KNEE_GROWTH_S_M * (speed_m_s - REFERENCE_SPEED_M_S)
 
 
+def make_stride(
+    start_s: float,
+    durations_s: tuple[float, float, float],
+    curves: tuple[np.ndarray, np.ndarray],
+) -> Stride:
+    """Return a stride that its neighbours join twice continuously differentiable.
+
+    Parameters
+    ----------
+    start_s : float, s
+        Its heel strike.
+    durations_s : (float, float, float), s
+        Of the stride before, of its own, and of the next.
+    curves : pair of (2, HARMONICS) float, rad
+        Fourier coefficients, cosines and sines, of its own and of the next.
+    """
+    previous_s, duration, following_s = durations_s
+    row = np.zeros(GAIT_SIZE)
+    first = 0.5 * (duration / previous_s + 1.0)
+    last = 0.5 * (duration / following_s + 1.0)
+    row[Gait.START_S], row[Gait.RATE_HZ] = start_s, 1.0 / duration
+    row[Gait.LINEAR] = first
+    row[Gait.CUBIC] = 10.0 - 6.0 * first - 4.0 * last
+    row[Gait.QUARTIC] = -15.0 + 8.0 * first + 7.0 * last
+    row[Gait.QUINTIC] = 6.0 - 3.0 * first - 3.0 * last
+    curve, following = curves
+    row[Gait.COSINES : Gait.COSINES + HARMONICS] = curve[0]
+    row[Gait.SINES : Gait.SINES + HARMONICS] = curve[1]
+    row[Gait.COSINE_CHANGES : Gait.COSINE_CHANGES + HARMONICS] = following[0] - curve[0]
+    row[Gait.SINE_CHANGES : Gait.SINE_CHANGES + HARMONICS] = following[1] - curve[1]
+    return Stride(start_s, duration, row)
+
+
 class GaitMotion:
     """Generates strides in order.
 
@@ -167,21 +200,10 @@ class GaitMotion:
 
     def next(self) -> Stride:
         """Return the next stride."""
-        row = np.zeros(GAIT_SIZE)
         duration = self._duration_s
-        first = 0.5 * (duration / self._previous_s + 1.0)
-        last = 0.5 * (duration / self._following_s + 1.0)
-        row[Gait.START_S], row[Gait.RATE_HZ] = self._start_s, 1.0 / duration
-        row[Gait.LINEAR] = first
-        row[Gait.CUBIC] = 10.0 - 6.0 * first - 4.0 * last
-        row[Gait.QUARTIC] = -15.0 + 8.0 * first + 7.0 * last
-        row[Gait.QUINTIC] = 6.0 - 3.0 * first - 3.0 * last
         curve, following = self._curve, self._new_curve()
-        row[Gait.COSINES : Gait.COSINES + HARMONICS] = curve[0]
-        row[Gait.SINES : Gait.SINES + HARMONICS] = curve[1]
-        row[Gait.COSINE_CHANGES : Gait.COSINE_CHANGES + HARMONICS] = following[0] - curve[0]
-        row[Gait.SINE_CHANGES : Gait.SINE_CHANGES + HARMONICS] = following[1] - curve[1]
-        stride = Stride(self._start_s, duration, row)
+        durations = self._previous_s, duration, self._following_s
+        stride = make_stride(self._start_s, durations, (curve, following))
         self._start_s += duration
         self._previous_s, self._duration_s = duration, self._following_s
         self._following_s = self._duration()

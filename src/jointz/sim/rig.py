@@ -1,6 +1,6 @@
 """A simulated person in a simulated exoskeleton, as an experiment is handed it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,7 +10,8 @@ from jointz.core.clock import Clock
 from jointz.core.protocol import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S, stride_time_ratio
-from jointz.devices.interface import Devices, Stretch, Wearer
+from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
+from jointz.sim.calibration_instruments import OffsetSensor, draw_angle_zero
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
 from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedSensor, Wiring
 from jointz.sim.footswitch import ContactMaker
@@ -44,6 +45,8 @@ class SimulatedRig:
     speed_m_s : float, m/s
         Of the treadmill: faster strides are shorter in time and bend the knee more. The
         impedance at a phase of the cycle is the person's at any speed.
+    zeroed : bool
+        Whether the goniometer is zeroed when it is taped on; else it shows its own zero.
 
     Attributes
     ----------
@@ -58,12 +61,14 @@ class SimulatedRig:
         *,
         grid: Grid | None = None,
         speed_m_s: float = REFERENCE_SPEED_M_S,
+        zeroed: bool = True,
     ) -> None:
         self.person = person
         self.preset = preset
         self.grid = grid or Grid()
         self.speed_m_s = speed_m_s
         self.inject = Injection()
+        self._angle_zero_rad = 0.0 if zeroed else draw_angle_zero(person, preset)
 
     @property
     def wearer(self) -> Wearer:
@@ -120,10 +125,15 @@ class SimulatedRig:
         )
         wiring = Wiring(running, clock, self.inject)
         return Devices(
-            angle=SimulatedSensor(wiring, "angle", goniometer(build)),
+            angle=self._goniometer(wiring, goniometer(build)),
             contact=SimulatedFootswitch(wiring, running, footswitch(build)),
             actuator=SimulatedActuator(wiring, exoskeleton(build)) if build.worn else None,
         )
+
+    def _goniometer(self, wiring: Wiring, description: SensorDescription) -> SimulatedSensor:
+        if self._angle_zero_rad == 0.0:
+            return SimulatedSensor(wiring, "angle", description)
+        return OffsetSensor(wiring, description, offset_rad=self._angle_zero_rad)
 
     def notes(self) -> Mapping[str, Any]:
         """Return preset and grid: that it is a simulation is no secret, its truth is."""
@@ -218,6 +228,7 @@ def simulated_rig(
     seed: int = 1,
     sample_rate_hz: float = 500.0,
     speed_m_s: float = REFERENCE_SPEED_M_S,
+    not_zeroed: Collection[str] = (),
 ) -> SimulatedRig:
     """Return the rig of one participant of the seeded population.
 
@@ -233,15 +244,19 @@ def simulated_rig(
         Of all devices.
     speed_m_s : float, m/s
         Of the treadmill.
+    not_zeroed : collection of str
+        Ids of those whose goniometer shows its own zero.
 
     Examples
     --------
     >>> simulated_rig(0, preset="hard").wearer.id
     'S01'
     """
+    person = draw_person(number, seed=seed)
     return SimulatedRig(
-        draw_person(number, seed=seed),
+        person,
         preset_named(preset),
         grid=Grid(sample_rate_hz),
         speed_m_s=speed_m_s,
+        zeroed=person.id not in not_zeroed,
     )

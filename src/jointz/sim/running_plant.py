@@ -1,15 +1,25 @@
 """A walking person that runs on the time of a clock, as far as somebody looks at it."""
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 
 from jointz.sim import plant
 from jointz.sim.footswitch import ContactMaker
-from jointz.sim.gait_motion import GaitMotion, Stride
+from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.plant_build import PlantBuild
 from jointz.sim.sampled_time import SampledTime
+
+
+class Motion(Protocol):
+    """Strides of an unperturbed path, one after the other without end."""
+
+    def next(self) -> Stride:
+        """Return the next stride; the first begins at time 0 or before it."""
+        ...
+
 
 _NOISE_ROWS = 4096
 _NEVER_NS = 2**63
@@ -22,7 +32,7 @@ class RunningPlant(SampledTime):
     ----------
     build : PlantBuild
         The constants.
-    motion : GaitMotion
+    motion : Motion
         Strides, from the first on.
     contacts : ContactMaker
         Of the footswitch.
@@ -39,7 +49,7 @@ class RunningPlant(SampledTime):
         self,
         build: PlantBuild,
         *,
-        motion: GaitMotion,
+        motion: Motion,
         contacts: ContactMaker,
         noise: np.random.Generator,
     ) -> None:

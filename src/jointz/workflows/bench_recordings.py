@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from jointz.core.protocol import ConditionSpec, Protocol
 from jointz.core.recording import build_recording
 from jointz.core.session_log import Flag
+from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.journal import Event, segments_begun
 from jointz.experiment.session_files import log_path
 from jointz.io.session_log import SessionLog, read_log
@@ -21,6 +23,7 @@ _CLOCKS = {
     "angle": "angle_sensor_time_ns",
     "torque": "torque_sensor_time_ns",
     "positioner": "positioner_time_ns",
+    "contact": "contact_time_ns",
 }
 _MASTER = _CLOCKS["actuator"]
 #: Channel of the recording -> field of the log.
@@ -31,7 +34,13 @@ _ACTUATOR_FIELDS = {
     "reference": "reference_torque",
 }
 #: Units of channels that no schema knows, or that may have several.
-_UNITS = {"reference": "N*m", "position": "rad", "reference_position": "rad", "trial": "1"}
+_UNITS = {
+    "reference": "N*m",
+    "position": "rad",
+    "reference_position": "rad",
+    "trial": "1",
+    "contact": "V",
+}
 
 
 def bench_record(
@@ -87,13 +96,13 @@ def bench_record(
         units={name: unit for name, unit in _UNITS.items() if name in pieces[0][1]},
         condition=condition.condition,
         file=file,
-        contact_kind="",
+        contact_kind="voltage" if "contact" in pieces[0][1] else "",
         history=(
             {
                 "step": "converted from the session's logs",
                 "logs": [path.name for path in paths],
                 "sha256": [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths],
-                "clocks": [clock_notes(log.records, _CLOCKS) for log in logs],
+                "clocks": [clock_notes(log.records, _clocks(log)) for log in logs],
             },
         ),
         participant=participant,
@@ -101,6 +110,42 @@ def bench_record(
         positive=protocol.positive,
     )
     return recording, logs
+
+
+def pulse_table(recording: xr.Dataset, plan: Sequence[TimedPulse]) -> pd.DataFrame:
+    """Return the pulses of one trial as its command shows them.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        Of one trial.
+    plan : sequence of TimedPulse
+        Of the same; shams are left out.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``onset_s`` (first sample with the pulse on), ``duration_s``, ``amplitude_nm``, with
+        its sign; a row a pulse.
+    """
+    time = recording["time"].to_numpy()
+    on = np.concatenate([[False], recording["command"].to_numpy() != 0.0, [False]])
+    begins, ends = np.flatnonzero(on[1:] & ~on[:-1]), np.flatnonzero(on[:-1] & ~on[1:])
+    ends = np.minimum(ends, time.size - 1)  # one that is on in the last sample
+    felt = [pulse.amplitude_nm for pulse in plan if pulse.amplitude_nm != 0.0]
+    return pd.DataFrame(
+        {
+            "onset_s": time[begins],
+            "duration_s": time[ends] - time[begins],
+            "amplitude_nm": felt[: begins.size],
+        }
+    )
+
+
+def _clocks(log: SessionLog) -> dict[str, str]:
+    """Return the clocks that the log's layout has."""
+    fields = log.records.dtype.names or ()
+    return {device: clock for device, clock in _CLOCKS.items() if clock in fields}
 
 
 def _trial(log: SessionLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -122,6 +167,10 @@ def _trial(log: SessionLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         name = devices["positioner"]["channel"]
         channels[name] = onto(records, "position", clock="positioner_time_ns", master=_MASTER)
         channels["reference_position"] = rows["reference_position"].astype(float)
+    if devices["contact"] is not None:
+        channels["contact"] = onto(
+            records, "contact", clock=_CLOCKS["contact"], master=_MASTER, interpolated=False
+        )
     counts = (rows["flags"] & Flag.LEAD) == 0
     time_s = rows[_MASTER] * 1e-9
     return time_s[counts], {name: values[counts] for name, values in channels.items()}

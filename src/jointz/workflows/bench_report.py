@@ -9,9 +9,10 @@ from jointz.devices.interface import Rig
 from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.journal import read_journal
 from jointz.experiment.session_files import JOURNAL_FILE, bench_plan_of
+from jointz.experiment.whole_files import write_whole
 from jointz.io.netcdf import write_recording
-from jointz.workflows.bench_recordings import bench_record
-from jointz.workflows.run_settings import RunSettings, recording_name, timing_rows
+from jointz.workflows.bench_recordings import bench_record, pulse_table
+from jointz.workflows.run_settings import RunSettings, pulses_name, recording_name, timing_rows
 
 
 def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
@@ -35,6 +36,10 @@ def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]
             folder, condition, events=events, file=name, participant=load, protocol=protocol
         )
         write_recording(recording, settings.study / name)
+        if condition.perturbations is not None and protocol.kind == "calibration":
+            table = pulse_table(recording, plans.get(condition.name, ()))
+            file = settings.study / pulses_name(load, condition.name)
+            write_whole(file, table.to_csv(index=False, float_format="%.9g"))
         report["onsets"] += _pulses(load, condition, plans)
         report["timing"] += timing_rows(load, condition.name, logs, settings)
         report["devices"] = logs[0].header["devices"]

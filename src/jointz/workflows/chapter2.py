@@ -179,7 +179,8 @@ def _least_squares(trial: xr.Dataset) -> list[float]:
 
 
 def _bench_trial(trial: xr.Dataset) -> BenchTrial:
-    return BenchTrial(*(trial[name].to_numpy() for name in ("time", "angle", "torque")))
+    time_s, angle, torque = (trial[name].to_numpy() for name in ("time", "angle", "torque"))
+    return BenchTrial(time_s, angle, torque)
 
 
 def _response(trial: xr.Dataset, impedance: Sequence[float], lag_s: float) -> dict[str, Any]:

@@ -92,7 +92,7 @@ class LiveSession:
         DataError
             When a file is damaged.
         """
-        newest = _newest_session(self.study)
+        newest = newest_session(self.study)
         if newest is None:
             return
         if newest != self._folder:
@@ -306,8 +306,14 @@ class LiveSession:
         return own | {name: value for name, value in tightened.items() if value is not None}
 
 
-def _newest_session(study: Path) -> Path | None:
-    """Return the session whose process is or was last at work; its control file is made first."""
+def newest_session(study: Path) -> Path | None:
+    """Return the session whose journal was written to last, None before there is one.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        Its folder.
+    """
     found: list[tuple[float, Path]] = []
     for journal in (study / SESSIONS).glob(f"*/{JOURNAL_FILE}"):
         try:

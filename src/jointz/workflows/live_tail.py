@@ -27,11 +27,13 @@ class JournalTail:
     ----------
     path : pathlib.Path
         The journal; it need not be there yet.
+    from_end : bool
+        Whether to leave out what stands there already.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, from_end: bool = False) -> None:
         self._path = path
-        self._at = 0
+        self._at = _read(path, 0, -1).rfind(b"\n") + 1 if from_end else 0
 
     def poll(self) -> list[Event]:
         """Return the events since the last look.
@@ -55,6 +57,8 @@ class LogTail:
     ----------
     path : pathlib.Path
         The log; it need not be there yet.
+    from_end : bool
+        Whether to leave out what stands there already.
 
     Attributes
     ----------
@@ -64,13 +68,21 @@ class LogTail:
         Records left out because their checksum does not fit.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, from_end: bool = False) -> None:
         self._path = path
         self._at = 0
         self._layout: Layout | None = None
         self._doubted_at = -1
         self.header: dict[str, Any] = {}
         self.damaged = 0
+        if from_end:
+            self._skip()
+
+    def _skip(self) -> None:
+        self._layout = self._read_header()
+        if self._layout is not None:
+            size = self._layout.record_bytes
+            self._at += (self._path.stat().st_size - self._at) // size * size
 
     def poll(self) -> np.ndarray:
         """Return the records since the last look, at most a few thousand.

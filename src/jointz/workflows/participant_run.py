@@ -44,7 +44,7 @@ def run_participant(
     dict
         The participant's part of the report: ``onsets``, ``gaps``, ``timing``,
         ``aborted`` (pulses that the study leaves out), ``torque_model`` of the
-        actuator and ``truth`` (of a simulated rig).
+        actuator, ``calibration`` and ``truth`` (of a simulated rig).
 
     Raises
     ------
@@ -74,8 +74,10 @@ def run_participant(
     with _stopped_by_signals(session):
         write_down_losses(folder, settings.protocol)
         session.run()
-    write = write_bench if settings.protocol.kind == "bench" else write_walking
+    write = write_walking if settings.protocol.kind == "walking" else write_bench
     report = write(rig, settings, folder)
+    # As of today: a device file may say something else when the last participant is measured.
+    report["calibration"] = rig.calibration.model_dump(exclude_none=True)
     write_whole(report_file, json.dumps(report))
     return report
 

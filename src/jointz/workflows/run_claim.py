@@ -12,6 +12,7 @@ from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.provenance import now, software
 from jointz.experiment import file_lock
 from jointz.experiment.whole_files import append_whole, make_folder, read_object
+from jointz.io.calibration_file import CalibrationFile
 from jointz.workflows.rigs import RigSettings
 from jointz.workflows.run_settings import SESSIONS, RunSettings
 
@@ -116,16 +117,28 @@ def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any
     """Return what makes a run the same run."""
     # Without defaults: a key that a later version adds does not make it another protocol.
     protocol = settings.protocol.model_dump(mode="json", exclude_defaults=True)
-    text = json.dumps(protocol, sort_keys=True)
     return {
         "protocol": settings.protocol.name,
-        "protocol_sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "protocol_sha256": _sha256(protocol),
+        "calibration_sha256": _calibration_sha256(rig.known),
         "seed": rig.seed,
         "device": rig.device,
         "preset": rig.preset,
         "clock": settings.clock,
         "participants": count,
     }
+
+
+def _calibration_sha256(known: CalibrationFile | None) -> str | None:
+    """Return None without one: runs of earlier versions say nothing of it."""
+    if known is None:
+        return None
+    people = {name: one.model_dump(exclude_none=True) for name, one in known.participants.items()}
+    return _sha256({"common": known.common.model_dump(exclude_none=True), "participants": people})
+
+
+def _sha256(values: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def _see_that_it_is(about: Mapping[str, Any], file: Path) -> None:

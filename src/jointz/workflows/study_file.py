@@ -61,28 +61,27 @@ def study_toml(
     worn : DeviceSpec, optional
         What hangs on the moving segment.
     """
+    walking = protocol.kind == "walking"
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
         "jointz = 1",
         f"joint = {_text(protocol.joint)}",
-        f"kind = {_text(protocol.kind)}",
+        f'kind = "{"walking" if walking else "bench"}"',
         f"positive = {_text(protocol.positive)}",
         'torque_acts_on = "joint"',
     ]
-    bench = protocol.kind == "bench"
-    units = _bench_units(devices or {}) if bench else _WALKING_UNITS
+    units = _WALKING_UNITS if walking else _bench_units(devices or {})
     for name, unit in units.items():
         lines += ["", f"[channels.{name}]", f'column = "{name}"', f'unit = "{unit}"']
     if any(condition.trials > 1 for condition in protocol.conditions):
         lines += ["", "[channels.trial]", 'column = "trial"']
-    if not bench:
-        lines += ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
+    lines += _contact(walking=walking, devices=devices or {})
     if torque_model is not None and "torque" not in units:
         lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
     if worn is not None:
         lines += ["", "[device]", *_table(worn.model_dump())]
     points = _timing_points(protocol)
-    if bench:
+    if not walking:
         lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
     elif points:
         lines += ["", "[perturbations]", f"timing_points = {_inline(points)}"]
@@ -120,6 +119,16 @@ def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
     return text.getvalue()
 
 
+def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
+    """Return the footswitch: contacts in walking, volts where it is calibrated."""
+    if walking:
+        return ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
+    if devices.get("contact") is None:
+        return []
+    voltage = ['column = "contact"', 'kind = "voltage"', 'unit = "V"']
+    return ["", "[channels.contact]", *voltage]
+
+
 def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
     units = dict(_BENCH_UNITS)
     sensor = devices.get("torque")
@@ -149,10 +158,14 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
     for condition in protocol.conditions:
         lines += ["", "[[recordings]]", f"participant = {_text(participant)}"]
         lines += [f'condition = "{condition.condition}"']
-        if condition.session is not None or of_kind[condition.condition] > 1:
+        if (
+            condition.session is not None
+            or of_kind[condition.condition] > 1
+            or protocol.kind == "calibration"  # by it the analysis tells what was done
+        ):
             lines += [f"session = {_text(condition.session or condition.name)}"]
         lines += [f"file = {_text(recording_name(participant, condition.name))}"]
-        if condition.perturbations is not None and protocol.kind == "walking":
+        if condition.perturbations is not None and protocol.kind != "bench":
             lines += [f"perturbations = {_text(pulses_name(participant, condition.name))}"]
     return lines
 

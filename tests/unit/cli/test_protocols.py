@@ -35,7 +35,7 @@ def test_the_list_as_json(jointz, path):
     outcome = jointz(*path, "--json")
 
     names = [entry["name"] for entry in outcome.json["protocols"]]
-    assert len(names) == 10
+    assert len(names) == 17
     assert names[-2:] == ["walking", "walking-pilot"]
     first = outcome.json["protocols"][-2]
     assert first["expected_duration_s"] == pytest.approx(1793.0)

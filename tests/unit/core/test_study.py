@@ -340,6 +340,38 @@ def test_a_gain_must_be_positive(name, value):
     assert told == f": Value error, {name}: measured over true must be positive, got {value}"
 
 
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        ({"tissue_hz": 0.0}, "tissue_hz: must be positive, got 0.0"),
+        (
+            {"contact_threshold_v": 2.0},
+            "contact_release_v: missing; contact_threshold_v and contact_release_v go together",
+        ),
+        (
+            {"contact_release_v": 2.0},
+            "contact_threshold_v: missing; contact_threshold_v and contact_release_v go together",
+        ),
+        (
+            {"contact_threshold_v": 1.0, "contact_release_v": 1.0},
+            "contact_threshold_v: 1.0 V must lie above contact_release_v, 1.0 V; a switch that is "
+            "low on the ground must be turned in the file",
+        ),
+    ],
+)
+def test_levels_of_a_footswitch_are_two_and_a_tissue_resonates(entries, told):
+    given = {name: {"value": value, "sd": 0.0} for name, value in entries.items()}
+
+    assert refused(CalibrationSpec, **given) == f": Value error, {told}"
+
+
+def test_the_levels_of_a_footswitch_are_lower_and_upper():
+    given = calibration(contact_threshold_v=2.1, contact_release_v=1.2)
+
+    assert given.contact_levels_v == (1.2, 2.1)
+    assert calibration(angle_gain=1.1).contact_levels_v is None
+
+
 def test_a_lag_may_be_negative_and_its_sd_may_not():
     entry = CalibrationSpec(angle_lag_s={"value": -0.01, "sd": 0.0}).angle_lag_s
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from jointz.core.clock import VirtualClock
-from jointz.core.errors import DataError, DeviceError
+from jointz.core.errors import DataError, DeviceError, DeviceFileError
 from jointz.devices.adc import Ads1115Sensor
-from jointz.devices.config import DeviceFile, DeviceFileError, device_file, open_devices
+from jointz.devices.config import DeviceFile, device_file, open_devices
 from jointz.devices.dephy import DephyActPack
 from jointz.devices.interface import Lifecycle
 from jointz.devices.lsl import LslSensor

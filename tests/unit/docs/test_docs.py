@@ -20,6 +20,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.study import StudySpec
+from jointz.devices.config import device_file
 from jointz.identify.methods.cells import METHODS
 from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.workflows.demo import run_demo
@@ -123,6 +124,8 @@ def test_every_toml_block_is_valid(body):
 
     if "jointz" in content:
         StudySpec.model_validate(content)
+    elif "actuator" in content:
+        device_file(content)
     else:
         assert set(content) <= set(StudySpec.model_fields)
 

@@ -22,8 +22,8 @@ def on(time_ns):
 class Walk:
     """Feeds a watch with samples of a switch, tick by tick."""
 
-    def __init__(self, *, sample_ns=PERIOD, clock_ns=0, arrives=lambda _: True):
-        self.watch = GaitWatch(GAIT)
+    def __init__(self, *levels, sample_ns=PERIOD, clock_ns=0, arrives=lambda _: True):
+        self.watch = GaitWatch(GAIT, *levels)
         self.tick = -1
         self.accepted = []
         self.retracted = []
@@ -181,3 +181,14 @@ def test_the_knee_tells_a_phase_of_its_own():
     still = Walk().until(6 * STRIDE + 330 * MS)
     assert isnan(still.shadow_phase_pct)
     assert still.steady
+
+
+def test_a_switch_that_gives_volts_strikes_at_its_calibrated_levels():
+    def volts(time_ns):
+        return 0.8 + 1.6 * on(time_ns)  # never off for one that is 0 or 1
+
+    blind, told = Walk(), Walk((1.2, 1.9))
+    blind.until(5 * STRIDE, switch=volts)
+    told.until(5 * STRIDE, switch=volts)
+    assert blind.accepted == []
+    assert told.accepted == [k * STRIDE for k in (2, 3, 4, 5)]

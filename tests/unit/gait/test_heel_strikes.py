@@ -228,6 +228,18 @@ def test_a_noisy_bouncing_voltage_gives_its_strikes_within_two_samples(noise):
     assert_strikes(strikes_from_voltage(time, voltage), strikes, within_s=0.002)
 
 
+def test_calibrated_levels_are_those_of_the_trigger_and_only_of_a_voltage():
+    time, strikes, voltage = noisy_voltage(noise=0.1)
+    recording = build_recording(time, {"contact": voltage}, contact_kind="voltage")
+    found = find_heel_strikes(recording, levels_v=(1.0, 2.0))
+    assert (found.low, found.high) == (1.0, 2.0)
+    assert_strikes(found, strikes, within_s=0.002)
+    assert find_heel_strikes(recording, levels_v=(4.0, 5.0)).time_s.size == 0
+    contact = build_recording(time, {"contact": voltage > 2.0}, contact_kind="contact")
+    same = find_heel_strikes(contact, levels_v=(4.0, 5.0))
+    np.testing.assert_array_equal(same.time_s, find_heel_strikes(contact).time_s)
+
+
 def test_a_voltage_that_drifts_by_more_than_its_step_gives_its_strikes():
     time, strikes, voltage = noisy_voltage(drift=3.0)
     assert_strikes(strikes_from_voltage(time, voltage), strikes, within_s=0.002)

@@ -117,7 +117,7 @@ def test_every_problem_of_a_file_comes_in_one_error(own):
         ("wallking", "Did you mean 'walking'"),
         (
             "nothing-like-it",
-            r"neither a protocol of jointz \(qdd-.*, walking, walking-pilot\) nor a file",
+            r"neither a protocol of jointz \(calibration-.*, walking, walking-pilot\) nor a file",
         ),
         ("", "nor a file"),
         ("no\0name", "nor a file"),

@@ -67,9 +67,9 @@ def with_reference(**reference):
         ),
         (
             {**BENCH, "zzz": 1},
-            "zzz: unknown key. Known keys: bench, conditions, gait, joint, jointz_protocol, kind, "
-            "loads, name, notes, participants, positive, pulse, rates, safety, section, seed, "
-            "title, without_console.",
+            "zzz: unknown key. Known keys: bench, calibration, conditions, gait, joint, "
+            "jointz_protocol, kind, loads, name, notes, participants, positive, pulse, rates, "
+            "safety, section, seed, title, without_console.",
         ),
         ({**BENCH, "safety": {"torque": 3.0}}, "safety.torque: unknown key. Did you mean 'tor"),
         ({**BENCH, "jointz_protocol": 2}, "jointz_protocol: schema version 2 is not one this"),

@@ -17,7 +17,13 @@ from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS, PARAMETERS, failed_parameters
 from jointz.identify.preparation.assignment import Candidate
-from jointz.identify.preparation.calibration import pooled_calibration, relative_sd, value_of
+from jointz.identify.preparation.calibration import (
+    joint_angle,
+    pooled_calibration,
+    relative_sd,
+    twist_sd,
+    value_of,
+)
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 
 METHOD = "full_record"
@@ -171,8 +177,9 @@ class FullRecordEstimator:
         recording, known = source.given.recording, source.given.calibration
         return BenchTrial(
             time_s=recording["time"].to_numpy(),
-            angle=self._angle(source) / value_of(known.angle_gain, 1.0),
+            angle=joint_angle(self._angle(source), recording["torque"].to_numpy(), known),
             torque=recording["torque"].to_numpy() / value_of(known.torque_gain, 1.0),
+            angle_per_torque_sd=twist_sd(known),
         )
 
     @staticmethod

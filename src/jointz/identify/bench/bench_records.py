@@ -34,11 +34,15 @@ class BenchTrial:
         Angle of the load.
     torque : (n,) float, N*m
         Measured torque on the load.
+    angle_per_torque_sd : float, rad/(N*m)
+        Sd of what the torque may still show as angle; it is common to all trials. They are fitted
+        once more with so much of it, and what that changes enters the intervals.
     """
 
     time_s: np.ndarray
     angle: np.ndarray
     torque: np.ndarray
+    angle_per_torque_sd: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Stiffness, damping and inertia of a bench load from whole trials, without subtraction."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -139,6 +139,13 @@ def fit_full_record(
     values, covariance = _calibrated(
         regression, chosen.covariance, intrinsic=intrinsic, gain_sd=(torque_gain_sd, angle_gain_sd)
     )
+    if any(trial.angle_per_torque_sd for trial in trials):
+        twisted = [
+            band_record(record, friction=friction)
+            for record in even_records([_twisted(trial) for trial in trials])
+        ]
+        other = choose_lag(twisted, known_s=known, model=chosen.model, friction=friction)
+        covariance = covariance + _twist_covariance(chosen, other)
     held = known is not None and known[1] == 0.0
     names = _names(friction=friction, lag_is_free=not held)
     covariance = _of_parameters(covariance, chosen, len(names))
@@ -173,6 +180,21 @@ def fit_full_record(
         warnings=tuple(notes),
         series=_series(even[0], records[0], regression),
     )
+
+
+def _twisted(trial: BenchTrial) -> BenchTrial:
+    """Return a trial whose torque shows one sd more as angle."""
+    return replace(trial, angle=trial.angle - trial.angle_per_torque_sd * trial.torque)
+
+
+def _twist_covariance(chosen: LagChoice, other: LagChoice) -> np.ndarray:
+    """Return what one sd of torque seen as angle adds: the square of what it changes."""
+    moved = np.zeros(len(chosen.covariance))
+    n = chosen.regression.values.size
+    moved[:n] = other.regression.values - chosen.regression.values
+    if moved.size > n:
+        moved[n] = other.regression.lag.total_s - chosen.regression.lag.total_s
+    return np.outer(moved, moved)
 
 
 def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float] | None:

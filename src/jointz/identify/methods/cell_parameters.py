@@ -199,8 +199,8 @@ class JackknifeSpread(Spread):
     ----------
     left_out : Replicates
         One row a pulse left out.
-    lag_shift : (3,) float
-        How far one sd of the lag moves K, B and J.
+    instrument_shift : (3,) float
+        How far one sd of the lag, and of torque seen as angle, moves K, B and J.
     settings : FitSettings
         Calibration.
 
@@ -210,11 +210,13 @@ class JackknifeSpread(Spread):
     chapter 3; n - 1 degrees of freedom. Errors of the calibration are added in square.
     """
 
-    def __init__(self, left_out: Replicates, lag_shift: np.ndarray, settings: FitSettings) -> None:
+    def __init__(
+        self, left_out: Replicates, instrument_shift: np.ndarray, settings: FitSettings
+    ) -> None:
         super().__init__(left_out.active)
         self._sd = [_jackknife_sd(v) for v in (left_out.bounded, left_out.unbounded)]
         self._n = len(left_out.bounded)
-        self._lag_shift = lag_shift
+        self._instrument_shift = instrument_shift
         self._settings = settings
 
     def interval(
@@ -256,7 +258,7 @@ class JackknifeSpread(Spread):
         known = self._settings.calibration
         gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
         intrinsic = calibration_sd(getattr(known, f"intrinsic_{PARAMETERS[i]}"))
-        parts = [sd, self._lag_shift[i], gain * point.value[i], intrinsic]
+        parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic]
         return float(np.linalg.norm(parts))
 
 

@@ -18,7 +18,13 @@ from jointz.identify.methods.cell_parameters import (
     Spread,
     parameter_estimates,
 )
-from jointz.identify.methods.cell_resampling import linear_averages, redrawn_averages, shifted
+from jointz.identify.methods.cell_resampling import (
+    linear_averages,
+    redrawn_averages,
+    shifted,
+    shown_by,
+)
+from jointz.identify.preparation.calibration import twist_sd
 from jointz.identify.preparation.cell_data import (
     CellData,
     CellFit,
@@ -69,7 +75,8 @@ def resampled(cell: CellData, settings: FitSettings) -> CellFit:
     rng = np.random.default_rng(settings.seed)
     weights = resample_weights(len(responses), settings.n_resamples, rng)
     only_pulses = settings.letter or windows.baseline.own
-    if only_pulses and not lag_sd(settings.calibration):
+    known = settings.calibration
+    if only_pulses and not (lag_sd(known) or twist_sd(known)):
         fits = bootstrap_fits(weights, responses)
         replicates = Replicates(fits.bounded, fits.unbounded, fits.active)
     else:
@@ -112,12 +119,24 @@ def pilot(cell: CellData, settings: FitSettings) -> CellFit:
     left_out = fitted_averages((n * average - responses) / (n - 1)).decided()
     if not settings.bounded:
         left_out = left_out.freed()
-    late = average.copy()
-    sd = lag_sd(settings.calibration)
-    late[TORQUE] = shifted(average[TORQUE], np.array([sd]), rate_hz=settings.rate_hz)
-    moved = _plug_in(late, bounded=False)[0].value - point.unbounded
+    moved = _moved_by_instruments(average, point, settings)
     spread = JackknifeSpread(left_out, moved, settings)
     return _finished(average, point, spread, settings, condition=condition)
+
+
+def _moved_by_instruments(average: np.ndarray, point: Point, settings: FitSettings) -> np.ndarray:
+    """Return how far one sd of the lag and one of torque seen as angle move K, B and J, (3,)."""
+    known, rate_hz = settings.calibration, settings.rate_hz
+    late = average.copy()
+    late[TORQUE] = shifted(average[TORQUE], np.array([lag_sd(known)]), rate_hz=rate_hz)
+    moved = _plug_in(late, bounded=False)[0].value - point.unbounded
+    sd = twist_sd(known)
+    if not sd:
+        return np.asarray(moved)
+    twisted = average.copy()
+    twisted[:TORQUE] -= sd * shown_by(average[TORQUE], rate_hz=rate_hz)
+    turned = _plug_in(twisted, bounded=False)[0].value - point.unbounded
+    return np.asarray(np.hypot(moved, turned))
 
 
 def unbounded(cell: CellData, settings: FitSettings) -> CellFit:

@@ -5,7 +5,14 @@ from scipy.signal import savgol_filter
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from jointz.identify.preparation.cell_data import RAW_TORQUE, FitSettings, Windows, lag_sd
+from jointz.identify.preparation.calibration import twist_sd
+from jointz.identify.preparation.cell_data import (
+    RAW_ANGLE,
+    RAW_TORQUE,
+    FitSettings,
+    Windows,
+    lag_sd,
+)
 from jointz.identify.preparation.conditioning import TORQUE
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.resampling import resample_weights
@@ -34,7 +41,8 @@ def redrawn_averages(
     Returns
     -------
     (n_resamples, 4, n) float
-        Averages; the torque is shifted by a draw of the lag that may be left over.
+        Averages; the torque is shifted by a draw of the lag that may be left over, the motion
+        turned by a draw of the angle that torque may still show.
     """
     baseline, responses = windows.baseline, windows.responses()
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
@@ -47,7 +55,7 @@ def redrawn_averages(
         strides = baseline.windows.reshape(-1, averages.shape[1])
         averages -= change.reshape(len(weights), -1) @ strides
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    return _lagged(averages, settings, rng)
+    return _twisted(_lagged(averages, settings, rng), settings, rng)
 
 
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
@@ -64,7 +72,8 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     -------
     (n_resamples, 4, n) float
         Averages; the torque (of raw windows, where they have a lead) is shifted by a draw of
-        the lag that may be left over.
+        the lag that may be left over, the motion turned by a draw of the angle that torque may
+        still show.
 
     Notes
     -----
@@ -86,8 +95,8 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
         averages -= (draws * count - 1.0) @ _stride_influence(windows)
     averages = averages.reshape(len(weights), *responses.shape[1:])
     if windows.lead:
-        return _raw_lagged(averages, settings, rng)
-    return _lagged(averages, settings, rng)
+        return _raw_twisted(_raw_lagged(averages, settings, rng), settings, rng)
+    return _twisted(_lagged(averages, settings, rng), settings, rng)
 
 
 def _widening(n: int) -> float:
@@ -133,6 +142,47 @@ def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.nda
     rate = derivative(torque, rate_hz=rate_hz)
     curvature = derivative(rate, rate_hz=rate_hz)
     return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
+
+
+def _twisted(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
+    """Turn each resample's motion by a draw of what torque may still make the sensor show."""
+    sd = twist_sd(settings.calibration)
+    if not sd:
+        return averages
+    twist = rng.normal(0.0, sd, size=(len(averages), 1, 1))
+    averages[:, :TORQUE] -= twist * shown_by(averages[:, TORQUE], rate_hz=settings.rate_hz)
+    return averages
+
+
+def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
+    """Return the motion that 1 rad/(N*m) of torque seen as angle shows.
+
+    Parameters
+    ----------
+    torque : (..., n) float, N*m
+        Low-passed.
+    rate_hz : float
+        Sampling rate.
+
+    Returns
+    -------
+    (..., 3, n) float
+        Angle, velocity and acceleration.
+    """
+    rate = derivative(torque, rate_hz=rate_hz)
+    return np.stack([torque, rate, derivative(rate, rate_hz=rate_hz)], axis=-2)
+
+
+def _raw_twisted(
+    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
+) -> np.ndarray:
+    """Do the same to an unfiltered angle."""
+    sd = twist_sd(settings.calibration)
+    if not sd:
+        return averages
+    twist = rng.normal(0.0, sd, size=(len(averages), 1))
+    averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
+    return averages
 
 
 def _raw_lagged(

@@ -4,15 +4,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 from scipy.ndimage import map_coordinates
 
-from jointz.core.study import Calibrated
+from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import resample_stretch
 from jointz.identify.preparation import baselines
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.baselines import Baseline, StridePool
+from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.identify.preparation.conditioning import ANGLE, Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+
+_UNFILTERED = ("angle", "torque", "command")
 
 
 class WindowCutter:
@@ -196,19 +200,29 @@ def _unfiltered(stretch: Stretch, source: Source, lead: int) -> Stretch:
         int(np.searchsorted(time, stretch.time[-1] + half_a_step)),
     )
     rows = [stretch.signals[ANGLE]]
-    for name, gain, lag in (
-        ("angle", known.angle_gain, known.angle_lag_s),
-        ("torque", known.torque_gain, known.torque_lag_s),
-        ("command", None, None),
+    records = _measured(recording, known, part)
+    for name, lag in (
+        ("angle", known.angle_lag_s),
+        ("torque", known.torque_lag_s),
+        ("command", None),
     ):
         row = np.zeros(stretch.time.size)
-        if name in recording:
-            values = recording[name].to_numpy()[part] / (1.0 if gain is None else gain.value)
-            if name == "command":
-                values = _held(values)
-            row = _at(stretch.time, time[part], values, lag)
+        if name in records:
+            row = _at(stretch.time, time[part], records[name], lag)
         rows.append(np.concatenate([np.full(lead, row[0]), row[: row.size - lead]]))
     return Stretch(time=stretch.time, signals=np.stack(rows))
+
+
+def _measured(recording: xr.Dataset, known: CalibrationSpec, part: slice) -> dict[str, np.ndarray]:
+    """Return the records that are there, of the joint and not of its instruments."""
+    found = {n: recording[n].to_numpy()[part] for n in _UNFILTERED if n in recording}
+    torque = found.get("torque", np.zeros(found["angle"].size))
+    found["angle"] = joint_angle(found["angle"], torque, known)
+    if "torque" in found:
+        found["torque"] = torque / value_of(known.torque_gain, 1.0)
+    if "command" in found:
+        found["command"] = _held(found["command"])
+    return found
 
 
 def _held(values: np.ndarray) -> np.ndarray:

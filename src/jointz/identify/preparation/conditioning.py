@@ -16,7 +16,7 @@ from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
-from jointz.identify.preparation.calibration import value_of
+from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
 
@@ -157,7 +157,8 @@ def condition(
     cutoff_hz : float
         Of the fourth-order zero-phase Butterworth low-pass on both sides.
     calibration : CalibrationSpec
-        Gains are divided out, lags are shifted out, each by its own value.
+        Gains are divided out, what torque made the angle's sensor show is taken off, lags are
+        shifted out, each by its own value.
     target_rate_hz : float, optional
         Rate the signals are wanted at; the recording's own by default.
 
@@ -307,7 +308,4 @@ def _calibrated(
     """Return angle and torque with their gains divided out; no torque is zero torque."""
     angle = recording["angle"].to_numpy()
     torque = recording["torque"].to_numpy() if "torque" in recording else np.zeros(angle.size)
-    gains = [value_of(gain, 1.0) for gain in (calibration.angle_gain, calibration.torque_gain)]
-    if gains == [1.0, 1.0]:
-        return angle, torque
-    return angle / gains[0], torque / gains[1]
+    return joint_angle(angle, torque, calibration), torque / value_of(calibration.torque_gain, 1.0)

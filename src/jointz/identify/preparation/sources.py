@@ -197,8 +197,8 @@ def _source(
     *,
     target_hz: float,
 ) -> Source:
-    given = _with_torque(given, settings)
-    strides = _strides(given.recording)
+    given = _from_true_zero(_with_torque(given, settings))
+    strides = _strides(given)
     pulses = _pulses(given, unperturbed, settings)
     signals = condition(
         given.recording,
@@ -233,11 +233,25 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
     return replace(given, recording=with_torque)
 
 
-def _strides(recording: xr.Dataset) -> Strides | None:
+def _from_true_zero(given: RecordingInput) -> RecordingInput:
+    """Count the angle from the joint's true zero, where it is known.
+
+    Here, once: impedance does not ask for it, but postures, groups and what is shown do.
+    """
+    zero, recording = given.calibration.angle_zero_rad, given.recording
+    if zero is None:
+        return given
+    angle = recording["angle"]
+    turned = angle.copy(data=angle.to_numpy() - zero.value)
+    return replace(given, recording=recording.assign(angle=turned))
+
+
+def _strides(given: RecordingInput) -> Strides | None:
     """Return the strides, None where the recording has no channel to find them in."""
+    recording = given.recording
     if not any(name in recording for name in _STRIKE_CHANNELS):
         return None
-    strikes = find_heel_strikes(recording)
+    strikes = find_heel_strikes(recording, levels_v=given.calibration.contact_levels_v)
     return find_strides(strikes.time_s, find_gaps(recording["time"].to_numpy()))
 
 

@@ -234,6 +234,7 @@ def gravity_stiffness(
     angle_rad: float,
     gait_pct: float,
     positive: str = "flexion",
+    angle_sd_rad: float = 0.0,
 ) -> GravityStiffness | None:
     r"""Return what gravity adds to the stiffness of a joint at a moment of walking.
 
@@ -250,6 +251,8 @@ def gravity_stiffness(
         % of the gait cycle at that moment.
     positive : str
         The study's positive direction.
+    angle_sd_rad : float
+        Sd of the angle's calibrated zero; 0 adds nothing to that of the posture.
 
     Returns
     -------
@@ -289,7 +292,12 @@ def gravity_stiffness(
     in_stance = gait_pct % 100.0 < _STANCE_END_PCT
     return GravityStiffness(
         value=moment * cos(segment),
-        sd=_sd(moment, hypot(*(mass.moment_sd_nm for mass in masses)), segment),
+        sd=_sd(
+            moment,
+            hypot(*(mass.moment_sd_nm for mass in masses)),
+            segment,
+            hypot(POSTURE_SD_RAD, angle_sd_rad),
+        ),
         segment_angle_rad=segment,
         source="; ".join(mass.source for mass in masses) + "; posture of normal walking",
         note=STANCE_NOTE if in_stance else "",
@@ -364,9 +372,9 @@ def _segment_angle(joint: str, angle_rad: float, gait_pct: float, positive: str)
     return turned * angle_rad if joint == "hip" else None
 
 
-def _sd(moment: float, moment_sd: float, segment: float) -> float:
+def _sd(moment: float, moment_sd: float, segment: float, posture_sd: float) -> float:
     """Return the sd of moment times cosine, posture normal about ``segment``."""
-    shrunk = exp(-(POSTURE_SD_RAD**2))  # of the squared mean of the cosine
+    shrunk = exp(-(posture_sd**2))  # of the squared mean of the cosine
     square = 0.5 * (1.0 + shrunk**2 * cos(2.0 * segment))
     spread = square - shrunk * cos(segment) ** 2
     return float((moment**2 * spread + moment_sd**2 * square) ** 0.5)

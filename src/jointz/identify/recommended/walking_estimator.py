@@ -19,7 +19,8 @@ from jointz.core.participant_model import ParticipantModel
 from jointz.identify.methods.cell_estimator import mean_phase
 from jointz.identify.methods.cells import failed_parameters
 from jointz.identify.preparation.assignment import Candidate
-from jointz.identify.preparation.cell_data import dead_signals
+from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.cell_data import calibration_sd, dead_signals
 from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals, takes_out_intrinsic
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
 from jointz.identify.recommended.gravity import (
@@ -395,8 +396,14 @@ class WalkingEstimator:
             angle_rad=cell.predicted.posture_rad + float(response.angle.mean()),
             gait_pct=centre,
             positive=settings.positive,
+            angle_sd_rad=self._zero_sd(cell),
         )
         return None if gravity is None else corrected_stiffness(stiffness, gravity)
+
+    def _zero_sd(self, cell: PredictedCell) -> float:
+        """Return the sd of the zero of the angle, rad; that of the posture knows no other."""
+        known = pooled_calibration([self._sources[c.source].given.calibration for c in cell.used])
+        return calibration_sd(known.angle_zero_rad)
 
     def _failed(self, label: str, codes: Sequence[str]) -> CellEstimate:
         return self._without_value(label, _why(codes), onset=None, counts=(0, len(codes)))

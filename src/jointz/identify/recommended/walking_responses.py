@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.assignment import Candidate
-from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.calibration import pooled_calibration, twist_sd, value_of
 from jointz.identify.recommended.response_model import (
     CellResponse,
     Posterior,
@@ -34,6 +34,9 @@ _RESOLUTION_RAD = 2e-5
 #: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
 _UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
+#: What is said to be exact is taken for this exact: the search divides by it, rad/(N*m) and
+#: logarithm of Hz.
+_LEAST_TWIST_SD, _LEAST_RESONANCE_SD = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,11 +88,17 @@ def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
 
     Notes
     -----
-    A lag or a friction that was calibrated in one session only is, in the others, what it is
-    where nothing was calibrated: wide, not perfect.
+    A lag, a friction, a twist or a tissue that was calibrated in one session only is, in the
+    others, what it is where nothing was calibrated: wide, not perfect.
     """
     unknown = Priors()
-    entries = {"angle_lag_s": unknown.lag_s, "friction_gain": unknown.friction_gain}
+    resonance_hz = float(np.exp(unknown.log_resonance[0]))
+    entries = {
+        "angle_lag_s": unknown.lag_s,
+        "friction_gain": unknown.friction_gain,
+        "angle_per_torque": unknown.cross_talk,
+        "tissue_hz": (resonance_hz, unknown.log_resonance[1] * resonance_hz),
+    }
     usual = {name: Calibrated(value=value, sd=sd) for name, (value, sd) in entries.items()}
     return pooled_calibration(calibrations, usual=usual)
 
@@ -102,7 +111,7 @@ def priors_of(known: CalibrationSpec) -> Priors:
     known : CalibrationSpec
         Of the study.
     """
-    priors = Priors()
+    priors = _twist_and_tissue(Priors(), known)
     friction = known.friction_gain
     if friction is not None:
         # The torque was made with its value already.
@@ -117,6 +126,18 @@ def priors_of(known: CalibrationSpec) -> Priors:
             sd = float(np.hypot(sd, priors.lag_s[1]))
             late = Calibrated(value=priors.lag_s[0], sd=0.0)
         priors = replace(priors, lag_s=(late.value - early.value, max(sd, 1e-5)))
+    return priors
+
+
+def _twist_and_tissue(priors: Priors, known: CalibrationSpec) -> Priors:
+    twist, tissue = known.angle_per_torque, known.tissue_hz
+    if twist is not None:
+        # The model's angle is that of the joint, the entry's what is shown.
+        shown = twist.value / value_of(known.angle_gain, 1.0)
+        priors = replace(priors, cross_talk=(shown, max(twist_sd(known), _LEAST_TWIST_SD)))
+    if tissue is not None:
+        sd = max(tissue.sd / tissue.value, _LEAST_RESONANCE_SD)
+        priors = replace(priors, log_resonance=(float(np.log(tissue.value)), sd))
     return priors
 
 

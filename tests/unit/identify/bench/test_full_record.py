@@ -265,6 +265,23 @@ def test_gains_of_torque_and_angle_add_as_independent_errors(recorded):
     assert both == pytest.approx(width(torque_gain_sd=0.05), rel=1e-6)
 
 
+def test_torque_that_may_show_as_angle_enters_the_intervals_as_what_it_changes(recorded):
+    sd = 3e-5
+    unsure = [dataclasses.replace(t, angle_per_torque_sd=sd) for t in recorded]
+    twisted = [dataclasses.replace(t, angle=t.angle - sd * t.torque) for t in recorded]
+    plain, told, other = (
+        fit_full_record(trials, intrinsic=INTRINSIC, lag_model="mixed")
+        for trials in (recorded, unsure, twisted)
+    )
+    for i, name in enumerate(NAMES[:3]):
+        one = plain.parameter(name)
+        own, wide = ((p.ci_high - p.ci_low) / 2 for p in (one, told.parameter(name)))
+        student = own / np.sqrt(plain.covariance[i][i])
+        moved = abs(other.parameter(name).value - one.value)
+        assert told.parameter(name).value == one.value
+        assert np.sqrt(wide**2 - own**2) == pytest.approx(student * moved, rel=0.02)
+
+
 def test_intrinsic_impedance_is_subtracted_and_its_sd_added(recorded, fitted):
     total = fit_full_record(recorded)
     unsure = fit_full_record(recorded, intrinsic=dataclasses.replace(INTRINSIC, stiffness_sd=2.0))

@@ -219,6 +219,25 @@ def test_the_sd_of_a_lag_widens_damping_by_stiffness_times_it(name, letter):
     assert (inertia.ci_high - inertia.ci_low) / 3.92 == pytest.approx(3.0 * 1e-4, rel=0.1)
 
 
+@pytest.mark.parametrize("letter", [True, False])
+def test_the_sd_of_torque_seen_as_angle_widens_intervals_by_what_it_changes(letter):
+    sd = 2e-5
+    known = CalibrationSpec(angle_per_torque=Calibrated(value=0.0, sd=sd))
+    windows = responses()
+    cell = fit(windows, calibration=known, n_resamples=4000, letter=letter)
+
+    # Every parameter of the average, its motion turned by one sd, by scipy; derivatives of the
+    # torque are those of the analytic motion.
+    average = windows.mean(axis=0)
+    rates = np.gradient(average[3], T), np.gradient(np.gradient(average[3], T), T)
+    turned = average.copy()
+    turned[:3] -= sd * np.stack([average[3], *rates])
+    moved = np.abs(naive(turned[None])[0] - TRUTH)
+    for parameter, expected in zip(cell.parameters[:3], moved, strict=True):
+        half = (parameter.ci_high - parameter.ci_low) / 3.92
+        assert half == pytest.approx(expected, rel=0.12)
+
+
 def test_values_per_kg_are_the_values_over_the_mass():
     cell = fit(responses(noise=0.1), mass_kg=80.0)
 

@@ -439,6 +439,24 @@ def test_calibrated_gains_and_lags_are_taken_out_of_unfiltered_windows_too(name)
     assert plain_cell.vaf_pct > 99.9
 
 
+@pytest.mark.parametrize("name", NEW)
+def test_torque_seen_as_angle_is_taken_out_of_all_windows(name):
+    twist, gain = 8e-4, 1.05
+    known = CalibrationSpec(
+        angle_per_torque=Calibrated(value=twist, sd=0.0), angle_gain=Calibrated(value=gain, sd=0.0)
+    )
+    given = []
+    for one in study():
+        shown = gain * one.recording["angle"] + twist * one.recording["torque"]
+        given.append(replace(one, recording=one.recording.assign(angle=shown), calibration=known))
+    cell = analysed(given, name)
+    blind = analysed([replace(r, calibration=CalibrationSpec()) for r in given], name)
+
+    np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
+    off = np.array([p.value if p.value is not None else np.nan for p in blind.parameters]) / TRUTH
+    assert not np.allclose(off, 1.0 / gain, rtol=0.01)
+
+
 def test_a_study_without_a_command_fails_with_its_code():
     cell = analysed(study(with_command=False), "instrumental_variable")
     assert {p.status for p in cell.parameters} == {"failed:no_command"}

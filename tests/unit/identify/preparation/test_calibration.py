@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.calibration import (
+    joint_angle,
+    pooled_calibration,
+    twist_sd,
+)
 
 
 def of(**entries):
@@ -46,3 +50,29 @@ def test_the_relative_error_of_gains_is_that_of_the_mean_of_errors_drawn():
     found = pooled_calibration(pulses).torque_gain
 
     assert found.sd / found.value == pytest.approx(drawn.sum(axis=1).std(), rel=0.01)
+
+
+def test_the_joints_angle_is_without_what_torque_showed_and_without_the_gain():
+    rng = np.random.default_rng(0)
+    angle, torque = rng.standard_normal((2, 50))
+    shown = 1.04 * angle + 5e-4 * torque  # of the mount: not seen through the sensor's gain
+    known = of(angle_gain=(1.04, 0.02), angle_per_torque=(5e-4, 3e-5), torque_gain=(0.9, 0.0))
+
+    assert joint_angle(shown, 0.9 * torque, known) == pytest.approx(angle, abs=1e-12)
+    assert twist_sd(known) == pytest.approx(3e-5 / 1.04)
+    assert joint_angle(shown, torque, CalibrationSpec()) is shown
+    assert twist_sd(CalibrationSpec()) == 0.0
+
+
+def test_twist_and_zero_err_as_other_entries_do_and_levels_are_not_averaged():
+    levels = {"contact_threshold_v": (2.0, 0.1), "contact_release_v": (1.0, 0.1)}
+    told = of(angle_per_torque=(4e-4, 2e-5), angle_zero_rad=(0.1, 0.01), tissue_hz=(25.0, 2.0))
+    other = of(angle_per_torque=(6e-4, 2e-5), **levels)
+
+    found = pooled_calibration([told, other])
+
+    assert found.angle_per_torque.value == pytest.approx(5e-4)
+    assert found.angle_per_torque.sd == pytest.approx(2e-5 / np.sqrt(2.0))
+    assert found.angle_zero_rad.sd == pytest.approx(0.005)
+    assert found.contact_levels_v is found.tissue_hz is None
+    assert pooled_calibration([other, other]) == other

@@ -58,6 +58,22 @@ def test_gains_are_divided_out():
     np.testing.assert_allclose(gained[3] * 0.8, plain[3], rtol=1e-9, atol=1e-9)
 
 
+def test_what_torque_shows_as_angle_is_taken_off_before_the_gain():
+    known = CalibrationSpec(
+        angle_gain=Calibrated(value=1.1, sd=0.0),
+        angle_per_torque=Calibrated(value=0.004, sd=0.0),
+        torque_gain=Calibrated(value=0.8, sd=0.0),
+    )
+    plain, taken = (
+        condition(recording(clock()), cutoff_hz=20.0, calibration=c).stretches[0].signals
+        for c in (PLAIN, known)
+    )
+
+    np.testing.assert_allclose(
+        1.1 * taken[0], plain[0] - 0.004 * plain[3] / 0.8, rtol=1e-9, atol=1e-9
+    )
+
+
 def test_each_lag_shifts_its_own_signals():
     known = CalibrationSpec(
         angle_lag_s=Calibrated(value=0.0065, sd=0.0), torque_lag_s=Calibrated(value=0.003, sd=0.0)

@@ -65,6 +65,14 @@ def test_gains_are_divided_out_and_lags_are_left():
     assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time) / 0.8)
 
 
+def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
+    known = CalibrationSpec(angle_per_torque=Calibrated(value=0.01, sd=1e-4))
+    told, plain_ = (
+        raw_signals(plain(500.0, **m)).stretches[0].signals for m in ({"calibration": known}, {})
+    )
+    np.testing.assert_array_equal(told, plain_)
+
+
 def test_friction_of_a_torque_made_of_current_has_its_own_row():
     time = np.arange(2000) / 500.0
     velocity = 2.0 * np.sign(np.sin(time))

@@ -9,6 +9,7 @@ import pytest
 from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
 from jointz.core.study import (
+    Calibrated,
     CalibrationSpec,
     PerturbationsSpec,
     TorqueModelSpec,
@@ -167,3 +168,41 @@ def test_a_recording_without_a_channel_of_strikes_has_no_strides():
     (source,) = prepare_sources([record(drop=["contact"])], settings())
     assert source.strides is None
     assert source.undisturbed.size == 0
+
+
+def test_the_angle_is_counted_from_the_joints_true_zero():
+    given = record(pulses=[7.0])
+    known = CalibrationSpec(angle_zero_rad=Calibrated(value=0.3, sd=0.01))
+    told, plain = (
+        prepare_sources([replace(given, calibration=c)], settings())[0]
+        for c in (known, CalibrationSpec())
+    )
+    turned, shown = told.given.recording["angle"], plain.given.recording["angle"]
+    np.testing.assert_allclose(turned, shown - 0.3, atol=1e-15)
+    assert turned.attrs == shown.attrs
+    for mine, other in zip(told.signals.stretches, plain.signals.stretches, strict=True):
+        np.testing.assert_allclose(mine.signals[0], other.signals[0] - 0.3, atol=1e-9)
+        np.testing.assert_allclose(mine.signals[1:], other.signals[1:], atol=1e-6)
+
+
+def test_calibrated_levels_find_the_strikes_of_a_switch_that_gives_volts():
+    t = np.arange(4000) / 200.0
+    on = np.arange(t.size) % 200 < 120
+    # A quarter of the strides only brush the switch: found in the record, its levels differ.
+    volts = 0.2 + np.where(np.arange(t.size) // 200 % 4 == 3, 0.5, 2.6) * on
+    made = build_recording(
+        t,
+        {"angle": np.sin(t), "torque": 0.0 * t, "command": 0.0 * t, "contact": volts},
+        condition="perturbed",
+        contact_kind="voltage",
+    )
+    found = {}
+    for threshold in (0.5, 1.5):
+        known = CalibrationSpec(
+            contact_threshold_v=Calibrated(value=threshold, sd=0.05),
+            contact_release_v=Calibrated(value=threshold - 0.1, sd=0.05),
+        )
+        strides = prepare_sources([RecordingInput(made, known)], settings())[0].strides
+        found[threshold] = strides.start_s.size
+    assert found[0.5] == 18
+    assert found[1.5] < 15

@@ -339,3 +339,15 @@ def test_the_thigh_is_winters_hip_angle_to_a_degree():
 
     assert float(np.sqrt(np.mean(apart**2))) < 0.35  # deg
     assert float(np.abs(apart).max()) < 1.0
+
+
+def test_the_sd_of_the_zero_of_the_angle_adds_to_that_of_the_posture():
+    leg = limb_gravity(73.0, 1.74)
+    own = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
+    more = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0, angle_sd_rad=0.2)
+    rng = np.random.default_rng(0)
+    posture = np.hypot(POSTURE_SD_RAD, 0.2) * rng.standard_normal(400_000)
+    moment = leg.moment_nm + leg.moment_sd_nm * rng.standard_normal(posture.size)
+    drawn = moment * np.cos(own.segment_angle_rad + posture)
+    assert (more.value, more.sd > own.sd) == (own.value, True)
+    assert more.sd == pytest.approx(drawn.std(), rel=0.01)

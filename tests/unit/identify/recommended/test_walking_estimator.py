@@ -377,6 +377,22 @@ def test_a_lag_measured_in_one_of_two_sessions_is_not_perfect_in_the_other():
     assert priors_of(known_together([CalibrationSpec()] * 2)).lag_s == Priors().lag_s
 
 
+def test_twist_and_tissue_are_the_priors_of_the_sensor_and_wide_in_another_session():
+    told = CalibrationSpec(
+        angle_per_torque=Calibrated(value=6e-4, sd=2e-5),
+        angle_gain=Calibrated(value=1.2, sd=0.0),
+        tissue_hz=Calibrated(value=24.0, sd=1.2),
+    )
+    priors = priors_of(told)
+    assert priors.cross_talk == pytest.approx((5e-4, 2e-5 / 1.2))
+    assert priors.log_resonance == pytest.approx((np.log(24.0), 0.05))
+    both = priors_of(known_together([told, CalibrationSpec()]))
+    assert both.cross_talk[1] > 0.4 * Priors().cross_talk[1]
+    assert both.log_resonance[1] > 0.4 * Priors().log_resonance[1]
+    exact = priors_of(told.model_copy(update={"angle_per_torque": Calibrated(value=0.0, sd=0.0)}))
+    assert 0.0 < exact.cross_talk[1] <= 1e-6
+
+
 def test_a_motor_at_its_limit_is_no_fault_where_the_table_says_so(walkers):
     walker = walkers.Walker()
     given = changed(walkers.walk(walker), torque=lambda x: x.clip(max=16.9))

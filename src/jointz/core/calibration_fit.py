@@ -1,0 +1,413 @@
+"""What a calibration step found: entries of ``[calibration]`` with sd, and what lies beside."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import sqrt
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.fit_parameters import checked_values
+from jointz.core.study import Calibrated, CalibrationSpec
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.CalibrationFit/1"
+#: The steps, in the order in which a lab takes them.
+STEPS = ("zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring")
+
+#: What a step may find -> SI unit. Gains and ``friction_gain`` have no unit.
+ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "angle_zero_rad": "rad",
+        "contact_threshold_v": "V",
+        "contact_release_v": "V",
+        "angle_lag_s": "s",
+        "angle_gain": "1",
+        "intrinsic_stiffness": "N*m/rad",
+        "intrinsic_damping": "N*m*s/rad",
+        "intrinsic_inertia": "kg*m^2",
+        "torque_gain": "1",
+        "friction_gain": "1",
+        "tissue_hz": "Hz",
+        "angle_per_torque": "rad/(N*m)",
+        "contact_level_v": "V",
+        "open_level_v": "V",
+        "angle_delay_s": "s",
+        "inertia": "kg*m^2",
+        "inertia_weighted": "kg*m^2",
+        "stiffness": "N*m/rad",
+        "stiffness_weighted": "N*m/rad",
+        "damping": "N*m*s/rad",
+        "damping_weighted": "N*m*s/rad",
+        "tissue_damping": "1",
+        "strap_compliance": "rad/(N*m)",
+        "strap_damping_time_s": "s",
+        "motion_per_torque": "rad/(N*m)",
+        "torque_constant": "N*m/A",
+        "coulomb_friction": "N*m",
+        "gear_friction": "N*m/A",
+    }
+)
+
+
+class CalibrationFailure(StrEnum):
+    """Why a calibration step has no value; written as ``failed:CODE``."""
+
+    TOO_SHORT = "too_short"
+    NOT_FINITE = "not_finite"
+    NOT_STILL = "not_still"
+    DRIFT = "drift"
+    NO_MOTION = "no_motion"
+    NO_TORQUE = "no_torque"
+    ONE_DIRECTION = "one_direction"
+    ONE_LEVEL = "one_level"
+    OVERLAPPING_LEVELS = "overlapping_levels"
+    INVERTED_LEVELS = "inverted_levels"
+    OPPOSITE_SIGN = "opposite_sign"
+    SWAPPED_CHANNELS = "swapped_channels"
+    GAIN_OUT_OF_RANGE = "gain_out_of_range"
+    LAG_OUT_OF_RANGE = "lag_out_of_range"
+    CLIPPED = "clipped"
+    PLAY = "play"
+    SLIP = "slip"
+    NOT_RIGID = "not_rigid"
+    NOT_LINEAR = "not_linear"
+    JOINT_MOVED = "joint_moved"
+    TOO_FEW_PULSES = "too_few_pulses"
+    NOT_AT_REST = "not_at_rest"
+    MODEL_MISFIT = "model_misfit"
+
+    @property
+    def status(self) -> str:
+        """The status as it stands in a result."""
+        return f"failed:{self.value}"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence: what is wrong, and what to do."""
+        return _MEANING[self]
+
+
+_MEANING = {
+    CalibrationFailure.TOO_SHORT: "the record is too short for an interval: record for longer",
+    CalibrationFailure.NOT_FINITE: "samples without a number: look at the sensor, record again",
+    CalibrationFailure.NOT_STILL: "the joint moved: hold it still and record again",
+    CalibrationFailure.DRIFT: "the angle drifts: let the sensor warm up, look how it is fixed",
+    CalibrationFailure.NO_MOTION: "a channel hardly moves: a dead sensor, or no motion was made",
+    CalibrationFailure.NO_TORQUE: "the torque hardly changes: no torque was given",
+    CalibrationFailure.ONE_DIRECTION: "torque or motion in one direction only: give both",
+    CalibrationFailure.ONE_LEVEL: "the switch shows one level only: it is never loaded or never "
+    "free, or not connected",
+    CalibrationFailure.OVERLAPPING_LEVELS: "the two levels run into each other: no threshold "
+    "tells them apart; look at switch, cable and supply",
+    CalibrationFailure.INVERTED_LEVELS: "volts are low for most of the stride: the switch is wired "
+    "the other way round, or sits where there is little contact",
+    CalibrationFailure.OPPOSITE_SIGN: "the two channels move against each other: a sign is wrong",
+    CalibrationFailure.SWAPPED_CHANNELS: "the encoder comes after the angle: are the channels "
+    "swapped, or is the encoder's clock late?",
+    CalibrationFailure.GAIN_OUT_OF_RANGE: "the gain is beyond what a sensor can be wrong by: look "
+    "at units and at what is connected",
+    CalibrationFailure.LAG_OUT_OF_RANGE: "the lag is beyond what a sensor can have: look at the "
+    "clocks",
+    CalibrationFailure.CLIPPED: "the angle stands at its largest value while the encoder goes on: "
+    "the sensor is at its end",
+    CalibrationFailure.PLAY: "the angle depends on the direction of the motion: play or friction "
+    "between goniometer and hinge",
+    CalibrationFailure.SLIP: "the angle steps against the encoder: the goniometer slips",
+    CalibrationFailure.NOT_RIGID: "angle and encoder differ by more than a rigid hinge can",
+    CalibrationFailure.NOT_LINEAR: "one direction is answered unlike the other: slack, an end "
+    "stop, or torque at its limit",
+    CalibrationFailure.JOINT_MOVED: "the encoder moves more than the angle: the joint is not "
+    "locked, or a strap gives way",
+    CalibrationFailure.TOO_FEW_PULSES: "too few pulses from rest: at least four of each direction",
+    CalibrationFailure.NOT_AT_REST: "pulses begin before the motion has died away: longer pauses",
+    CalibrationFailure.MODEL_MISFIT: "no joint behind a late sensor explains the responses",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationEntry:
+    """One calibrated value.
+
+    Parameters
+    ----------
+    name : str
+        A key of :data:`ENTRY_UNITS`.
+    value, sd : float or None
+        SI; None where there is none.
+    status : str
+        ``ok``, ``undecided`` or ``failed:CODE`` (:class:`CalibrationFailure`).
+    reason : str
+        Why it is not ``ok``.
+    uncertainty : mapping of str to float
+        Source of error -> its sd, in the unit of the value; their squares add up to that of
+        ``sd``.
+    """
+
+    name: str
+    value: float | None
+    sd: float | None
+    status: str = "ok"
+    reason: str = ""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of value and sd."""
+        return ENTRY_UNITS[self.name]
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a value to use."""
+        return self.status == "ok"
+
+
+def decided(
+    name: str,
+    value: float,
+    uncertainty: Mapping[str, float],
+    *,
+    largest_sd: float | None = None,
+) -> CalibrationEntry:
+    """Return an entry, undecided where its sd is larger than what is of use.
+
+    Parameters
+    ----------
+    name : str
+        A key of :data:`ENTRY_UNITS`.
+    value : float
+        SI.
+    uncertainty : mapping of str to float
+        Source -> sd; independent of each other.
+    largest_sd : float, optional
+        Beyond it the entry is ``undecided``; value and sd are kept, to be looked at.
+    """
+    parts = {source: float(sd) for source, sd in uncertainty.items() if sd > 0.0}
+    sd = sqrt(sum(part**2 for part in parts.values()))
+    status, reason = "ok", ""
+    if largest_sd is not None and sd > largest_sd:
+        unit = ENTRY_UNITS[name]
+        unit = "" if unit == "1" else f" {unit}"
+        status = "undecided"
+        reason = f"its sd is {sd:.3g}{unit}, more than {largest_sd:.3g}{unit}"
+    return CalibrationEntry(name, float(value), sd, status, reason, parts)
+
+
+def failed(
+    names: Sequence[str], code: CalibrationFailure, detail: str
+) -> tuple[CalibrationEntry, ...]:
+    """Return entries without value.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Keys of :data:`ENTRY_UNITS`.
+    code : CalibrationFailure
+        What is wrong.
+    detail : str
+        Where, expected and found; the code's meaning is put behind it.
+    """
+    reason = f"{detail}; {code.meaning}"
+    return tuple(CalibrationEntry(name, None, None, code.status, reason) for name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSeries:
+    """What a figure of the step shows.
+
+    Parameters
+    ----------
+    x, measured, modelled : tuple of float
+        In the units of the labels.
+    x_label, y_label : str
+        Of the axes, with their units.
+    """
+
+    x: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+    modelled: tuple[float, ...] = ()
+    x_label: str = ""
+    y_label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationFit:
+    """The result of one calibration step of one participant.
+
+    Parameters
+    ----------
+    step : str
+        One of :data:`STEPS`.
+    entries : tuple of CalibrationEntry
+        What goes into ``[calibration]``, also where it failed.
+    reported : tuple of CalibrationEntry
+        What was found beside, which no analysis uses.
+    method : str
+        How values and sd were made.
+    n_samples : int
+        Samples that were used.
+    notes : tuple of str
+        What a reader must know.
+    settings : mapping
+        What was chosen or known before.
+    series : CalibrationSeries
+        For the figure.
+    """
+
+    step: str
+    entries: tuple[CalibrationEntry, ...]
+    reported: tuple[CalibrationEntry, ...] = ()
+    method: str = ""
+    n_samples: int = 0
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    series: CalibrationSeries = field(default_factory=CalibrationSeries)
+
+    @property
+    def status(self) -> str:
+        """``ok`` where all entries stand, else the first status that is not."""
+        return next((e.status for e in self.entries if not e.stands), "ok")
+
+    def entry(self, name: str) -> CalibrationEntry:
+        """Return an entry, or a reported value, by name.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``angle_lag_s``.
+
+        Raises
+        ------
+        KeyError
+            When the step has none of that name.
+        """
+        both = {entry.name: entry for entry in (*self.reported, *self.entries)}
+        if name not in both:
+            raise KeyError(f"step {self.step!r} has no {name!r}; it has {', '.join(both)}")
+        return both[name]
+
+    def specification(self) -> CalibrationSpec:
+        """Return the entries that stand, as a study has them."""
+        standing = {
+            e.name: Calibrated(value=e.value, sd=e.sd)
+            for e in self.entries
+            if e.stands and e.value is not None and e.sd is not None
+        }
+        return CalibrationSpec(**standing)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row an entry: those of ``[calibration]`` first, then what was reported."""
+        columns = ("value", "sd", "unit", "status", "reason")
+        rows = [
+            {"step": self.step, "entry": e.name, "used": used}
+            | {name: getattr(e, name) for name in columns}
+            for used, group in ((True, self.entries), (False, self.reported))
+            for e in group
+        ]
+        return pd.DataFrame(rows)
+
+    def summary(self) -> str:
+        """Return a short text: entries, what was found beside, method, notes."""
+        lines = [
+            f"Calibration, step {self.step}: {self.status}",
+            *(f"  {_line(e)}" for e in self.entries),
+        ]
+        if self.reported:
+            lines += ["  beside:", *(f"    {_line(e)}" for e in self.reported)]
+        if self.method:
+            lines.append(f"  {self.n_samples} samples; {self.method}")
+        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw what was measured and what the model makes of it.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+        shown = self.series
+        axes.plot(shown.x, shown.measured, ".", markersize=2.0, label="measured")
+        if shown.modelled:
+            axes.plot(shown.x, shown.modelled, linewidth=1.2, label="model")
+        axes.set_xlabel(shown.x_label or "time (s)")
+        axes.set_ylabel(shown.y_label or "nothing to show")
+        axes.set_title("\n".join([f"Calibration: {self.step}", *map(_line, self.entries)]))
+        axes.title.set_fontsize("medium")
+        axes.legend()
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": SCHEMA,
+            "step": self.step,
+            "status": self.status,
+            "entries": [_entry_to_dict(e) for e in self.entries],
+            "reported": [_entry_to_dict(e) for e in self.reported],
+            "method": self.method,
+            "n_samples": self.n_samples,
+            "notes": list(self.notes),
+            "settings": dict(self.settings),
+            "series": {
+                name: list(value) if isinstance(value, tuple) else value
+                for name in CalibrationSeries.__slots__
+                for value in (getattr(self.series, name),)
+            },
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "CalibrationFit":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        del values["status"]
+        for name in ("entries", "reported"):
+            values[name] = tuple(_entry_from_dict(entry) for entry in data[name])
+        values["notes"] = tuple(data["notes"])
+        values["settings"] = dict(data["settings"])
+        series: dict[str, Any] = {
+            n: tuple(v) if isinstance(v, list) else v for n, v in data["series"].items()
+        }
+        values["series"] = CalibrationSeries(**series)
+        return cls(**values)
+
+
+def _entry_to_dict(entry: CalibrationEntry) -> dict[str, Any]:
+    plain = {name: getattr(entry, name) for name in CalibrationEntry.__slots__}
+    return plain | {"unit": entry.unit, "uncertainty": dict(entry.uncertainty)}
+
+
+def _entry_from_dict(data: Mapping[str, Any]) -> CalibrationEntry:
+    values = {name: value for name, value in data.items() if name != "unit"}
+    return CalibrationEntry(**values | {"uncertainty": dict(data["uncertainty"])})
+
+
+def _line(entry: CalibrationEntry) -> str:
+    if entry.value is None or entry.sd is None:
+        return f"{entry.name} {entry.status}: {entry.reason}"
+    unit = "" if entry.unit == "1" else f" {entry.unit}"
+    text = f"{entry.name} {entry.value:.4g} +- {entry.sd:.2g}{unit} (sd)"
+    return text if entry.stands else f"{text}, {entry.status}: {entry.reason}"

@@ -1,0 +1,330 @@
+r"""A leg that hangs, bare and with a known weight, behind one late sensor: posterior mode.
+
+:math:`J\ddot x + B\dot x + Kx = \tau + f\,\tau_f` for every condition, simulated from rest under
+the average measured torque and seen through tissue, lag and delay (:mod:`jointz.kernels.
+joint_response`), compared with the average angle and weighed with its covariance. All is in units
+of the measured torque over the measured angle; with r the ratio of their gains,
+:math:`J_w = J_b + r(\Delta J + \delta_J)` and :math:`K_w = K_b + r(\Delta K + \delta_K)`, the
+errors of the weight within its sd, and that of K within what a relaxed leg may change.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from jointz.core.study import Calibrated
+from jointz.kernels.joint_response import MOTION, joint_motion, sensed
+
+#: Parameters.
+NAMES = (
+    "log_inertia",
+    "stiffness",
+    "damping",
+    "damping_weighted",
+    "stiffness_more",
+    "inertia_more",
+    "gain_ratio",
+    "friction_gain",
+    "cross_talk",
+    "lag",
+    "delay",
+    "log_resonance",
+    "resonance_damping",
+)
+(
+    LOG_INERTIA,
+    STIFFNESS,
+    DAMPING,
+    DAMPING_WEIGHTED,
+    STIFFNESS_MORE,
+    INERTIA_MORE,
+    GAIN_RATIO,
+    FRICTION_GAIN,
+    CROSS_TALK,
+    LAG,
+    DELAY,
+    LOG_RESONANCE,
+    RESONANCE_DAMPING,
+) = range(len(NAMES))
+#: Mean and sd before the data; wide where nothing is known.
+_PRIOR = {
+    "log_inertia": (float(np.log(0.15)), 1.5),
+    "stiffness": (15.0, 30.0),
+    "damping": (1.0, 2.0),
+    "damping_weighted": (1.0, 2.0),
+    "stiffness_more": (0.0, 1.0),
+    "inertia_more": (0.0, 1e-3),
+    "gain_ratio": (1.0, 0.3),
+    "friction_gain": (1.0, 0.2),
+    "cross_talk": (0.0, 3e-4),
+    "lag": (0.008, 0.008),
+    "delay": (0.003, 0.003),
+    "log_resonance": (float(np.log(30.0)), 0.4),
+    "resonance_damping": (0.3, 0.1),
+}
+#: What the search may reach, and its steps.
+_REACH = {
+    "log_inertia": (-7.0, 2.5, 0.1),
+    "stiffness": (-100.0, 1e3, 1.0),
+    "damping": (-5.0, 50.0, 0.1),
+    "damping_weighted": (-5.0, 50.0, 0.1),
+    "stiffness_more": (-20.0, 20.0, 0.5),
+    "inertia_more": (-0.5, 0.5, 1e-3),
+    "gain_ratio": (0.2, 5.0, 0.05),
+    "friction_gain": (0.0, 3.0, 0.1),
+    "cross_talk": (-0.05, 0.05, 1e-4),
+    "lag": (0.0, 0.06, 1e-3),
+    "delay": (-0.02, 0.04, 1e-3),
+    "log_resonance": (float(np.log(6.0)), float(np.log(150.0)), 0.1),
+    "resonance_damping": (0.03, 0.97, 0.1),
+}
+_LOW, _HIGH, _SCALE = np.array([_REACH[name] for name in NAMES]).T
+_STARTS = (0.06, 0.2, 0.6)
+_SUBSTEP_S = 1e-3
+_LEAST_SD = 1e-6
+#: White noise added before a covariance is inverted, share of its mean variance.
+_EVEN_SHARE = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HangingCell:
+    """The average response of one condition.
+
+    Parameters
+    ----------
+    angle : (n,) float, rad
+        Measured, from rest.
+    torque : (2, n) float, N*m
+        Without friction, and friction.
+    noise : (n, n) float, rad^2
+        Covariance of the error of the average.
+    period_s : float, s
+        Between samples.
+    """
+
+    angle: np.ndarray
+    torque: np.ndarray
+    noise: np.ndarray
+    period_s: float
+
+    def root(self) -> np.ndarray:
+        """Return a whitening matrix: its product with the noise's errors has unit covariance."""
+        n = self.angle.size
+        even = _EVEN_SHARE * np.trace(self.noise) / n * np.eye(n)
+        lower = np.linalg.cholesky(self.noise + even)
+        return np.asarray(np.linalg.inv(lower))
+
+
+@dataclass(frozen=True, slots=True)
+class KnownWeight:
+    """What was strapped on.
+
+    Parameters
+    ----------
+    inertia, stiffness : Calibrated, kg*m^2, N*m/rad
+        About the joint; weight times distance.
+    """
+
+    inertia: Calibrated
+    stiffness: Calibrated
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HangingPosterior:
+    """Mode and covariance under one model of the sensor.
+
+    Parameters
+    ----------
+    values : (13,) float
+        By the places above.
+    bread : (13, 13) float
+        Inverse of the curvature; zero where a parameter is idle.
+    prior_sd : (13,) float
+        Of every parameter before the data.
+    log_evidence : float
+        Up to a constant that both models share.
+    misfit : float
+        Squared distance from the data over the degrees of freedom; about 1.
+    fitted : tuple of (n,) float, rad
+        Angles that the sensor would show.
+    motions : tuple of (n,) float, rad
+        The joint's own.
+    """
+
+    values: np.ndarray
+    bread: np.ndarray
+    prior_sd: np.ndarray
+    log_evidence: float
+    misfit: float
+    fitted: tuple[np.ndarray, ...]
+    motions: tuple[np.ndarray, ...]
+
+    def variances(self, slopes: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the variance of a function of the parameters, by where it comes from.
+
+        Parameters
+        ----------
+        slopes : (13,) float
+            Derivatives of the function.
+
+        Returns
+        -------
+        noise : float
+            What the noise of the data makes; more where the model misfits.
+        priors : (13,) float
+            What the prior of every parameter makes.
+        """
+        reach = slopes @ self.bread
+        priors = (reach / self.prior_sd) ** 2
+        noise = max(float(reach @ slopes) - float(priors.sum()), 0.0)
+        return max(self.misfit, 1.0) * noise, priors
+
+
+class HangingModel:
+    """Finds the posterior mode of one or two conditions under one sensor.
+
+    Parameters
+    ----------
+    cells : sequence of HangingCell
+        Bare, then weighted where there is one.
+    weight : KnownWeight or None
+        What was added in the second.
+    known : mapping of str to tuple
+        Name of a parameter -> mean and sd, in place of the usual ones.
+    resonance : bool
+        Whether tissue resonates before the sensor.
+    """
+
+    def __init__(
+        self,
+        cells: Sequence[HangingCell],
+        weight: KnownWeight | None,
+        known: dict[str, tuple[float, float]],
+        *,
+        resonance: bool,
+    ) -> None:
+        self._cells = cells
+        self._weight = weight
+        self._roots = [cell.root() for cell in cells]
+        self._resonance = resonance
+        if weight is not None:
+            change = float(np.hypot(_PRIOR["stiffness_more"][1], weight.stiffness.sd))
+            mounted = {"inertia_more": (0.0, max(weight.inertia.sd, _LEAST_SD))}
+            known = known | mounted | {"stiffness_more": (0.0, change)}
+        moments = np.array([(_PRIOR | known)[name] for name in NAMES])
+        self._mean, self._sd = moments.T
+        idle = [] if resonance else [LOG_RESONANCE, RESONANCE_DAMPING]
+        if weight is None:
+            idle += [DAMPING_WEIGHTED, STIFFNESS_MORE, INERTIA_MORE, GAIN_RATIO]
+        self._free = np.setdiff1d(np.arange(len(NAMES)), idle)
+
+    def fit(self) -> HangingPosterior:
+        """Return the posterior mode, the best from light and heavy legs."""
+        fits = []
+        for inertia in _STARTS:
+            start = self._mean.copy()
+            start[LOG_INERTIA] = np.log(inertia)
+            found = least_squares(
+                self._distances,
+                np.clip(start, _LOW + 1e-9, _HIGH - 1e-9)[self._free],
+                bounds=(_LOW[self._free], _HIGH[self._free]),
+                x_scale=_SCALE[self._free],
+                max_nfev=60,
+            )
+            fits.append(found)
+        best = min(fits, key=lambda found: float(found.cost))
+        return self._posterior(np.asarray(best.x))
+
+    def joint(self, values: np.ndarray, i: int) -> tuple[float, float, float]:
+        """Return K, B, J of a condition, in measured units.
+
+        Parameters
+        ----------
+        values : (13,) float
+            Parameters.
+        i : int
+            Which condition.
+        """
+        K, B, J = values[STIFFNESS], values[DAMPING], np.exp(values[LOG_INERTIA])
+        if i == 1 and self._weight is not None:
+            ratio = values[GAIN_RATIO]
+            K += ratio * (self._weight.stiffness.value + values[STIFFNESS_MORE])
+            J += ratio * (self._weight.inertia.value + values[INERTIA_MORE])
+            B = values[DAMPING_WEIGHTED]
+        return float(K), float(B), float(J)
+
+    def respond(self, values: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the sensor shows and how the joint moves, rad, at the samples.
+
+        Parameters
+        ----------
+        values : (13,) float
+            Parameters.
+        i : int
+            Which condition.
+        """
+        cell = self._cells[i]
+        K, B, J = self.joint(values, i)
+        substeps = max(1, round(cell.period_s / _SUBSTEP_S))
+        step_s = cell.period_s / substeps
+        motion = joint_motion(
+            np.ascontiguousarray(cell.torque),
+            float(values[FRICTION_GAIN]),
+            np.array([K, 0.0, B, 0.0, J, 0.0]),
+            np.zeros(3),
+            cell.period_s,
+            substeps,
+        )[:, [MOTION]]
+        shown = sensed(
+            motion,
+            step_s=step_s,
+            samples_s=np.arange(cell.angle.size) * cell.period_s,
+            delay_s=float(values[DELAY]),
+            lag_s=float(values[LAG]),
+            resonance_hz=float(np.exp(values[LOG_RESONANCE])) if self._resonance else 0.0,
+            damping_ratio=float(values[RESONANCE_DAMPING]) if self._resonance else 0.0,
+        )[:, 0]
+        total = cell.torque[0] + values[FRICTION_GAIN] * cell.torque[1]
+        return shown + values[CROSS_TALK] * total, motion[::substeps, 0]
+
+    def _distances(self, free: np.ndarray) -> np.ndarray:
+        values = self._mean.copy()
+        values[self._free] = free
+        parts = [
+            root @ (cell.angle - self.respond(values, i)[0])
+            for i, (cell, root) in enumerate(zip(self._cells, self._roots, strict=True))
+        ]
+        apart = np.concatenate([*parts, self._from_prior(values)])
+        return np.asarray(np.nan_to_num(apart, nan=1e6))
+
+    def _from_prior(self, values: np.ndarray) -> np.ndarray:
+        return np.asarray(((values - self._mean) / self._sd)[self._free])
+
+    def _posterior(self, free: np.ndarray) -> HangingPosterior:
+        at = self._distances(free)
+        jacobian = np.empty((at.size, free.size))
+        for j, scale in enumerate(_SCALE[self._free]):
+            step = np.zeros(free.size)
+            step[j] = 1e-3 * scale
+            up, down = self._distances(free + step), self._distances(free - step)
+            jacobian[:, j] = (up - down) / (2e-3 * scale)
+        curvature = jacobian.T @ jacobian
+        bread = np.linalg.inv(curvature)
+        n_data = at.size - free.size
+        misfit = float(at[:n_data] @ at[:n_data]) / max(n_data - free.size, 1)
+        values, full = self._mean.copy(), np.zeros((len(NAMES), len(NAMES)))
+        values[self._free] = free
+        full[np.ix_(self._free, self._free)] = bread
+        evidence = -0.5 * float(at @ at) - 0.5 * float(np.linalg.slogdet(curvature)[1])
+        answers = [self.respond(values, i) for i in range(len(self._cells))]
+        return HangingPosterior(
+            values=values,
+            bread=full,
+            prior_sd=self._sd,
+            log_evidence=evidence - float(np.log(self._sd[self._free]).sum()),
+            misfit=misfit,
+            fitted=tuple(shown for shown, _ in answers),
+            motions=tuple(motion for _, motion in answers),
+        )

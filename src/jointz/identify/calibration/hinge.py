@@ -1,0 +1,239 @@
+r"""Lag and gain of the goniometer against an encoder on one rigid hinge.
+
+The goniometer shows :math:`g\,(h * \theta)(t)` and noise, h being a pure delay, a first-order lag
+or both in a row, of total lag L. Swinging by hand tells L and g well and the kind of h badly; a
+filter takes more of fast motion than a delay does, so that g depends on it. The share of the
+filter in L is weighed by the data, flat between none and all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.calibration_fit import (
+    CalibrationEntry,
+    CalibrationFailure,
+    CalibrationFit,
+    CalibrationSeries,
+    decided,
+    failed,
+)
+from jointz.gait.timestamps import find_gaps
+from jointz.identify.calibration.hinge_checks import check_rigid, check_swing
+from jointz.identify.calibration.steady_fit import (
+    RefusedError,
+    checked_channels,
+    sandwich,
+    thinned,
+)
+from jointz.kernels.block_sandwich import correlation_time
+from jointz.kernels.joint_response import sensed
+
+_NAMES = ("angle_lag_s", "angle_gain")
+_SHARES = np.linspace(0.0, 1.0, 6)
+_STEP_S = 1e-3
+_LAG_STEP_S = 2e-4
+_PASSES = 12
+_LAG_RANGE_S = (-0.05, 0.1)
+#: The filter's memory of what came before the record, or before a hole.
+_SETTLED_S = 0.4
+_LARGEST_LAG_SD_S, _LARGEST_GAIN_SD = 0.5e-3, 0.03
+#: The encoder may come so much after the angle before the channels count as swapped, s.
+_AHEAD_S = 2e-3
+_GAIN_RANGE = (0.5, 2.0)
+_SHOWN_S = 4.0
+_METHOD = (
+    "the encoder, delayed and filtered, fitted to the angle; share of the filter weighed; block "
+    "sandwich"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Swing:
+    """A record, and which of its samples count."""
+
+    time: np.ndarray
+    angle: np.ndarray
+    encoder: np.ndarray
+    counts: np.ndarray
+
+    def shown(self, lag_s: float, share: float) -> np.ndarray:
+        """Return the encoder as a sensor with this lag would show it, where samples count."""
+        since = self.time - self.time[0]
+        grid = np.arange(int(since[-1] / _STEP_S) + 2) * _STEP_S
+        even = np.interp(grid, since, self.encoder) - self.encoder[0]
+        filtered_s = share * max(lag_s, 0.0)
+        late = sensed(
+            even[:, None],
+            step_s=_STEP_S,
+            samples_s=since[self.counts],
+            delay_s=lag_s - filtered_s,
+            lag_s=filtered_s,
+        )
+        return np.asarray(late[:, 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    share: float
+    values: np.ndarray  # lag, gain, offset
+    derivatives: np.ndarray
+    residual: np.ndarray
+
+
+def fit_hinge(time: np.ndarray, angle: np.ndarray, motor_angle: np.ndarray) -> CalibrationFit:
+    """Find lag and gain of a goniometer that is clamped to the hinge of an encoder.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps; the nominal rate is not used.
+    angle : (n,) float, rad
+        The goniometer's.
+    motor_angle : (n,) float, rad
+        The encoder's, at the hinge.
+
+    Returns
+    -------
+    CalibrationFit
+        ``angle_lag_s``, the total lag, and ``angle_gain``, measured over true; ``undecided``
+        where the swing is too slow or too small (sd of the lag above 0.5 ms), ``failed:CODE``
+        where the two differ by more than a rigid hinge can.
+
+    Raises
+    ------
+    DataError
+        When lengths differ or time does not increase.
+
+    Notes
+    -----
+    The encoder is taken to be without noise: its steps (4e-5 rad on an ActPack) are a millionth
+    of the variance of the swing, and take as little off the gain. A lag of the encoder itself
+    is not seen; it would come off that of the goniometer.
+    """
+    try:
+        channels = checked_channels(time, angle=angle, motor_angle=motor_angle)
+        return _fitted(*channels)
+    except RefusedError as refused:
+        return CalibrationFit("hinge", failed(_NAMES, refused.code, refused.detail))
+
+
+def _fitted(time: np.ndarray, angle: np.ndarray, encoder: np.ndarray) -> CalibrationFit:
+    check_swing(angle, encoder)
+    swing = _Swing(time, angle, encoder, _settled(time))
+    candidates = [_candidate(swing, share) for share in _SHARES]
+    chances = _chances(swing, candidates)
+    best = candidates[int(np.argmax(chances))]
+    used = time[swing.counts]
+    _check_values(chances @ np.array([c.values for c in candidates]))
+    check_rigid(used, encoder[swing.counts], best.residual)
+    entries = _entries(swing, candidates, chances)
+    shown = used < used[0] + _SHOWN_S
+    modelled = angle[swing.counts] - best.residual
+    return CalibrationFit(
+        step="hinge",
+        entries=entries,
+        reported=(_delay(candidates, chances),),
+        method=_METHOD,
+        n_samples=int(swing.counts.sum()),
+        notes=(
+            f"Of the lag {best.share:.0%} as a filter fits best; a pure delay has "
+            f"{chances[0]:.0%}, a pure filter {chances[-1]:.0%} of the weight.",
+        ),
+        settings={"filter_shares": _SHARES.tolist()},
+        series=CalibrationSeries(
+            x=thinned(used[shown]),
+            measured=thinned(np.degrees(angle[swing.counts][shown])),
+            modelled=thinned(np.degrees(modelled[shown])),
+            x_label="time (s)",
+            y_label="angle shown (deg)",
+        ),
+    )
+
+
+def _settled(time: np.ndarray) -> np.ndarray:
+    """Return which samples a filter shows without what came before the record or a hole."""
+    counts = time >= time[0] + _SETTLED_S
+    for _, after in find_gaps(time):
+        counts &= (time < after) | (time >= after + _SETTLED_S)
+    # The future that a negative lag asks for is not in the record.
+    return np.asarray(counts & (time <= time[-1] + _LAG_RANGE_S[0]))
+
+
+def _candidate(swing: _Swing, share: float) -> _Candidate:
+    """Return the fit with this share of the lag in the filter (Gauss and Newton)."""
+    y, lag_s, low_high = swing.angle[swing.counts], 0.005, _LAG_RANGE_S
+    for _ in range(_PASSES):
+        late = swing.shown(lag_s, share)
+        slope = (swing.shown(lag_s + _LAG_STEP_S, share) - late) / _LAG_STEP_S
+        level = np.column_stack([late, np.ones(y.size)])
+        gain, offset = np.linalg.lstsq(level, y, rcond=None)[0]
+        if gain == 0.0:
+            break
+        derivatives = np.column_stack([gain * slope, level])
+        residual = y - level @ np.array([gain, offset])
+        step = float(np.linalg.lstsq(derivatives, residual, rcond=None)[0][0])
+        lag_s = float(np.clip(lag_s + step, *low_high))
+        if abs(step) < 1e-7:
+            break
+    return _Candidate(share, np.array([lag_s, gain, offset]), derivatives, residual)
+
+
+def _chances(swing: _Swing, candidates: list[_Candidate]) -> np.ndarray:
+    """Return the weights of the candidates: squares over the noise's spectral density."""
+    sums = np.array([float(c.residual @ c.residual) for c in candidates])
+    residual = candidates[int(np.argmin(sums))].residual
+    rate = residual.size / float(np.ptp(swing.time[swing.counts]))
+    density = float(np.var(residual)) * max(
+        1.0, 2.0 * rate * correlation_time(residual, rate_hz=rate)
+    )
+    logs = -0.5 * (sums - sums.min()) / max(density, 1e-300)
+    return np.asarray(np.exp(logs) / np.exp(logs).sum())
+
+
+def _entries(
+    swing: _Swing, candidates: list[_Candidate], chances: np.ndarray
+) -> tuple[CalibrationEntry, CalibrationEntry]:
+    time, size = swing.time[swing.counts], float(np.std(swing.angle))
+    variances = np.array(
+        [np.diag(sandwich(time, c.derivatives, c.residual, size=size)[0]) for c in candidates]
+    )
+    values = np.array([c.values for c in candidates])
+    mean = chances @ values
+    noise, kind = np.sqrt(chances @ variances), np.sqrt(chances @ (values - mean) ** 2)
+    lag_s, gain = float(mean[0]), float(mean[1])
+    return (
+        decided(
+            "angle_lag_s",
+            lag_s,
+            {"noise": noise[0], "delay_or_filter": kind[0]},
+            largest_sd=_LARGEST_LAG_SD_S,
+        ),
+        decided(
+            "angle_gain",
+            gain,
+            {"noise": noise[1], "delay_or_filter": kind[1]},
+            largest_sd=_LARGEST_GAIN_SD,
+        ),
+    )
+
+
+def _check_values(values: np.ndarray) -> None:
+    """Refuse a lag and a gain that no sensor has."""
+    lag_s, gain = float(values[0]), float(values[1])
+    if not _LAG_RANGE_S[0] < lag_s < _LAG_RANGE_S[1]:
+        raise RefusedError(CalibrationFailure.LAG_OUT_OF_RANGE, f"lag {1e3 * lag_s:.0f} ms")
+    if lag_s < -_AHEAD_S:
+        detail = f"the angle comes {-1e3 * lag_s:.1f} ms before the encoder"
+        raise RefusedError(CalibrationFailure.SWAPPED_CHANNELS, detail)
+    if not _GAIN_RANGE[0] <= gain <= _GAIN_RANGE[1]:
+        detail = f"angle_gain {gain:.3g}, expected {_GAIN_RANGE[0]:g} to {_GAIN_RANGE[1]:g}"
+        raise RefusedError(CalibrationFailure.GAIN_OUT_OF_RANGE, detail)
+
+
+def _delay(candidates: list[_Candidate], chances: np.ndarray) -> CalibrationEntry:
+    """Return the part of the lag that is a pure delay, as far as the data tell it."""
+    delays = np.array([(1.0 - c.share) * c.values[0] for c in candidates])
+    mean = float(chances @ delays)
+    between = float(np.sqrt(chances @ (delays - mean) ** 2))
+    return decided("angle_delay_s", mean, {"delay_or_filter": between})

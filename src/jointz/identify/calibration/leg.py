@@ -1,0 +1,333 @@
+"""Lag on the body, gain of the torque and tissue, from a relaxed leg that hangs."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.calibration_fit import (
+    CalibrationEntry,
+    CalibrationFailure,
+    CalibrationFit,
+    CalibrationSeries,
+    decided,
+    failed,
+)
+from jointz.core.errors import DataError
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.calibration.hanging_model import (
+    CROSS_TALK,
+    DELAY,
+    FRICTION_GAIN,
+    GAIN_RATIO,
+    INERTIA_MORE,
+    LAG,
+    LOG_RESONANCE,
+    NAMES,
+    RESONANCE_DAMPING,
+    STIFFNESS_MORE,
+    HangingCell,
+    HangingModel,
+    HangingPosterior,
+    KnownWeight,
+)
+from jointz.identify.calibration.leg_strap import strap_entry
+from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecord, average_pulses
+from jointz.identify.calibration.steady_fit import RefusedError, thinned
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.noise_covariance import shrunk_covariance
+
+_NAMES = ("angle_lag_s", "torque_gain")
+_LEAD_S, _LENGTH_S = 0.05, 0.4
+_CONDITIONS = ("bare", "weighted")
+_UNIT_GAIN = Calibrated(value=1.0, sd=0.0)
+_NOTHING = Calibrated(value=0.0, sd=0.0)
+#: Entry of the calibration -> parameter of the model that it is known for.
+_KNOWN = {"friction_gain": "friction_gain", "angle_per_torque": "cross_talk"}
+#: A sensor's model this likely is taken as decided.
+_DECIDED = 0.9
+#: Sds beyond which an entry decides nothing.
+_LARGEST_LAG_SD_S, _LARGEST_GAIN_SD = 5e-3, 0.1
+#: Error of the model, share of the largest response, and over which time it is alike.
+_MODEL_SHARE, _MODEL_TIME_S = 0.002, 0.03
+_TINY = 1e-14  # rad^2: responses without noise have a covariance of rounding errors
+#: What the model may leave of the response, RMS over RMS.
+_MOST_LEFT = 0.1
+_LOSSES = {
+    "friction": (FRICTION_GAIN,),
+    "cross_talk": (CROSS_TALK,),
+    "known_load": (INERTIA_MORE, STIFFNESS_MORE),
+}
+_METHOD = (
+    "posterior mode of joint and sensor on average responses, both sensor models weighed by "
+    "evidence"
+)
+#: A function of a posterior's parameters.
+Derived = Callable[[np.ndarray], float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sensors:
+    """The two models of the sensor, without and with tissue, and their weights."""
+
+    model: HangingModel
+    posteriors: tuple[HangingPosterior, ...]
+    weights: np.ndarray
+
+    @property
+    def best(self) -> HangingPosterior:
+        return self.posteriors[int(np.argmax(self.weights))]
+
+    def entry(
+        self,
+        name: str,
+        derived: Derived,
+        *,
+        more: Mapping[str, float] | None = None,
+        largest_sd: float | None = None,
+    ) -> CalibrationEntry:
+        """Return a function of the parameters with its budget; ``more`` has relative sds."""
+        values = np.array([derived(p.values) for p in self.posteriors])
+        mean = float(self.weights @ values)
+        variances = dict.fromkeys(("noise", *_LOSSES, "prior"), 0.0)
+        for weight, posterior in zip(self.weights, self.posteriors, strict=True):
+            for source, variance in _budget(posterior, derived).items():
+                variances[source] += float(weight) * variance
+        variances["sensor_model"] = float(self.weights @ (values - mean) ** 2)
+        parts = {source: float(np.sqrt(variance)) for source, variance in variances.items()}
+        parts |= {source: abs(mean) * share for source, share in (more or {}).items()}
+        return decided(name, mean, parts, largest_sd=largest_sd)
+
+
+def fit_leg(
+    bare: PulsedRecord,
+    weighted: PulsedRecord | None = None,
+    *,
+    weight: KnownWeight | None = None,
+    known: CalibrationSpec | None = None,
+) -> CalibrationFit:
+    r"""Find lag, gain of the torque and tissue from pulses on a relaxed hanging leg.
+
+    Parameters
+    ----------
+    bare : PulsedRecord
+        The leg in the exoskeleton.
+    weighted : PulsedRecord, optional
+        The same with a known weight strapped to the shank.
+    weight : KnownWeight, optional
+        What was strapped on; goes with ``weighted``.
+    known : CalibrationSpec, optional
+        ``angle_gain``, ``friction_gain``, ``angle_per_torque``, the ``intrinsic_*`` of the
+        frame, and ``angle_lag_s`` where a hinge told it.
+
+    Returns
+    -------
+    CalibrationFit
+        ``angle_lag_s`` (total, without tissue), ``torque_gain`` and, where the tissue is
+        decided, ``tissue_hz``. Beside them K, B and J of the leg in true units, and
+        ``strap_compliance``, what the encoder moves more than the leg.
+
+    Raises
+    ------
+    DataError
+        When lengths differ, time does not increase, or one of ``weighted`` and ``weight`` is
+        missing.
+
+    Notes
+    -----
+    The response of the goniometer's angle to the measured torque gives J times the gain of the
+    torque over that of the angle; the known weight gives their ratio, and ``angle_gain`` the
+    gain of the torque. The errors of both gains are then alike, and their ratio, which K and J
+    in walking depend on, is known better than either.
+
+    It misleads where muscles answer, where the thigh moves, and where the leg swings so far
+    that gravity is no spring (20 deg: 2 % of its part).
+    """
+    known = known or CalibrationSpec()
+    if (weighted is None) != (weight is None):
+        raise DataError("fit_leg: expected a weighted record and its weight, or neither.")
+    try:
+        records = [bare] if weighted is None else [bare, weighted]
+        return _fitted(records, weight, known)
+    except RefusedError as refused:
+        return CalibrationFit("leg", failed(_NAMES, refused.code, refused.detail))
+
+
+def _fitted(
+    records: list[PulsedRecord], weight: KnownWeight | None, known: CalibrationSpec
+) -> CalibrationFit:
+    averages = [
+        average_pulses(record, lead_s=_LEAD_S, length_s=_LENGTH_S, name=name)
+        for record, name in zip(records, _CONDITIONS, strict=False)
+    ]
+    cells = [_cell(average, known) for average in averages]
+    sensors = _sensors(cells, weight, known)
+    _check_fit(cells, sensors.best)
+    tissue = _tissue(sensors)
+    entries = [_lag(sensors), _torque_gain(sensors, weight, known)]
+    reported = [*_joint(sensors, weight, known), strap_entry(averages, cells, sensors.best, known)]
+    (entries if tissue[0].stands else reported).extend(tissue[:1])
+    return CalibrationFit(
+        step="leg",
+        entries=tuple(entries),
+        reported=tuple(reported) + tissue[1:],
+        method=_METHOD,
+        n_samples=sum(cell.angle.size for cell in cells),
+        notes=_notes(averages, sensors),
+        settings={
+            "n_pulses": [average.count for average in averages],
+            "tissue_probability": float(sensors.weights[1]),
+        },
+        series=CalibrationSeries(
+            x=thinned(np.concatenate([average.time_s for average in averages])),
+            measured=thinned(np.degrees(np.concatenate([cell.angle for cell in cells]))),
+            modelled=thinned(np.degrees(np.concatenate(sensors.best.fitted))),
+            x_label="time after the onset (s)",
+            y_label="angle shown (deg)",
+        ),
+    )
+
+
+def _cell(average: PulseAverage, known: CalibrationSpec) -> HangingCell:
+    angle = average.angle.mean(axis=0)
+    scatter = np.cov(average.angle.T)
+    noise = shrunk_covariance(scatter + _TINY * np.eye(angle.size), average.count) / average.count
+    noise += _model_error(average.time_s, float(np.abs(angle).max()))
+    torque = np.stack([average.driving.mean(axis=0), average.friction.mean(axis=0)])
+    torque[0] -= _intrinsic_torque(average, known)
+    return HangingCell(angle, torque, noise, average.period_s)
+
+
+def _model_error(time_s: np.ndarray, largest: float) -> np.ndarray:
+    """Return the covariance of what a linear model misses: friction at turns, gravity's sine."""
+    alike = np.exp(-np.abs(time_s[:, None] - time_s) / _MODEL_TIME_S)
+    half = 0.5 * (alike + np.eye(time_s.size))
+    return np.asarray((_MODEL_SHARE * largest) ** 2 * half)
+
+
+def _intrinsic_torque(average: PulseAverage, known: CalibrationSpec) -> np.ndarray:
+    """Return what moves the frame itself, N*m."""
+    rate = 1.0 / average.period_s
+    motion = average.motor_angle.mean(axis=0)
+    velocity = derivative(motion, rate_hz=rate)
+    torque = np.zeros(motion.size)
+    for entry, part in (
+        (known.intrinsic_stiffness, motion),
+        (known.intrinsic_damping, velocity),
+        (known.intrinsic_inertia, derivative(velocity, rate_hz=rate)),
+    ):
+        torque += (entry or _NOTHING).value * part
+    return torque
+
+
+def _sensors(
+    cells: list[HangingCell], weight: KnownWeight | None, known: CalibrationSpec
+) -> _Sensors:
+    priors = {
+        name: (entry.value, max(entry.sd, 1e-6))
+        for of, name in _KNOWN.items()
+        if (entry := getattr(known, of)) is not None
+    }
+    models = [HangingModel(cells, weight, priors, resonance=tissue) for tissue in (False, True)]
+    posteriors = tuple(model.fit() for model in models)
+    logs = np.array([posterior.log_evidence for posterior in posteriors])
+    chances = np.exp(logs - logs.max())
+    return _Sensors(models[0], posteriors, chances / chances.sum())
+
+
+def _budget(posterior: HangingPosterior, derived: Derived) -> dict[str, float]:
+    """Split the variance of a function of the parameters by where it comes from."""
+    values, slopes = posterior.values, np.zeros(len(NAMES))
+    sizes = np.sqrt(np.diag(posterior.bread))
+    for j in np.flatnonzero(sizes):
+        step = np.zeros(values.size)
+        step[j] = 0.01 * sizes[j]
+        slopes[j] = (derived(values + step) - derived(values - step)) / (2.0 * step[j])
+    noise, priors = posterior.variances(slopes)
+    split = {source: float(priors[list(places)].sum()) for source, places in _LOSSES.items()}
+    return {"noise": noise, **split, "prior": float(priors.sum()) - sum(split.values())}
+
+
+def _lag(sensors: _Sensors) -> CalibrationEntry:
+    return sensors.entry(
+        "angle_lag_s",
+        lambda values: float(values[LAG] + values[DELAY]),
+        largest_sd=_LARGEST_LAG_SD_S,
+    )
+
+
+def _torque_gain(
+    sensors: _Sensors, weight: KnownWeight | None, known: CalibrationSpec
+) -> CalibrationEntry:
+    if weight is None:
+        reason = "no record with a known weight"
+        return CalibrationEntry("torque_gain", None, None, "undecided", reason)
+    gain = known.angle_gain or _UNIT_GAIN
+    return sensors.entry(
+        "torque_gain",
+        lambda values: float(values[GAIN_RATIO]) * gain.value,
+        more={"angle_gain": gain.sd / gain.value},
+        largest_sd=_LARGEST_GAIN_SD,
+    )
+
+
+def _tissue(sensors: _Sensors) -> tuple[CalibrationEntry, ...]:
+    """Return resonance and damping of the tissue, undecided where nothing tells of them."""
+    names = ("tissue_hz", "tissue_damping")
+    chance = float(sensors.weights[1])
+    if chance < _DECIDED:
+        reason = f"tissue before the sensor has {chance:.0%} of the evidence"
+        return tuple(CalibrationEntry(name, None, None, "undecided", reason) for name in names)
+    alone = _Sensors(sensors.model, sensors.posteriors[1:], np.ones(1))
+    return (
+        alone.entry(names[0], lambda values: float(np.exp(values[LOG_RESONANCE]))),
+        alone.entry(names[1], lambda values: float(values[RESONANCE_DAMPING])),
+    )
+
+
+def _joint(
+    sensors: _Sensors, weight: KnownWeight | None, known: CalibrationSpec
+) -> tuple[CalibrationEntry, ...]:
+    """Return K, B and J of every condition in true units, and the friction's gain."""
+    stated = known.torque_gain or _UNIT_GAIN
+    gain = known.angle_gain or _UNIT_GAIN
+    more = {} if weight else {"gains": float(np.hypot(stated.sd, gain.sd))}
+
+    def of(place: int, condition: int) -> Derived:
+        def derived(values: np.ndarray) -> float:
+            ratio = values[GAIN_RATIO] if weight else stated.value / gain.value
+            return sensors.model.joint(values, condition)[place] / float(ratio)
+
+        return derived
+
+    places = {"stiffness": 0, "damping": 1, "inertia": 2}
+    found = [sensors.entry(name, of(i, 0), more=more) for name, i in places.items()]
+    if weight:
+        found += [sensors.entry(f"{name}_weighted", of(i, 1)) for name, i in places.items()]
+    found.append(sensors.entry("friction_gain", lambda values: float(values[FRICTION_GAIN])))
+    return tuple(found)
+
+
+def _check_fit(cells: list[HangingCell], best: HangingPosterior) -> None:
+    for cell, fitted, name in zip(cells, best.fitted, _CONDITIONS, strict=False):
+        left = float(np.std(cell.angle - fitted)) / float(np.std(cell.angle))
+        if not left < _MOST_LEFT:
+            detail = f"{name}: the model leaves {left:.0%} of the response"
+            raise RefusedError(CalibrationFailure.MODEL_MISFIT, detail)
+
+
+def _notes(averages: list[PulseAverage], sensors: _Sensors) -> tuple[str, ...]:
+    chance = float(sensors.weights[1])
+    notes = [
+        f"A sensor behind resonating tissue has {chance:.0%} of the evidence, one on a rigid "
+        f"limb {1.0 - chance:.0%}."
+    ]
+    left_out = sum(average.n_left_out for average in averages)
+    if left_out:
+        notes.append(f"{left_out} pulses left out: not from rest, or at the record's ends.")
+    if sensors.best.misfit > 1.5:
+        notes.append(
+            f"The model misses the responses by {sensors.best.misfit:.1f} times their noise, in "
+            "squares; the sd is that much larger."
+        )
+    return tuple(notes)

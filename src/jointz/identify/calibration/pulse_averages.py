@@ -1,0 +1,223 @@
+"""Responses to pulses from rest, both signs turned to one and averaged."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.calibration_fit import CalibrationFailure
+from jointz.gait.timestamps import rate_hz
+from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
+
+#: Rest before a pulse, s: its mean is the zero of a response.
+_REST_S = 0.2
+_FEWEST_OF_A_SIGN = 4
+#: Angle and velocity at an onset are those of a line over this time, s.
+_STATE_S = 0.06
+#: Speed before a pulse over the fastest after it: of one pulse, and on average.
+_MOVING, _MOVING_ON_AVERAGE = 0.3, 0.15
+#: The two signs may differ by so much of the response, and by so many times what noise does.
+_UNLIKE, _CLEAR = 0.15, 4.0
+_LEAST_TORQUE_NM = 0.3
+#: Friction grows with a tanh of the velocity over this; the velocity is one over 2 x 4 ms.
+_SLIDING_RAD_S, _SMOOTHING_S = 0.05, 4e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PulsedRecord:
+    """A record of something that hangs and is pushed both ways.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing time stamps.
+    angle : (n,) float, rad
+        The goniometer's.
+    motor_angle : (n,) float, rad
+        The encoder's, at the output.
+    driving : (n,) float, N*m
+        Torque on the joint out of the current, without friction.
+    friction : (n,) float, N*m
+        What the stated friction adds to it, of full size whenever there is motion.
+    onset_s, amplitude_nm : (m,) float, s, N*m
+        Of the pulses.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    motor_angle: np.ndarray
+    driving: np.ndarray
+    friction: np.ndarray
+    onset_s: np.ndarray
+    amplitude_nm: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PulseAverage:
+    """The pulses of a record, those of negative sign turned, what was before them taken off.
+
+    Parameters
+    ----------
+    time_s : (n,) float, s
+        From the onset.
+    angle, motor_angle, driving, friction : (m, n) float, rad, rad, N*m, N*m
+        A row a pulse.
+    n_left_out : int
+        Pulses that did not begin at rest, or run past the record.
+    """
+
+    time_s: np.ndarray
+    angle: np.ndarray
+    motor_angle: np.ndarray
+    driving: np.ndarray
+    friction: np.ndarray
+    n_left_out: int
+
+    @property
+    def count(self) -> int:
+        """Pulses behind the average."""
+        return len(self.angle)
+
+    @property
+    def period_s(self) -> float:
+        """Between samples, s."""
+        return float(self.time_s[1] - self.time_s[0])
+
+
+def average_pulses(
+    record: PulsedRecord, *, lead_s: float, length_s: float, name: str
+) -> PulseAverage:
+    """Cut the responses out of a record.
+
+    Parameters
+    ----------
+    record : PulsedRecord
+        The record.
+    lead_s, length_s : float, s
+        Samples begin so long before an onset and end so long after it.
+    name : str
+        Of the condition, for messages.
+
+    Raises
+    ------
+    DataError
+        When lengths differ or time does not increase.
+    RefusedError
+        When there are too few pulses from rest, or the two signs are answered differently.
+    """
+    time, *channels = checked_channels(
+        record.time,
+        angle=record.angle,
+        motor_angle=record.motor_angle,
+        driving=record.driving,
+        friction=record.friction,
+    )
+    signs = np.sign(np.asarray(record.amplitude_nm, dtype=float))
+    onsets = np.asarray(record.onset_s, dtype=float)
+    period_s = 1.0 / rate_hz(time)
+    steps = np.arange(-round(max(_REST_S, lead_s) / period_s), round(length_s / period_s) + 1)
+    since = steps * period_s
+    inside = (onsets + since[0] >= time[0]) & (onsets + since[-1] <= time[-1]) & (signs != 0.0)
+    _check_counts(signs[inside], name)
+    at = onsets[inside][:, None] + since
+    rows = [signs[inside][:, None] * np.interp(at, time, values) for values in channels]
+    states = _states(rows[1], signs[inside], since)
+    before = since < 0.0
+    for row in rows[:3]:  # not friction: at rest it holds whatever there is
+        row -= row[:, before].mean(axis=1, keepdims=True)
+    rows[3] = rows[3] * _share_of_friction(rows[1], period_s)
+    good = _at_rest(rows[1], since, name)
+    _check_counts(signs[inside][good], name)
+    kept = since >= -lead_s - 0.5 * period_s
+    angle, encoder, driving, friction = (
+        _without_free_motion(row[good][:, kept], states[good]) for row in rows
+    )
+    _check_signs(encoder, signs[inside][good], name)
+    _check_torque(driving, encoder, name)
+    left_out = int(signs.size - good.sum())
+    return PulseAverage(since[kept], angle, encoder, driving, friction, left_out)
+
+
+def _states(encoder: np.ndarray, signs: np.ndarray, since: np.ndarray) -> np.ndarray:
+    """Return angle and velocity at the onsets, by a line through what comes before, (m, 2)."""
+    if not len(encoder):
+        return np.zeros((0, 2))
+    last = (since >= -_STATE_S) & (since <= 0.0)
+    line = np.column_stack([np.ones(last.sum()), since[last]])
+    states = encoder[:, last] @ np.linalg.pinv(line).T
+    rest = float(np.mean(signs * states[:, 0]))  # where it hangs
+    states[:, 0] -= signs * rest
+    return np.asarray(states)
+
+
+def _without_free_motion(rows: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Return responses as they would be from rest.
+
+    What was moving before a pulse goes on moving: a regression over the pulses on angle and
+    velocity at the onset tells how. Scatter is enlarged by what the regression has taken up, so
+    that the variance of the mean is that of its intercept.
+    """
+    m = len(rows)
+    slopes, *_ = np.linalg.lstsq(np.column_stack([np.ones(m), states]), rows, rcond=None)
+    still = rows - states @ slopes[1:]
+    centred = states - states.mean(axis=0)
+    shift = np.linalg.lstsq(centred.T @ centred, states.mean(axis=0), rcond=None)[0]
+    intercept = 1.0 + m * float(states.mean(axis=0) @ shift)
+    enlarged = np.sqrt((m - 1) / (m - 3) * intercept)
+    middle = still.mean(axis=0)
+    return np.asarray(middle + enlarged * (still - middle))
+
+
+def _share_of_friction(encoder: np.ndarray, period_s: float) -> np.ndarray:
+    """Return how much of sliding friction there is: at rest none drives, it only holds."""
+    reach = max(1, round(_SMOOTHING_S / period_s))
+    padded = np.pad(encoder, ((0, 0), (reach, reach)), mode="edge")
+    moved = padded[:, 2 * reach :] - padded[:, : -2 * reach]
+    return np.asarray(np.tanh(np.abs(moved) / (2 * reach * period_s) / _SLIDING_RAD_S))
+
+
+def _at_rest(encoder: np.ndarray, since: np.ndarray, name: str) -> np.ndarray:
+    """Return which pulses begin at rest."""
+    if not len(encoder):
+        return np.zeros(0, dtype=bool)
+    before = since < 0.0
+    centred = since[before] - since[before].mean()
+    speeds = encoder[:, before] @ centred / (centred @ centred)
+    fastest = float(np.abs(np.gradient(encoder.mean(axis=0), since)).max())
+    good = np.abs(speeds) <= _MOVING * fastest
+    drift = abs(float(speeds[good].mean())) if good.any() else np.inf
+    if good.mean() < 0.5 or drift > _MOVING_ON_AVERAGE * fastest:
+        detail = f"{name}: {len(good) - good.sum()} of {len(good)} pulses begin in motion"
+        raise RefusedError(CalibrationFailure.NOT_AT_REST, detail)
+    return np.asarray(good)
+
+
+def _check_counts(signs: np.ndarray, name: str) -> None:
+    up, down = int((signs > 0).sum()), int((signs < 0).sum())
+    if min(up, down) < _FEWEST_OF_A_SIGN:
+        detail = f"{name}: {up} pulses one way, {down} the other"
+        raise RefusedError(CalibrationFailure.TOO_FEW_PULSES, detail)
+
+
+def _check_signs(encoder: np.ndarray, signs: np.ndarray, name: str) -> None:
+    """Refuse responses that are not alike in both directions."""
+    up, down = encoder[signs > 0], encoder[signs < 0]
+    apart = np.sqrt(np.mean((up.mean(axis=0) - down.mean(axis=0)) ** 2))
+    scatter = np.sqrt(np.mean(up.var(axis=0, ddof=1) / len(up) + down.var(axis=0) / len(down)))
+    size = np.sqrt(np.mean(encoder.mean(axis=0) ** 2))
+    if apart > max(_UNLIKE * size, _CLEAR * scatter):
+        detail = f"{name}: responses of the two signs differ by {apart / size:.0%}"
+        raise RefusedError(CalibrationFailure.NOT_LINEAR, detail)
+
+
+def _check_torque(driving: np.ndarray, encoder: np.ndarray, name: str) -> None:
+    torque, motion = driving.mean(axis=0), encoder.mean(axis=0)
+    largest = float(np.abs(torque).max())
+    if largest < _LEAST_TORQUE_NM:
+        detail = f"{name}: largest torque {largest:.2g} N*m"
+        raise RefusedError(CalibrationFailure.NO_TORQUE, detail)
+    moved = float(motion[np.argmax(np.abs(motion))])
+    if moved == 0.0:
+        raise RefusedError(CalibrationFailure.NO_MOTION, f"{name}: the encoder does not move")
+    if moved * float(torque[np.argmax(np.abs(torque))]) < 0.0:
+        detail = f"{name}: largest torque {largest:.2g} N*m, the encoder moves against it"
+        raise RefusedError(CalibrationFailure.OPPOSITE_SIGN, detail)

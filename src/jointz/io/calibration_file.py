@@ -1,0 +1,375 @@
+"""Calibrations as files: ``calibration.toml``, and entries put into a ``study.toml``."""
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from jointz.core.errors import DataError, StudyError, WriteError
+from jointz.core.study import CalibrationSpec, Name
+from jointz.core.whole_file import whole_file
+from jointz.io.toml_problems import parse_toml, shape_problems
+from jointz.io.toml_text import Statement, statements, written_table, written_text
+
+_PARTICIPANTS_HEADER = re.compile(r"\[\[\s*participants\s*\]\]")
+_CALIBRATION_KEY = re.compile(r"calibration\s*=\s*(?=\{)")
+#: The same table written in a way that is left to its author.
+_OTHER_WAYS = re.compile(r"""(\[\s*participants\s*\.\s*)?["']?calibration["']?\s*[.=\]]""")
+_HEAD = "# Written by jointz calibrate; jointz run --calibration takes it into a study.\n"
+_KEPT = "before-calibration"
+
+
+def _version(value: Any) -> Any:
+    if type(value) is not int:  # true and 1.0 would pass for 1
+        raise ValueError("expected 1")
+    return value
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class _Person(_Model):
+    id: Name
+    calibration: CalibrationSpec
+
+
+class _File(_Model):
+    jointz_calibration: Annotated[Literal[1], BeforeValidator(_version)] = 1
+    calibration: CalibrationSpec = CalibrationSpec()
+    participants: tuple[_Person, ...] = Field(default=(), strict=False)
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationFile:
+    """What a calibration file says.
+
+    Parameters
+    ----------
+    common : CalibrationSpec
+        Entries for everybody.
+    participants : mapping of str to CalibrationSpec
+        Participant -> entries of their own.
+    """
+
+    common: CalibrationSpec
+    participants: Mapping[str, CalibrationSpec]
+
+    def of(self, participant: str) -> CalibrationSpec:
+        """Return what is known for a participant: their own entries over those for everybody.
+
+        Parameters
+        ----------
+        participant : str
+            The id; one that the file does not name has the entries for everybody.
+        """
+        return self.common.overridden_by(self.participants.get(participant))
+
+
+def read_calibration(path: str | os.PathLike[str]) -> CalibrationFile:
+    """Read a calibration file.
+
+    Parameters
+    ----------
+    path : path
+        The file: a table ``[calibration]`` and ``[[participants]]`` with ``id`` and
+        ``calibration``, as in a study; either may be missing.
+
+    Returns
+    -------
+    CalibrationFile
+        The entries.
+
+    Raises
+    ------
+    DataError
+        When there is no such file.
+    StudyError
+        With every problem found.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise DataError(
+            f"{file}: no such file. Give a file that jointz calibrate --out wrote.", path=str(file)
+        )
+    return _checked(str(file), file.read_bytes())
+
+
+def _checked(where: str, text: bytes) -> CalibrationFile:
+    raw = parse_toml(where, text, error=StudyError)
+    try:
+        found = _File.model_validate(raw)
+    except ValidationError as exc:
+        raise StudyError(where, shape_problems(exc, _File, raw)) from exc
+    ids = [person.id for person in found.participants]
+    twice = sorted({i for i in ids if ids.count(i) > 1})
+    if twice:
+        raise StudyError(where, [f"participants: {', '.join(twice)} is named more than once."])
+    return CalibrationFile(found.calibration, {p.id: p.calibration for p in found.participants})
+
+
+def calibration_toml(calibrations: Mapping[str, CalibrationSpec], *, earlier: str = "") -> str:
+    """Return the text of a calibration file.
+
+    Parameters
+    ----------
+    calibrations : mapping of str to CalibrationSpec
+        Participant -> entries.
+    earlier : str
+        Text of a file to add them to: entries of the same name are replaced, all else stays.
+
+    Raises
+    ------
+    StudyError
+        When ``earlier`` is no calibration file, or is written in a way that cannot be added to.
+
+    Examples
+    --------
+    >>> from jointz.core.study import Calibrated
+    >>> known = CalibrationSpec(angle_lag_s=Calibrated(value=0.0065, sd=0.0005))
+    >>> print(calibration_toml({"S01": known}).splitlines()[-1])
+    calibration = { angle_lag_s = { value = 0.0065, sd = 0.0005 } }
+    """
+    text = earlier or f"{_HEAD}jointz_calibration = 1\n"
+    there = _checked("calibration file", text.encode()).participants
+    newline = _newline(text)
+    for participant in calibrations:
+        if participant not in there:
+            lines = ["", "[[participants]]", f"id = {written_text(participant)}"]
+            lines += ["calibration = {}", ""]
+            text += ("" if text.endswith("\n") else newline) + newline.join(lines)
+    return into_study(text, calibrations)
+
+
+def into_study(text: str, calibrations: Mapping[str, CalibrationSpec]) -> str:
+    """Return the text of a ``study.toml`` with entries of its participants' calibrations put in.
+
+    Parameters
+    ----------
+    text : str
+        What the file holds.
+    calibrations : mapping of str to CalibrationSpec
+        Participant -> entries; those of the same name are replaced, others stay.
+
+    Returns
+    -------
+    str
+        The same text, comments and order kept, but for ``calibration = { ... }`` of these
+        participants.
+
+    Raises
+    ------
+    StudyError
+        When a participant is not there, or a calibration is written in another way than as
+        ``calibration = { ... }`` of a ``[[participants]]``.
+    """
+    raw = parse_toml("study.toml", text.encode(), error=StudyError)
+    given = {name: known for name, known in calibrations.items() if _entries(known)}
+    people = _people(raw)
+    problems = _missing(given, people)
+    blocks = _blocks(text)
+    if len(blocks) != len(people):
+        problems.append(
+            f"participants: expected each of the {len(people)} as a table [[participants]] of its "
+            f"own, found {len(blocks)}. Write them so, or put the entries in by hand."
+        )
+    if problems:
+        raise StudyError("study.toml", problems)
+    edits = []
+    for person, block in zip(people, blocks, strict=True):
+        name = str(person["id"])
+        if name in given:
+            edits.append(_edit(text, block, _merged(person, given[name]), name))
+    changed = text
+    for start, end, new in sorted(edits, reverse=True):
+        changed = changed[:start] + new + changed[end:]
+    _check(changed, raw, given)
+    return changed
+
+
+def write_into_study(folder: Path, calibrations: Mapping[str, CalibrationSpec]) -> Path:
+    """Put entries into the ``study.toml`` of a folder, whole or not at all.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the study.
+    calibrations : mapping of str to CalibrationSpec
+        Participant -> entries.
+
+    Returns
+    -------
+    pathlib.Path
+        The file that keeps what ``study.toml`` held before: ``study.toml.before-calibration``, or
+        with a number behind it where that is there already.
+
+    Raises
+    ------
+    DataError
+        When there is no ``study.toml``, or it is no UTF-8.
+    StudyError
+        When it cannot be edited; it is left as it was.
+    WriteError
+        When the system does not let it be written.
+    """
+    file = folder / "study.toml"
+    before = file_text(file)
+    after = into_study(before, calibrations)
+    kept = _kept(file, before)
+    write_text(file, after)
+    return kept
+
+
+def file_text(file: Path) -> str:
+    """Return what a text file holds, its ends of lines as they are.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read.
+    """
+    try:
+        return file.read_bytes().decode("utf-8")
+    except (OSError, UnicodeDecodeError) as exc:
+        raise DataError(
+            f"{file}: expected a text file in UTF-8 ({exc}). Give a file that can be read.",
+            path=str(file),
+        ) from exc
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write a text file whole or not at all, its ends of lines as they are.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file; one that exists is replaced.
+    text : str
+        What it is to hold.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be written.
+    """
+    with whole_file(file, "Name a place that can be written.") as partial:
+        partial.write_bytes(text.encode("utf-8"))
+
+
+def _kept(file: Path, text: str) -> Path:
+    """Write down what a file held, under a name that nothing has."""
+    numbered = (f"-{number}" if number > 1 else "" for number in count(1))
+    for kept in (file.with_name(f"{file.name}.{_KEPT}{number}") for number in numbered):
+        try:
+            with kept.open("xb") as stream:
+                stream.write(text.encode("utf-8"))
+        except FileExistsError:
+            continue
+        except OSError as exc:
+            raise WriteError(str(kept), exc, "Make the study's folder writable.") from exc
+        break
+    return kept
+
+
+# --- the text ----------------------------------------------------------------------------------
+
+
+def _people(raw: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    people = raw.get("participants", [])
+    fine = isinstance(people, list) and all(isinstance(p, Mapping) and "id" in p for p in people)
+    return people if fine else []
+
+
+def _missing(given: Mapping[str, Any], people: Sequence[Mapping[str, Any]]) -> list[str]:
+    ids = [str(person["id"]) for person in people]
+    return [
+        f"participants: '{name}' was calibrated but is not there; found {', '.join(ids) or 'none'}."
+        for name in given
+        if name not in ids
+    ]
+
+
+def _blocks(text: str) -> list[list[Statement]]:
+    """Return the statements of every ``[[participants]]``, with sub-tables behind it."""
+    blocks: list[list[Statement]] = []
+    inside = False
+    for statement in statements(text):
+        if _PARTICIPANTS_HEADER.fullmatch(statement.text):
+            blocks.append([])
+            inside = True
+        elif statement.is_header:
+            inside = inside and bool(_OTHER_WAYS.match(statement.text))
+        if inside:
+            blocks[-1].append(statement)
+    return blocks
+
+
+def _edit(
+    text: str, block: Sequence[Statement], entries: Mapping[str, Any], name: str
+) -> tuple[int, int, str]:
+    """Return which part of the text gives way to what."""
+    written = f"calibration = {written_table(entries)}"
+    for statement in block:
+        key = _CALIBRATION_KEY.match(statement.text)
+        if key:
+            return statement.start, statement.end, written
+        if _OTHER_WAYS.match(statement.text):
+            raise StudyError(
+                "study.toml",
+                [
+                    f"participants '{name}': its calibration is written as '{statement.text}'; "
+                    "expected one line 'calibration = { ... }'. Write it so, or put the entries "
+                    "in by hand."
+                ],
+            )
+    last = block[-1]
+    line_end = text.find("\n", last.end)
+    newline = _newline(text)
+    if line_end < 0:
+        return len(text), len(text), newline + written
+    return line_end + 1, line_end + 1, written + newline
+
+
+def _merged(person: Mapping[str, Any], known: CalibrationSpec) -> dict[str, Any]:
+    return {**person.get("calibration", {}), **_entries(known)}
+
+
+def _entries(known: CalibrationSpec) -> dict[str, Any]:
+    return known.model_dump(exclude_none=True)
+
+
+def _newline(text: str) -> str:
+    return "\r\n" if "\r\n" in text else "\n"
+
+
+def _check(text: str, before: Mapping[str, Any], given: Mapping[str, CalibrationSpec]) -> None:
+    """Refuse an edit after which the file says anything else than before and the entries."""
+    expected = {
+        **before,
+        "participants": [
+            {**person, "calibration": _merged(person, given[str(person["id"])])}
+            if str(person["id"]) in given
+            else person
+            for person in _people(before)
+        ],
+    }
+    try:
+        same = tomllib.loads(text.removeprefix("\ufeff")) == expected
+    except tomllib.TOMLDecodeError:
+        same = False
+    if not same:
+        raise StudyError(
+            "study.toml",
+            ["the entries cannot be put in without changing something else. Do it by hand."],
+        )

@@ -1,0 +1,170 @@
+"""``jointz run`` and ``jointz console`` with a device file."""
+
+import io
+import json
+import sys
+from contextlib import nullcontext
+
+import pytest
+
+from jointz.cli.console_page import _arguments
+from jointz.cli.run import Device, Preset
+from jointz.core.clock import VirtualClock
+from jointz.core.errors import DataError, DeviceFileError
+from jointz.io.protocols import protocol_text
+from jointz.sim.rig import simulated_rig
+
+DEVICES = """
+[actuator]
+driver = "dephy"
+port = "/dev/ttyACM0"
+firmware = "12.0.0"
+side = "left"
+torque_model = { gear_ratio = 9, torque_constant = 0.14 }
+[actuator.limits]
+torque_nm = 20
+torque_rate_nm_s = 1e5
+current_a = 18
+angle_min_rad = -0.2
+angle_max_rad = 1.8
+velocity_rad_s = 12
+temperature_c = 100
+sensor_age_s = 0.02
+pulse_count = 400
+pulse_duty = 0.3
+consecutive_overruns = 5
+fade_s = 0.05
+[angle]
+driver = "lsl"
+stream = "Goniometer"
+sample_rate_hz = 500
+[contact]
+driver = "lsl"
+stream = "Footswitch"
+sample_rate_hz = 500
+kind = "contact"
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "device.toml"
+    path.write_text(DEVICES)
+    return path
+
+
+@pytest.fixture
+def protocol(tmp_path):
+    """Walking, short, with one pulse a point."""
+    path = tmp_path / "short.toml"
+    text = protocol_text("walking").replace("strides = 60", "strides = 5")
+    text = text.replace("count_per_point = 50", "count_per_point = 1")
+    path.write_text(text.replace("gap_strides = [3, 7]", "gap_strides = [2, 2]"))
+    return path
+
+
+@pytest.fixture
+def laboratory(monkeypatch):
+    """Simulated devices are opened where real ones are named, and time flies."""
+
+    def open_devices(file, *, clock):
+        rig = simulated_rig(0, seed=2)
+        return rig.open("lab", worn=file.actuator is not None, segment=0, clock=clock)
+
+    monkeypatch.setattr("jointz.workflows.hardware_rig.open_devices", open_devices)
+    for home in ("run", "participant_run"):
+        monkeypatch.setattr(f"jointz.workflows.{home}.RealClock", VirtualClock)
+    monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)
+
+
+def test_an_experiment_on_the_devices_of_a_file_ends_as_a_study(
+    jointz, laboratory, monkeypatch, config, protocol, tmp_path
+):
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n\n\n"))
+    out = tmp_path / "study"
+    done = jointz("run", protocol, "--config", config, "--out", out, "--participants", 1, "--json")
+    told = json.loads(done.out)
+    assert (done.code, told["status"], told["pulses_completed"]) == (0, "ok", 6)
+    assert "Put the exoskeleton on." in done.err
+    assert {path.name for path in out.glob("S01_*.nc")} == {
+        "S01_no_device.nc",
+        "S01_unperturbed.nc",
+        "S01_perturbed.nc",
+    }
+    assert (out / "study.toml").is_file()
+
+
+def test_who_does_not_answer_the_prompt_stops_the_run_and_can_go_on(
+    jointz, laboratory, monkeypatch, config, protocol, tmp_path
+):
+    out = tmp_path / "study"
+    arguments = ("run", protocol, "--config", config, "--out", out, "--participants", 1)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n"))
+    assert jointz(*arguments).code == 130
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n\n"))
+    assert jointz(*arguments, "--resume").code == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--device", "sim"), "exclude each other"),
+        (("--preset", "hard"), "preset: 'hard' is of simulated devices"),
+        (("--clock", "fast"), "clock: real devices keep real time"),
+        (("--workers", "2"), "workers: expected 1 with a device file, got 2"),
+    ],
+)
+def test_options_of_a_simulation_are_refused(jointz, config, tmp_path, options, told):
+    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s", *options)
+    assert done.code == 2
+    assert told in done.err
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_file_without_a_footswitch_is_refused_in_one_message(jointz, config, tmp_path):
+    config.write_text(DEVICES[: DEVICES.index("[contact]")])
+    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s")
+    assert done.code == 2
+    assert "1 problem" in done.err
+    assert "contact: missing; heel strikes" in done.err
+
+
+def test_a_library_that_is_missing_is_an_error_of_the_device(jointz, monkeypatch, config, tmp_path):
+    for library in ("flexsea", "flexsea.device"):
+        monkeypatch.setitem(sys.modules, library, None)
+    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s", "--json")
+    assert done.code == 3
+    assert json.loads(done.out)["error"] == "DeviceError"
+    assert 'pip install "jointz[dephy]"' in done.err
+    assert not (tmp_path / "s").exists()
+
+
+def test_help_says_that_nothing_was_tried_on_hardware(jointz):
+    for command in ("run", "console"):
+        told = " ".join(jointz(command, "--help").out.replace("│", " ").split())
+        assert "No driver was ever tried on hardware" in told
+
+
+def test_the_console_hands_the_file_to_the_run(config, tmp_path):
+    made = _arguments("walking", tmp_path, None, None, config=config, participants=2, seed=None)
+    assert made[made.index("--config") + 1] == str(config)
+    assert not {"--device", "--preset"} & set(made)
+    assert made[made.index("--clock") + 1] == "real"
+
+
+def test_the_console_without_a_file_runs_the_simulation(tmp_path):
+    made = _arguments(
+        "walking", tmp_path, Device.sim, Preset.hard, config=None, participants=None, seed=3
+    )
+    assert made[made.index("--device") + 1] == "sim"
+    assert made[made.index("--preset") + 1] == "hard"
+
+
+def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):
+    with pytest.raises(DataError, match="exclude each other"):
+        _arguments(
+            "walking", tmp_path, Device.sim, None, config=config, participants=None, seed=None
+        )
+    config.write_text(DEVICES[: DEVICES.index("[angle]")])
+    with pytest.raises(DeviceFileError, match="angle: missing"):
+        _arguments("walking", tmp_path, None, None, config=config, participants=None, seed=None)

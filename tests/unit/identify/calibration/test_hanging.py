@@ -1,0 +1,212 @@
+"""Frame and leg that hang, pushed both ways; simulated here by scipy's exact discretisation."""
+
+from dataclasses import dataclass
+from math import sin
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from jointz.core.errors import DataError
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.calibration.frame import fit_frame
+from jointz.identify.calibration.hanging_model import KnownWeight
+from jointz.identify.calibration.leg import fit_leg
+from jointz.identify.calibration.pulse_averages import PulsedRecord
+
+STEP_S = 1e-3
+ADDED_J, ADDED_K = 0.18, 5.886
+WEIGHT = KnownWeight(Calibrated(value=ADDED_J, sd=0.0), Calibrated(value=ADDED_K, sd=0.0))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A joint, the gains and the sensor before it."""
+
+    K: float = 9.0
+    B: float = 0.5
+    J: float = 0.12
+    torque_gain: float = 1.03
+    angle_gain: float = 1.02
+    delay_s: float = 0.002
+    filter_s: float = 0.006
+    tissue_hz: float = 0.0
+    error_nm: float = 0.1
+    noise: float = 1.0
+    amplitude_nm: float = 6.0
+    count: int = 32
+    pendulum: bool = False
+
+
+FRAME = Rig(
+    K=1.77, B=0.05, J=0.0324, torque_gain=1.0, amplitude_nm=1.2, error_nm=0.04, pendulum=True
+)
+
+
+def filtered(values, numerator, denominator):
+    num, den, _ = cont2discrete((numerator, denominator), STEP_S, method="foh")
+    return lfilter(np.ravel(num), den, values)
+
+
+def pendulum(torque, joint):
+    """Swing with K sin x, semi-implicit Euler's method."""
+    J, B, K = joint
+    path, x, v = [], 0.0, 0.0
+    for tau in torque.tolist():
+        v += STEP_S / J * (tau - B * v - K * sin(x))
+        x += STEP_S * v
+        path.append(x)
+    return np.array(path)
+
+
+def pulsed(make, rig: Rig, seed=0, *, more_J=0.0, more_K=0.0, name=0):
+    rng = np.random.default_rng([6, seed, name])
+    fine = np.arange(0.0, 3.0 + 3.0 * rig.count, STEP_S)
+    onsets = 2.0 + 3.0 * np.arange(rig.count) + 0.2 * rng.random(rig.count)
+    signs = rng.permutation(np.resize([1.0, -1.0], rig.count))
+    command = np.zeros(fine.size)
+    for onset, sign in zip(onsets, signs, strict=True):
+        command[(fine >= onset) & (fine < onset + 0.08)] = sign * rig.amplitude_nm
+    torque = filtered(command, [1.0], [0.012, 1.0])
+    error = make.coloured(fine.size, sd=rig.error_nm, time_s=0.25, period_s=STEP_S, rng=rng)
+    joint = [rig.J + more_J, rig.B, rig.K + more_K]
+    x = pendulum(torque + error, joint) if rig.pendulum else filtered(torque + error, [1.0], joint)
+    seen = x
+    if rig.tissue_hz > 0.0:
+        w = 2.0 * np.pi * rig.tissue_hz
+        seen = filtered(seen, [w**2], [1.0, 0.6 * w, w**2])
+    if rig.filter_s > 0.0:
+        seen = filtered(seen, [1.0], [rig.filter_s, 1.0])
+    time = make.clock(fine[-1] - 0.1, 500.0, rng) + 0.01
+    angle = rig.angle_gain * np.interp(time - rig.delay_s, fine, seen)
+    return PulsedRecord(
+        time=time,
+        angle=0.2 + angle + rig.noise * make.goniometer_noise(time, rng),
+        motor_angle=np.interp(time, fine, x),
+        driving=rig.torque_gain * np.interp(time, fine, torque),
+        friction=np.zeros(time.size),
+        onset_s=onsets,
+        amplitude_nm=signs * rig.amplitude_nm,
+    )
+
+
+def leg(make, rig: Rig, seed=0, weight=WEIGHT, **known):
+    known = {"angle_gain": Calibrated(value=rig.angle_gain, sd=0.0)} | known
+    bare = pulsed(make, rig, seed)
+    weighted = pulsed(make, rig, seed, more_J=ADDED_J, more_K=ADDED_K, name=1)
+    return fit_leg(bare, weighted, weight=weight, known=CalibrationSpec(**known))
+
+
+def test_without_noise_the_leg_comes_back(make):
+    rig = Rig(noise=0.0, error_nm=0.0)
+
+    fit = leg(make, rig)
+
+    lag = fit.entry("angle_lag_s")
+    assert abs(lag.value - 0.008) < 1.96 * lag.sd
+    assert lag.sd < 1e-3
+    assert fit.entry("torque_gain").value == pytest.approx(1.03, rel=0.01)
+    assert fit.entry("inertia").value == pytest.approx(0.12, rel=0.01)
+    assert fit.entry("stiffness").value == pytest.approx(9.0, rel=0.02)
+
+
+def test_lag_and_gain_come_back_within_their_intervals(make):
+    fit = leg(make, Rig())
+
+    lag, gain = fit.entry("angle_lag_s"), fit.entry("torque_gain")
+    assert abs(lag.value - 0.008) < 3.0 * lag.sd
+    assert lag.sd < 3e-3
+    assert abs(gain.value - 1.03) < 3.0 * gain.sd
+    assert gain.sd < 0.06
+
+
+def test_known_loads_and_gains_are_carried_into_the_gain(make):
+    weight = KnownWeight(
+        Calibrated(value=ADDED_J, sd=0.02 * ADDED_J), Calibrated(value=ADDED_K, sd=0.02 * ADDED_K)
+    )
+
+    fit = leg(make, Rig(), weight=weight, angle_gain=Calibrated(value=1.02, sd=0.02))
+
+    parts = fit.entry("torque_gain").uncertainty
+    assert parts["known_load"] == pytest.approx(0.02 * 1.03, rel=0.3)
+    assert parts["angle_gain"] == pytest.approx(0.02 / 1.02 * fit.entry("torque_gain").value)
+
+
+def test_soft_tissue_is_found_where_it_shows(make):
+    fit = leg(make, Rig(tissue_hz=22.0, noise=0.1, error_nm=0.02, filter_s=0.003))
+
+    tissue = fit.entry("tissue_hz")
+    assert tissue.status == "ok"
+    assert abs(tissue.value - 22.0) < 3.0 * tissue.sd
+
+
+def test_a_bare_leg_alone_leaves_the_gain_undecided(make):
+    fit = fit_leg(pulsed(make, Rig()))
+
+    assert fit.entry("torque_gain").status == "undecided"
+    assert fit.entry("angle_lag_s").status == "ok"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "truth"), [("angle_lag_s", 0.008), ("torque_gain", 1.03)])
+def test_intervals_of_the_leg_cover(make, name, truth):
+    def find(seed):
+        entry = leg(make, Rig(), seed).entry(name)
+        return entry.value, entry.sd, truth
+
+    make.check_coverage(find, seeds=60, drawn=name == "angle_lag_s")
+
+
+def test_a_frame_comes_back(make):
+    rig = FRAME
+
+    fit = fit_frame(pulsed(make, rig))
+
+    for name, truth in (("stiffness", 1.77), ("damping", 0.05), ("inertia", 0.0324)):
+        entry = fit.entry(f"intrinsic_{name}")
+        assert abs(entry.value - truth) < 3.0 * entry.sd
+    assert fit.entry("intrinsic_inertia").sd < 0.002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "truth"), [("stiffness", 1.77), ("inertia", 0.0324)])
+def test_intervals_of_the_frame_cover(make, name, truth):
+    rig = FRAME
+
+    def find(seed):
+        entry = fit_frame(pulsed(make, rig, seed)).entry(f"intrinsic_{name}")
+        return entry.value, entry.sd, truth
+
+    make.check_coverage(find)
+
+
+def changed(record: PulsedRecord, **new) -> PulsedRecord:
+    values = {name: getattr(record, name) for name in PulsedRecord.__slots__}
+    return PulsedRecord(**values | new)
+
+
+def test_bad_input_is_refused(make):
+    record = pulsed(make, Rig())
+
+    def status(**new):
+        return fit_leg(changed(record, **new)).status
+
+    assert status(driving=-record.driving) == "failed:opposite_sign"
+    assert status(driving=0.0 * record.driving) == "failed:no_torque"
+    assert status(amplitude_nm=np.abs(record.amplitude_nm)) == "failed:too_few_pulses"
+    few = {"onset_s": record.onset_s[:3], "amplitude_nm": record.amplitude_nm[:3]}
+    assert status(**few) == "failed:too_few_pulses"
+    assert status(onset_s=record.onset_s + 0.2) == "failed:not_at_rest"
+    assert status(angle=np.full(record.time.size, np.nan)) == "failed:not_finite"
+
+
+def test_an_angle_that_is_no_response_is_a_misfit(make):
+    record = pulsed(make, Rig())
+    elsewhere = np.gradient(record.angle, record.time)
+
+    assert fit_leg(changed(record, angle=elsewhere)).status == "failed:model_misfit"
+
+
+def test_a_weight_without_its_record_is_an_error(make):
+    with pytest.raises(DataError, match="weighted record"):
+        fit_leg(pulsed(make, Rig()), weight=WEIGHT)

@@ -1,0 +1,107 @@
+"""Lag and gain of a goniometer on a rigid hinge."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from jointz.identify.calibration.hinge import fit_hinge
+
+DELAY_S, FILTER_S, GAIN = 0.002, 0.006, 1.03
+
+
+def swing(
+    make, seed=0, size_deg=20.0, speed=1.0, delay_s=DELAY_S, filter_s=FILTER_S, length_s=60.0
+):
+    """A chirp by hand, its exact lagged copy by scipy on a fine clock, read at jittered times."""
+    rng = np.random.default_rng([3, seed])
+    time = make.clock(length_s, 500.0, rng)
+    fine = np.arange(0.0, length_s + 1.0, 2e-4)
+    rate = 0.5 * 6.0 ** (0.5 - 0.5 * np.cos(2.0 * np.pi * fine / 20.0))
+    turns = speed * np.cumsum(rate) * 2e-4 + rng.random()
+    path = np.radians(size_deg) * (np.sin(2 * np.pi * turns) + 0.05 * np.sin(4 * np.pi * turns))
+    shown = path
+    if filter_s > 0.0:
+        shown = lsim(([1.0], [filter_s, 1.0]), path, fine, X0=None)[1]
+    angle = 0.1 + GAIN * np.interp(time - delay_s, fine, shown) + make.goniometer_noise(time, rng)
+    step = 2.0 * np.pi / (9 * 16384)
+    encoder = np.round(np.interp(time, fine, path) / step) * step
+    return time, angle, encoder
+
+
+def test_lag_and_gain_come_back(make):
+    fit = fit_hinge(*swing(make))
+
+    lag, gain = fit.entry("angle_lag_s"), fit.entry("angle_gain")
+    assert fit.status == "ok"
+    assert abs(lag.value - 0.008) < 3.0 * lag.sd
+    assert lag.sd < 1e-4
+    assert abs(gain.value - GAIN) < 3.0 * gain.sd
+    assert gain.sd < 0.005
+
+
+@pytest.mark.parametrize(("delay_s", "filter_s"), [(0.008, 0.0), (0.0, 0.020)])
+def test_the_total_lag_does_not_depend_on_its_kind(make, delay_s, filter_s):
+    lag = fit_hinge(*swing(make, delay_s=delay_s, filter_s=filter_s)).entry("angle_lag_s")
+
+    assert abs(lag.value - delay_s - filter_s) < 3.0 * lag.sd
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "truth"), [("angle_lag_s", 0.008), ("angle_gain", GAIN)])
+def test_intervals_cover(make, name, truth):
+    def find(seed):
+        entry = fit_hinge(*swing(make, seed)).entry(name)
+        return entry.value, entry.sd, truth
+
+    make.check_coverage(find, seeds=60)
+
+
+def test_a_slow_small_swing_decides_nothing(make):
+    fit = fit_hinge(*swing(make, size_deg=2.5, speed=0.15))
+
+    assert fit.entry("angle_lag_s").status == "undecided"
+    assert "0.0005 s" in fit.entry("angle_lag_s").reason
+
+
+def test_opposite_signs_are_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    assert fit_hinge(time, -angle, encoder).status == "failed:opposite_sign"
+
+
+def test_swapped_channels_are_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    assert fit_hinge(time, encoder, angle).status == "failed:swapped_channels"
+
+
+def test_a_dead_channel_is_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    assert fit_hinge(time, 0.0 * angle, encoder).status == "failed:no_motion"
+
+
+def test_a_sensor_at_its_end_is_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    clipped = np.minimum(angle, angle.min() + 0.75 * np.ptp(angle))
+    assert fit_hinge(time, clipped, encoder).status == "failed:clipped"
+
+
+def test_play_is_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+    play = np.radians(1.0) * np.sign(np.gradient(encoder, time))
+
+    assert fit_hinge(time, angle - play, encoder).status == "failed:play"
+
+
+def test_a_goniometer_that_slips_is_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    assert fit_hinge(time, angle + 0.05 * (time > 10.0), encoder).status == "failed:slip"
+
+
+def test_degrees_taken_for_radians_are_refused(make):
+    time, angle, encoder = swing(make, length_s=20.0)
+
+    assert fit_hinge(time, np.degrees(angle), encoder).status == "failed:gain_out_of_range"
