@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow browser check docs benchmark accuracy validation clean
+.PHONY: demo test test-slow test-osl test-bare browser check docs benchmark accuracy validation clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -15,6 +15,34 @@ test: $(VENV)/.installed-test browser
 
 test-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -m slow
+
+# The drivers on the real opensourceleg and flexsea, and the main jobs on the numpy and pandas
+# that these need. JOINTZ_REQUIRE_OSL: a test that would skip for want of a library fails.
+test-osl: .venv-osl/.installed-osl
+	JOINTZ_REQUIRE_OSL=1 .venv-osl/bin/python -m pytest tests/unit/devices -k "opensourceleg or dephy"
+	rm -rf build/osl
+	mkdir -p build/osl
+	.venv-osl/bin/jointz --help >build/osl/help.txt
+	.venv-osl/bin/jointz run walking --participants 1 --seed 1 --out build/osl/study --quiet
+	.venv-osl/bin/jointz analyze build/osl/study --out build/osl/results --resamples 100 --quiet
+
+# The package as people install it, without extras: it runs the main jobs, and what needs an
+# extra says which command installs it.
+test-bare:
+	rm -rf .venv-bare build/bare
+	$(PYTHON) -m venv .venv-bare
+	.venv-bare/bin/python -m pip install --quiet --constraint constraints.txt .
+	mkdir -p build/bare
+	cd build/bare && ../../.venv-bare/bin/jointz demo --quick --quiet
+	cd build/bare && ../../.venv-bare/bin/jointz run walking --participants 1 --seed 1 --out study --quiet
+	cd build/bare && ../../.venv-bare/bin/jointz analyze study --out results --resamples 100 --quiet
+	cd build/bare && for page in "console walking --out console" "explore results"; do \
+		status=0; ../../.venv-bare/bin/jointz $$page 2>said.txt || status=$$?; \
+		if [ $$status != 2 ] || ! grep -qF 'pip install "jointz[app]"' said.txt; then \
+			echo "jointz $$page: expected status 2 and the command that installs the extra; got $$status and:" >&2; \
+			cat said.txt >&2; exit 1; \
+		fi; \
+	done
 
 # A browser to look at the report with, where this machine lets us install one; the
 # test that needs it is skipped elsewhere.
@@ -62,9 +90,18 @@ $(VENV)/.installed-check: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) ruff mypy import-linter codespell pandas-stubs
 	touch $@
 
+# flexsea wants an older date library than the rest; constraints-osl.txt has versions that fit all.
+.venv-osl/.installed-osl: pyproject.toml constraints-osl.txt
+	test -x .venv-osl/bin/python || $(PYTHON) -m venv .venv-osl
+	.venv-osl/bin/python -m pip install --quiet --constraint constraints-osl.txt \
+		--editable ".[parquet,testing,osl,dephy]" pytest pytest-timeout || { \
+		echo "test-osl: opensourceleg 3.5 and flexsea 12 cannot be installed here, so that the drivers are NOT tested on them. This is a failure, not a skip." >&2; \
+		exit 1; }
+	touch $@
+
 $(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --requirement docs/requirements.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist
+	rm -rf $(VENV) .venv-osl .venv-bare build dist
