@@ -9,20 +9,23 @@ all of them. The issue asks for a ratio between 0.75 and 1.25 over 100 studies o
 
 import argparse
 import json
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.accuracy.people import cell_truth, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
+from benchmarks.accuracy.runs import ESTIMATION, code_hash
 
 from jointz.core.certificate import VirtualEstimate
 from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of
 from jointz.identify.preparation.sources import prepare_sources
+from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.workflows.task_store import TaskStore, task_key
 
 ROWS = ("nominal-lag-unknown", "nominal-lag-0.5ms", "hard-lag-0.5ms", "hard-lag-unknown")
 
@@ -129,9 +132,14 @@ def report(results: Sequence[tuple[str, dict[str, list[VirtualEstimate]]]]) -> d
     return out
 
 
-def _one(job: tuple[str, dict[str, Any]]) -> tuple[str, dict[str, list[VirtualEstimate]]]:
-    name, options = job
-    return name, study(all_rows()[name], **options)
+def _key(name: str, options: Mapping[str, Any]) -> str:
+    settings = {"row": name, **options, "code": code_hash(ESTIMATION)}
+    return task_key(what="certificate benchmark", inputs={}, settings=settings)
+
+
+def _task(name: str, options: Mapping[str, Any]) -> Task[dict[str, list[VirtualEstimate]]]:
+    call = partial(study, all_rows()[name], **options)
+    return Task(name, call, key=partial(_key, name, options))
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -150,6 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--rows", nargs="+", default=list(ROWS))
     parser.add_argument("--planted-lag-s", type=float, default=0.0)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--cache", type=Path, default=Path(".accuracy-cache/certificate"))
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
     options = {
@@ -157,12 +166,14 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "replicates": given.replicates,
         "planted_lag_s": given.planted_lag_s,
     }
-    jobs = [
-        (given.rows[k % len(given.rows)], options | {"seed": given.seed + k})
+    tasks = [
+        _task(given.rows[k % len(given.rows)], options | {"seed": given.seed + k})
         for k in range(given.studies)
     ]
-    with ProcessPoolExecutor(given.workers) as pool:
-        scores = report(list(pool.map(_one, jobs)))
+    store = TaskStore(given.cache)
+    with open_engine(workers=given.workers, tasks=len(tasks), needs=__name__) as engine:
+        coming = done_in_turn(engine, tasks, store=store)
+        scores = report([(done.name, done.result()) for done in coming])
     if given.out:
         given.out.write_text(json.dumps(scores, indent=1))
     return scores

@@ -2,12 +2,10 @@
 
 import hashlib
 import json
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -28,11 +26,13 @@ import jointz
 from jointz.core.errors import JointzError
 from jointz.core.estimates import CellEstimate
 from jointz.identify.participant import analyze_participant
+from jointz.workflows.engine import Task, done_in_turn, open_engine
 
 #: Name of what is kept beside the methods' results.
 TRUTH = "truth"
+#: Packages that results depend on.
 _SIMULATION = ("sim", "core", "devices")
-_ESTIMATION = ("identify", "kernels", "gait", *_SIMULATION)
+ESTIMATION = ("identify", "kernels", "gait", *_SIMULATION)
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 Entry = dict[str, Any]
@@ -117,7 +117,7 @@ class Cache:
 
     def _path(self, row: Row, seed: int, kind: str) -> Path:
         what = repr(replace(row, title="", target=None)).encode()
-        code = code_hash(_SIMULATION if kind == TRUTH else _ESTIMATION)
+        code = code_hash(_SIMULATION if kind == TRUTH else ESTIMATION)
         key = hashlib.sha256(what + code.encode() + str(seed).encode()).hexdigest()[:16]
         return self._folder / row.name / f"{kind}-{key}.jsonl"
 
@@ -201,19 +201,12 @@ def _bundles(jobs: Sequence[Job]) -> list[list[Job]]:
 
 
 def _results(bundles: Sequence[Sequence[Job]], workers: int) -> Iterable[Done]:
-    if workers == 1:
-        yield from map(run_bundle, bundles)
-        return
     for name in _THREADS:  # a process a core: threads of their own would fight for them
         os.environ.setdefault(name, "1")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        futures = [pool.submit(run_bundle, bundle) for bundle in bundles]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    tasks = [Task(f"{b[0].row.name} {b[0].number}", partial(run_bundle, b)) for b in bundles]
+    with open_engine(workers=workers, tasks=len(tasks), needs=__name__) as engine:
+        for done in done_in_turn(engine, tasks):
+            yield done.result()
 
 
 def run_bundle(jobs: Sequence[Job]) -> Done:

@@ -37,6 +37,18 @@ def analyze(
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")
     ] = 1000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="Participants at once; as many as cores by default."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            help="Dask cluster that does it: tcp://host:port of a lab's, or local to start one. "
+            "Its workers must see the study's folder.",
+        ),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a results folder that exists.")
     ] = False,
@@ -53,27 +65,39 @@ def analyze(
     """
     del debug
     from jointz.io.study import open_study
-    from jointz.workflows.process_pool import process_pool, workers_for
+    from jointz.workflows.engine import open_engine
 
     if method != _USUAL:  # who asks for the usual one need not wait for all methods to be loaded
         from jointz.workflows.analysis import check_method
 
         _usage(check_method, method)
     opened = open_study(study)
-    workers = workers_for(len(opened.spec.participants))
+    people = len(opened.spec.participants)
     # Processes import while this one does.
-    with process_pool(workers, needs="jointz.workflows.participants") as pool:
+    with open_engine(
+        scheduler, workers=workers, tasks=people, needs="jointz.workflows.participants"
+    ) as engine:
         from jointz.workflows.analysis import analyze as analyze_study
         from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
+        from jointz.workflows.task_store import TaskStore
 
+        # Beside the results: a run that is killed goes on from what is there.
+        store = TaskStore(out.resolve().with_name(f".{out.resolve().name}.tasks"))
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with progress_bar(shown=not (quiet or as_json)) as progress:
             analysis = analyze_study(
-                opened, method=method, resamples=resamples, seed=seed, pool=pool, progress=progress
+                opened,
+                method=method,
+                resamples=resamples,
+                seed=seed,
+                engine=engine,
+                store=store,
+                progress=progress,
             )
             if progress:
                 progress(1, 1, "drawing the report")
-            report = write_results(analysis, out, overwrite=overwrite, pool=pool)
+            report = write_results(analysis, out, overwrite=overwrite, engine=engine)
+            store.clear()
     if as_json:
         emit_json(_as_json(analysis, out))
     elif not quiet:

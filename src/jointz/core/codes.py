@@ -68,6 +68,7 @@ class Failure(StrEnum):
     MODEL_MISFIT = "model_misfit"
     BELOW_ZERO = "below_zero"
     WINDOW_TOO_LONG = "window_too_long"
+    ANALYSIS_BROKE = "analysis_broke"
 
     @property
     def meaning(self) -> str:
@@ -119,6 +120,7 @@ _EXCLUSION_MEANING = {
 
 _FAILURE_MEANING = {
     Failure.NO_PULSES: "no pulse at this timing point",
+    Failure.ANALYSIS_BROKE: "the program failed for this participant; a note says how",
     Failure.TOO_FEW_PULSES: "one pulse only: no interval can be made",
     Failure.ALL_PULSES_EXCLUDED: "every pulse was left out; excluded.csv says why",
     Failure.NO_HEEL_STRIKES: "no heel strikes in the perturbed recording",

@@ -1,8 +1,7 @@
 """Analyse a study: recordings in, impedance with intervals out."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from typing import Any
@@ -11,7 +10,7 @@ from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.errors import StudyError
+from jointz.core.errors import OutputError, StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
@@ -27,12 +26,17 @@ from jointz.io.study import open_study
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.workflows.analysis_statistics import study_statistics
+from jointz.workflows.engine import Engine, Serial
 from jointz.workflows.participants import Asked, hashed, outcomes
+from jointz.workflows.task_store import TaskStore
 
 DEFAULT_RESAMPLES = 1000
 #: Known responses put into a study's own strides: enough for a report, not for a study of the
 #: method (:func:`jointz.workflows.certificate.certify`).
 _INJECTIONS = 10
+
+#: Of a participant whose analysis ended with an error.
+_NOTHING = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
 
 Progress = Callable[[int, int, str], None]
 
@@ -43,13 +47,14 @@ def analyze(
     method: str = "recommended",
     resamples: int = DEFAULT_RESAMPLES,
     seed: int = 0,
-    pool: Executor | None = None,
+    engine: Engine | None = None,
+    store: TaskStore | None = None,
     progress: Progress | None = None,
 ) -> StudyAnalysis:
     """Estimate the joint impedance of every participant of a study.
 
-    Participants are read, analysed and released one by one, or as many at a time as a
-    pool has workers: memory does not grow with their number.
+    Participants are read, analysed and released one by one, or as many at a time as an
+    engine has workers: memory does not grow with their number.
 
     Parameters
     ----------
@@ -61,9 +66,11 @@ def analyze(
         Bootstrap resamples a cell.
     seed : int
         Of the bootstrap.
-    pool : concurrent.futures.Executor, optional
-        Does several participants at once (:func:`jointz.workflows.process_pool.process_pool`);
-        results do not depend on it.
+    engine : Engine, optional
+        Does several participants at once (:func:`jointz.workflows.engine.open_engine`); results
+        do not depend on it.
+    store : TaskStore, optional
+        Where participants that are done are kept: a run that was killed goes on from there.
     progress : callable, optional
         Called with (participants done, of how many, what comes next).
 
@@ -85,6 +92,7 @@ def analyze(
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     results: dict[str, ParticipantResult] = {}
     virtual: dict[str, list[VirtualEstimate]] = {}
+    broken: dict[str, str] = {}
     exclusions = opened.root / "exclusions.csv"
     inputs: dict[str, dict[str, Any]] = {}
     if exclusions.is_file():
@@ -93,12 +101,20 @@ def analyze(
     people = [person.id for person in opened.spec.participants]
     injections = replicates_for(len(people), virtual=_INJECTIONS)
     asked = Asked(opened, name, resamples=resamples, seed=seed, injections=injections)
-    with closing(outcomes(asked, people, pool=pool)) as coming:
+    with closing(outcomes(asked, people, engine=engine or Serial(), store=store)) as coming:
         for done, (person_id, outcome) in enumerate(coming):
             if progress:
                 progress(done, len(people), person_id)
-            found = outcome()
-            del outcome  # recordings would stay in memory with it
+            try:
+                found = outcome()
+            except OutputError:  # nobody's result could be kept
+                raise
+            except Exception as exc:  # noqa: BLE001 - one participant keeps nobody else back
+                results[person_id] = _NOTHING
+                broken[person_id] = f"{type(exc).__name__}: {exc}"
+                continue
+            finally:
+                del outcome  # recordings would stay in memory with it
             inputs |= found.inputs
             problems += found.problems
             if found.result is not None:
@@ -107,7 +123,7 @@ def analyze(
         raise StudyError(str(opened.root), problems)
     if progress:
         progress(len(people), len(people), "done")
-    analysis = _assembled(opened, name, results, inputs, resamples=resamples, seed=seed)
+    analysis = _assembled(opened, name, results, inputs, broken, resamples=resamples, seed=seed)
     return _with_people_together(opened, analysis, virtual, injections=injections, seed=seed)
 
 
@@ -179,14 +195,24 @@ def _assembled(
     method: str,
     results: dict[str, ParticipantResult],
     inputs: dict[str, dict[str, Any]],
+    broken: Mapping[str, str],
     *,
     resamples: int,
     seed: int,
 ) -> StudyAnalysis:
-    cells = _completed(study, method, results)
+    cells = _completed(study, method, results, broken)
     others = {m for r in results.values() for m in r.cells if m != method}
     comparison = [
-        cell for name in METHODS if name in others for cell in _completed(study, name, results)
+        cell
+        for name in METHODS
+        if name in others
+        for cell in _completed(study, name, results, broken)
+    ]
+    statistics = study_statistics(study, method, cells, results.values())
+    statistics["notes"] += [
+        f"{person_id} (seed {seed}): the program failed ({why}). Please report it; the others "
+        "are not concerned."
+        for person_id, why in broken.items()
     ]
     pulses = tuple(p for r in results.values() for p in r.pulses)
     strides = tuple(s for r in results.values() for s in r.strides)
@@ -201,7 +227,7 @@ def _assembled(
         gaps=gaps,
         single=single,
         models=tuple(r.model for r in results.values() if r.model is not None),
-        statistics=study_statistics(study, method, cells, results.values()),
+        statistics=statistics,
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
         provenance={
             **provenance.software(),
@@ -215,7 +241,10 @@ def _assembled(
 
 
 def _completed(
-    study: Study, method: str, results: dict[str, ParticipantResult]
+    study: Study,
+    method: str,
+    results: dict[str, ParticipantResult],
+    broken: Collection[str],
 ) -> list[CellEstimate]:
     """Order the cells and add a failed one wherever a participant has none."""
     labels = _expected_labels(study, method, results)
@@ -224,9 +253,12 @@ def _completed(
         for person_id, result in results.items()
         for cell in result.cells.get(method, ())
     }
+    why = {
+        person_id: _why_missing(study, person_id, result) for person_id, result in results.items()
+    } | dict.fromkeys(broken, Failure.ANALYSIS_BROKE)
     return [
-        there.get((person_id, label)) or _missing(study, person_id, label, method, result)
-        for person_id, result in results.items()
+        there.get((person_id, label)) or _missing(study, person_id, label, method, why[person_id])
+        for person_id in results
         for label in labels
     ]
 
@@ -241,15 +273,19 @@ def _expected_labels(study: Study, method: str, results: dict[str, ParticipantRe
     return label_names(spec.perturbations, seen)
 
 
-def _missing(
-    study: Study, person_id: str, label: str, method: str, result: ParticipantResult
-) -> CellEstimate:
+def _why_missing(study: Study, person_id: str, result: ParticipantResult) -> Failure:
+    """Return why a participant has no cell at a timing point."""
     conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
-    failure = Failure.NO_PULSES
     if any(p.code == Exclusion.NO_HEEL_STRIKES for p in result.pulses):
-        failure = Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
-    elif not {"perturbed", None} & conditions:
-        failure = Failure.NO_PERTURBED_RECORDING
+        return Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
+    if not {"perturbed", None} & conditions:
+        return Failure.NO_PERTURBED_RECORDING
+    return Failure.NO_PULSES
+
+
+def _missing(
+    study: Study, person_id: str, label: str, method: str, failure: Failure
+) -> CellEstimate:
     mass = study.spec.participant(person_id).mass_kg
     return CellEstimate(
         participant=person_id,

@@ -16,7 +16,7 @@ from jointz.core.study import Study
 from jointz.io.study import open_study
 from jointz.workflows.analysis import DEFAULT_RESAMPLES, Progress, analyze
 from jointz.workflows.chapter4_gait import PersonGait, people_gait
-from jointz.workflows.process_pool import process_pool, workers_for
+from jointz.workflows.engine import open_engine
 from jointz.workflows.run import TRUTH_FILE, run
 from jointz.workflows.worker_pool import RunProgress
 
@@ -139,8 +139,8 @@ def walking_study(
     )
     study = open_study(made.study)
     people = len(study.spec.participants)
-    with process_pool(workers_for(people), needs="jointz.workflows.participants") as pool:
-        analysis = analyze(study, seed=seed, resamples=resamples, pool=pool, progress=progress)
+    with open_engine(tasks=people, needs="jointz.workflows.participants") as engine:
+        analysis = analyze(study, seed=seed, resamples=resamples, engine=engine, progress=progress)
     return walked(study, analysis)
 
 

@@ -16,7 +16,7 @@ from jointz.core.run_report import RunReport
 from jointz.io.protocols import load_protocol
 from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress, analyze
-from jointz.workflows.process_pool import process_pool, workers_for
+from jointz.workflows.engine import open_engine
 from jointz.workflows.results_folder import new_folder, write_marker, write_results
 from jointz.workflows.run import TRUTH_FILE, run
 from jointz.workflows.worker_pool import RunProgress
@@ -103,12 +103,12 @@ def run_demo(
             progress=run_progress,
         )
         study = open_study(made.study)
-        workers = workers_for(len(study.spec.participants))
-        with process_pool(workers, needs="jointz.workflows.participants") as pool:
-            analysis = analyze(study, seed=seed, pool=pool, progress=progress)
+        people = len(study.spec.participants)
+        with open_engine(tasks=people, needs="jointz.workflows.participants") as engine:
+            analysis = analyze(study, seed=seed, engine=engine, progress=progress)
             truth = truth_table(analysis, made.study)
             truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
-            write_results(analysis, folder / "results", truth=truth, run=made.report, pool=pool)
+            write_results(analysis, folder / "results", truth=truth, run=made.report, engine=engine)
         write_marker(folder, MARKER, {"made_by": "jointz demo"})
     return Demo(out / "results" / "report.html", analysis, made.report, truth)
 

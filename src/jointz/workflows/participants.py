@@ -4,8 +4,9 @@ import ctypes
 import hashlib
 import sys
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field, replace
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -24,8 +25,9 @@ from jointz.identify.preparation.pulse_tables import share_table
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file
+from jointz.workflows.engine import Engine, Serial, Task, done_in_turn
 from jointz.workflows.likelihood_pulses import likelihood_pulses
-from jointz.workflows.process_pool import shared_out
+from jointz.workflows.task_store import TaskStore, task_key
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +76,7 @@ class Outcome:
 
 
 def outcomes(
-    asked: Asked, people: Sequence[str], *, pool: Executor | None
+    asked: Asked, people: Sequence[str], *, engine: Engine, store: TaskStore | None
 ) -> Generator[tuple[str, Callable[[], Outcome]]]:
     """Yield every participant, in order, with a function that gives the outcome.
 
@@ -84,19 +86,49 @@ def outcomes(
         What is to be done.
     people : sequence of str
         Their ids.
-    pool : concurrent.futures.Executor or None
-        Processes that do it; None for this one.
+    engine : Engine
+        Who does it.
+    store : TaskStore or None
+        Where outcomes are kept, and found again.
 
     Notes
     -----
-    Memory does not grow with the number of participants: one a process is in it, and where
-    there is no pool another that is read ahead.
+    Memory does not grow with the number of participants: one a worker is in it, and with
+    one worker alone another that is read ahead.
     """
-    if pool is None:
+    if isinstance(engine, Serial) and store is None:
         yield from _in_turn(asked, people)
         return
-    calls = [partial(_read_and_analyzed, asked, person_id) for person_id in people]
-    yield from zip(people, shared_out(pool, calls), strict=True)
+    tasks = (
+        Task(
+            f"{person_id} (seed {asked.seed})",
+            partial(_read_and_analyzed, asked, person_id),
+            key=partial(_key, asked, person_id),
+        )
+        for person_id in people
+    )
+    coming = done_in_turn(engine, tasks, store=store)
+    for person_id in people:
+        yield person_id, lambda: next(coming).result()
+
+
+def _key(asked: Asked, person_id: str) -> str:
+    """Return the name of a participant's outcome; made by the worker, which reads the files."""
+    entries = [e for e in asked.study.spec.recordings if e.participant == person_id]
+    files = [file for e in entries for file in (e.file, e.perturbations) if file is not None]
+    inputs = {"study.toml": asked.study.sha256}
+    for file in files:
+        with suppress(OSError, DataError):  # one that cannot be read is told when it is read
+            inputs[file] = hashed(asked.study, file)["sha256"]
+    own = [e for e in asked.study.user_exclusions if e.participant == person_id]
+    settings = {
+        "method": asked.method,
+        "resamples": asked.resamples,
+        "seed": asked.seed,
+        "injections": asked.injections,
+        "exclusions": [asdict(e) for e in own],
+    }
+    return task_key(what=f"analyze {person_id}", inputs=inputs, settings=settings)
 
 
 def _in_turn(asked: Asked, people: Sequence[str]) -> Generator[tuple[str, Callable[[], Outcome]]]:

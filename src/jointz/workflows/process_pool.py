@@ -4,17 +4,13 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import partial
 from importlib import import_module
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from typing import TypeVar
 
-Result = TypeVar("Result")
 #: With fewer things to do, processes take as long to start as they save.
 _FEWEST = 4
 
@@ -79,38 +75,6 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
         open_end.close()  # workers end: what they are at nobody waits for, the rest is done
         pool.shutdown(wait=True, cancel_futures=True)
         until.close()
-
-
-def shared_out(pool: Executor, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
-    """Have calls made in a pool; each function returned waits for one result.
-
-    Parameters
-    ----------
-    pool : concurrent.futures.Executor
-        Where.
-    calls : iterable of callable
-        Without arguments (:func:`functools.partial` puts them in), fit for pickling.
-
-    Notes
-    -----
-    A worker that is killed, most likely for want of memory, breaks the pool: what it still owed
-    is then done in this process, one call at a time.
-    """
-    return [partial(_result, _submitted(pool, call), call) for call in calls]
-
-
-def _submitted(pool: Executor, call: Callable[[], Result]) -> Future[Result] | None:
-    try:
-        return pool.submit(call)
-    except BrokenProcessPool:
-        return None
-
-
-def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result:
-    try:
-        return call() if future is None else future.result()
-    except BrokenProcessPool:
-        return call()
 
 
 def _begin_worker(until: Connection) -> None:

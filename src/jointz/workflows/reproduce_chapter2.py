@@ -1,16 +1,17 @@
 """Chapter II again: every table and figure of the series-elastic exoskeleton's bench."""
 
 import tempfile
+from functools import partial
 from typing import Any
 
 from jointz.core.reproduction import Reproduction
 from jointz.io.protocols import load_protocol
 from jointz.workflows import chapter2, chapter2_claims, chapter2_loads
 from jointz.workflows.audit_claims import audit_claims
+from jointz.workflows.engine import Task
 from jointz.workflows.mechanisms import Mechanism, mechanism_errors, mechanism_table, mechanisms
 from jointz.workflows.reproduction_tasks import (
     Progress,
-    Task,
     in_processes,
     provenance,
     run_study,
@@ -32,10 +33,12 @@ def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
     """
     loads = [load.name for load in load_protocol("sea-mass-spring").loads]
     with tempfile.TemporaryDirectory() as folder:
-        tasks: list[Task] = [(load, _load, (folder, load, seed, preset)) for load in loads]
-        tasks += [("bandwidth", _bandwidth, (folder, seed, preset))]
-        tasks += [("intrinsic impedance", _intrinsic, (folder, seed, preset))]
-        tasks += [(m.name, _mechanism, (m, seed)) for m in mechanisms()]
+        tasks: list[Task[Any]] = [
+            *(Task(load, partial(_load, folder, load, seed, preset)) for load in loads),
+            Task("bandwidth", partial(_bandwidth, folder, seed, preset)),
+            Task("intrinsic impedance", partial(_intrinsic, folder, seed, preset)),
+            *(Task(m.name, partial(_mechanism, m, seed)) for m in mechanisms()),
+        ]
         done = dict(in_processes(tasks, tell))
     found = {load: done[load] for load in loads}
     pairs = [pair for study in found.values() for pair in study.pairs]

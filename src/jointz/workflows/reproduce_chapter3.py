@@ -2,15 +2,16 @@
 
 import tempfile
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from jointz.core.reproduction import Reproduction
 from jointz.workflows import chapter3, chapter3_stiffness
 from jointz.workflows.audit_claims import audit_claims
+from jointz.workflows.engine import Task
 from jointz.workflows.reproduction_tasks import (
     Progress,
-    Task,
     in_processes,
     provenance,
     run_study,
@@ -33,7 +34,7 @@ def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
         Told of what is done.
     """
     with tempfile.TemporaryDirectory() as folder:
-        tasks: list[Task] = [(name, run_study, (folder, name, seed, preset)) for name in _QDD]
+        tasks = [Task(name, partial(run_study, folder, name, seed, preset)) for name in _QDD]
         studies: dict[str, Path] = dict(in_processes(tasks, tell))
         truth = study_truth(studies["qdd-static"], "springs")
         spring, gain_sd = truth["load"]["stiffness"], truth["errors"]["sensor_gain_sd"]

@@ -1,46 +1,34 @@
 """Parts of a chapter, as many at once as there are cores."""
 
 import json
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from jointz.core.provenance import now, software
 from jointz.io.protocols import load_protocol
+from jointz.workflows.engine import Task, done_in_turn, open_engine
 from jointz.workflows.run import TRUTH_FILE, run
 
 #: Called with tasks done, tasks in all, and what was done last.
 Progress = Callable[[int, int, str], None]
-#: Name, what to call, and with what.
-Task = tuple[str, Callable[..., Any], tuple[Any, ...]]
 
 
-def in_processes(tasks: list[Task], tell: Progress) -> Iterator[tuple[str, Any]]:
-    """Yield name and result of every task, in the order they end.
+def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[str, Any]]:
+    """Yield name and result of every task.
 
     Parameters
     ----------
-    tasks : list of Task
+    tasks : sequence of Task
         Independent of each other.
     tell : callable
         Told of every task that is done.
     """
-    context = multiprocessing.get_context("spawn")
-    workers = min(len(tasks), os.cpu_count() or 1)
     tell(0, len(tasks), "")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        names: dict[Future[Any], str] = {
-            pool.submit(work, *arguments): name for name, work, arguments in tasks
-        }
-        try:
-            for done, future in enumerate(as_completed(names), start=1):
-                yield names[future], future.result()
-                tell(done, len(tasks), names[future])
-        finally:
-            pool.shutdown(cancel_futures=True)
+    with open_engine(tasks=len(tasks), needs=__name__) as engine:
+        for count, done in enumerate(done_in_turn(engine, tasks), start=1):
+            yield done.name, done.result()
+            tell(count, len(tasks), done.name)
 
 
 def provenance(chapter: int, seed: int, preset: str) -> dict[str, Any]:

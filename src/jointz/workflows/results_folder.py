@@ -5,7 +5,6 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -20,7 +19,7 @@ from jointz.report.figures import FIGURES, draw_figure
 from jointz.report.method_figures import draw_truth
 from jointz.report.page import render_report
 from jointz.report.subjects import report_title
-from jointz.workflows.process_pool import shared_out
+from jointz.workflows.engine import Engine, Serial, shared_out
 
 #: The file that shows a folder to be one of ours, and so replaceable.
 MARKER = "provenance.json"
@@ -42,7 +41,7 @@ def write_results(
     overwrite: bool = False,
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
-    pool: Executor | None = None,
+    engine: Engine | None = None,
 ) -> Path:
     """Write estimates, exclusions, figures and report of an analysis.
 
@@ -58,7 +57,7 @@ def write_results(
         Truth against estimate of a simulated study, for the report.
     run : RunReport, optional
         How the experiment went, for the report.
-    pool : concurrent.futures.Executor, optional
+    engine : Engine, optional
         Draws several figures at once.
 
     Returns
@@ -72,7 +71,7 @@ def write_results(
         When the folder exists and may not be replaced, or cannot be written.
     """
     with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS) as folder:
-        drawings = _drawings(analysis, pool)
+        drawings = _drawings(analysis, engine or Serial())
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
@@ -92,15 +91,12 @@ def write_results(
     return out / "report.html"
 
 
-def _drawings(
-    analysis: StudyAnalysis, pool: Executor | None
-) -> dict[str, Callable[[], str | None]]:
+def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[], str | None]]:
     """Have the figures drawn; the last, which takes longest, first."""
     calls: list[Callable[[], str | None]] = [
         partial(draw_figure, analysis, name) for name in FIGURES
     ]
-    if pool is not None:
-        calls = shared_out(pool, calls[::-1])[::-1]
+    calls = shared_out(engine, calls[::-1])[::-1]
     return dict(zip(FIGURES, calls, strict=True))
 
 

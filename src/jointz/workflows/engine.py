@@ -1,0 +1,382 @@
+"""Engines: who does the tasks of a job - this process, processes of this machine, a cluster.
+
+A job is a list of independent tasks, each of a participant, a session or at least half a second
+of work, each seeded from what it is. No number depends on the engine, on how many workers there
+are, or on the order in which they end.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import takewhile
+from typing import Generic, TypeVar
+
+from jointz.core.errors import DataError, WorkerLostError
+from jointz.workflows.process_pool import process_pool, workers_for
+from jointz.workflows.task_store import TaskStore
+
+Result = TypeVar("Result")
+
+#: Under way for every worker: enough that none waits, few enough that memory stays flat.
+_AHEAD = 4
+#: A task that loses its worker so often, with nothing else under way, is to blame.
+_MOST_LOSSES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Task(Generic[Result]):
+    """One piece of a job.
+
+    Parameters
+    ----------
+    name : str
+        What it is, for people: participant, seed.
+    call : callable
+        Does it; without arguments (:func:`functools.partial` puts them in), fit for pickling.
+    key : callable, optional
+        Returns the hash of all that the result depends on, by which a kept one is found;
+        called by the worker.
+    """
+
+    name: str
+    call: Callable[[], Result]
+    key: Callable[[], str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Done(Generic[Result]):
+    """What became of a task.
+
+    Parameters
+    ----------
+    name : str
+        Of the task.
+    value : object or None
+        Its result.
+    error : BaseException or None
+        What it raised.
+    """
+
+    name: str
+    value: Result | None = None
+    error: Exception | None = None
+
+    def result(self) -> Result:
+        """Return the result, or raise what the task raised."""
+        if self.error is not None:
+            raise self.error
+        return self.value  # type: ignore[return-value]  # a task may well return None
+
+
+class Engine(ABC):
+    """Makes calls, some at once.
+
+    Attributes
+    ----------
+    workers : int
+        How many at once.
+    """
+
+    workers: int = 1
+
+    @property
+    def ahead(self) -> int:
+        """How many tasks are worth having under way at a time."""
+        return _AHEAD * self.workers
+
+    @abstractmethod
+    def submit(self, call: Callable[[], Result]) -> Future[Result]:
+        """Have a call made.
+
+        Parameters
+        ----------
+        call : callable
+            Without arguments, fit for pickling.
+
+        Raises
+        ------
+        WorkerLostError
+            When workers were killed: :meth:`renew` first.
+        """
+
+    @abstractmethod
+    def renew(self) -> None:
+        """Start workers again where some were killed."""
+
+
+class Serial(Engine):
+    """Makes one call after the other, in this process."""
+
+    @property
+    def ahead(self) -> int:
+        """One: a call is made when it is submitted."""
+        return 1
+
+    def submit(self, call: Callable[[], Result]) -> Future[Result]:
+        """Make a call now.
+
+        Parameters
+        ----------
+        call : callable
+            Without arguments.
+        """
+        made: Future[Result] = Future()
+        try:
+            made.set_result(call())
+        except Exception as exc:  # noqa: BLE001 - whoever asks for the result gets it
+            made.set_exception(exc)
+        return made
+
+    def renew(self) -> None:
+        """Do nothing: there is nobody to be killed."""
+
+
+class Processes(Engine):
+    """Makes calls in processes of this machine.
+
+    Parameters
+    ----------
+    workers : int
+        How many, at least 2.
+    needs : str
+        Module that the calls are in: workers import it at once.
+    """
+
+    def __init__(self, workers: int, *, needs: str) -> None:
+        self.workers = workers
+        self._needs = needs
+        self._pool: Executor | None = None
+        self._opened: AbstractContextManager[Executor | None] | None = None
+        self.renew()
+
+    def submit(self, call: Callable[[], Result]) -> Future[Result]:
+        """Have a call made by a worker.
+
+        Parameters
+        ----------
+        call : callable
+            Without arguments, fit for pickling.
+
+        Raises
+        ------
+        WorkerLostError
+            When workers were killed: :meth:`renew` first.
+        """
+        if self._pool is None:
+            raise WorkerLostError("the worker processes were ended.")
+        try:
+            return self._pool.submit(call)
+        except BrokenProcessPool as exc:
+            raise WorkerLostError("a worker process was killed.") from exc
+
+    def renew(self) -> None:
+        """Start the workers anew: one that is killed takes the others with it."""
+        self.close()
+        self._opened = process_pool(self.workers, needs=self._needs)
+        self._pool = self._opened.__enter__()
+
+    def close(self) -> None:
+        """End the workers; what they are at nobody waits for."""
+        opened, self._opened, self._pool = self._opened, None, None
+        if opened is not None:
+            opened.__exit__(None, None, None)
+
+
+def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
+    """Have calls begun; each function returned waits for one result.
+
+    Parameters
+    ----------
+    engine : Engine
+        Who makes them; what the serial one does is done when its result is asked for.
+    calls : iterable of callable
+        Without arguments, fit for pickling; few, and not worth doing again elsewhere: what a
+        lost worker owed is done in this process.
+    """
+    if isinstance(engine, Serial):
+        return list(calls)
+    return [partial(_result, _begun(engine, call), call) for call in calls]
+
+
+def _begun(engine: Engine, call: Callable[[], Result]) -> Future[Result] | None:
+    try:
+        return engine.submit(call)
+    except WorkerLostError:
+        return None
+
+
+def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result:
+    try:
+        return call() if future is None else future.result()
+    except (BrokenProcessPool, WorkerLostError):
+        return call()
+
+
+@contextmanager
+def open_engine(
+    scheduler: str | None = None,
+    *,
+    workers: int | None = None,
+    tasks: int,
+    needs: str,
+) -> Iterator[Engine]:
+    """Give the engine that was asked for.
+
+    Parameters
+    ----------
+    scheduler : str, optional
+        ``tcp://...`` of a Dask cluster, or ``local`` for one on this machine; by default
+        processes of this machine.
+    workers : int, optional
+        How many at once; by default as many as there are cores, where the tasks are worth it.
+        A cluster that is joined has its own.
+    tasks : int
+        How many there will be.
+    needs : str
+        Module that they are in.
+
+    Yields
+    ------
+    Engine
+        Whoever leaves the block by an error does not wait for what is under way.
+
+    Raises
+    ------
+    DataError
+        When there is no such scheduler, or ``dask`` is not installed.
+    """
+    if scheduler is not None:
+        from jointz.workflows.engine_dask import open_cluster
+
+        with open_cluster(scheduler, workers=workers) as cluster:
+            yield cluster
+        return
+    count = workers_for(tasks) if workers is None else workers
+    if count < 1:
+        raise DataError(f"workers: expected at least 1, got {count}.")
+    if count == 1:
+        yield Serial()
+        return
+    engine = Processes(count, needs=needs)
+    try:
+        yield engine
+    finally:
+        engine.close()
+
+
+def done_in_turn(
+    engine: Engine, tasks: Iterable[Task[Result]], *, store: TaskStore | None = None
+) -> Iterator[Done[Result]]:
+    """Have tasks done, and yield what became of each, in their order.
+
+    Parameters
+    ----------
+    engine : Engine
+        Who does them.
+    tasks : iterable of Task
+        Taken as they are needed: there may be very many.
+    store : TaskStore, optional
+        Where results are kept by their key, and found again.
+
+    Yields
+    ------
+    Done
+        One a task. A task that raises does not keep the others from being done.
+
+    Notes
+    -----
+    A worker that is killed costs what was under way. That is done again, one task after the
+    other: one that loses its worker then, four times, is reported as lost, and the rest goes on.
+    """
+    coming = iter(tasks)
+    line: deque[_Place[Result]] = deque()
+    try:
+        while True:
+            while len(line) < engine.ahead and (task := next(coming, None)) is not None:
+                line.append(_Place(task, store))
+            if not line:
+                return
+            if _is_first_done(engine, line):
+                yield line.popleft().done()
+    finally:
+        for place in line:
+            place.give_up()
+
+
+class _Place(Generic[Result]):
+    """A task in the line of those under way."""
+
+    def __init__(self, task: Task[Result], store: TaskStore | None) -> None:
+        self._task = task
+        self._call = store.kept(task.key, task.call) if store and task.key else task.call
+        self._future: Future[Result] | None = None
+        self._losses = 0
+        #: Whether it was under way when a worker was lost: it may have been the cause.
+        self.suspect = False
+
+    def begin(self, engine: Engine) -> None:
+        """Have it done, unless it is."""
+        if self._future is None:
+            self._future = engine.submit(self._call)
+
+    def is_lost(self) -> bool:
+        """Wait for it, and tell whether its worker was lost."""
+        if self._future is None:
+            return True
+        try:
+            return isinstance(self._future.exception(), BrokenProcessPool | WorkerLostError)
+        except CancelledError:  # with the others of its pool
+            return True
+
+    def forget(self, *, alone: bool) -> None:
+        """Take note of a lost worker: what was not ready has to be done again."""
+        if self._future is None or (self._future.done() and not self.is_lost()):
+            return
+        self._future, self.suspect = None, True
+        self._losses += alone
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether it lost its worker again and again while nothing else was under way."""
+        return self._losses >= _MOST_LOSSES
+
+    def done(self) -> Done[Result]:
+        """Return what became of it."""
+        name = self._task.name
+        if self._future is None:
+            why = f"{name}: its worker was killed {self._losses} times, most likely for memory."
+            return Done(name, error=WorkerLostError(why))
+        error = self._future.exception()
+        if error is None:
+            return Done(name, self._future.result())
+        if not isinstance(error, Exception):  # an interrupt is everybody's
+            raise error
+        return Done(name, error=error)
+
+    def give_up(self) -> None:
+        """Have it done no more, where it has not begun."""
+        if self._future is not None:
+            self._future.cancel()
+
+
+def _is_first_done(engine: Engine, line: deque[_Place[Result]]) -> bool:
+    """Wait for the first of the line; False when a worker was lost, and it is to be done again."""
+    first = line[0]
+    alone = first.suspect
+    try:
+        for place in takewhile(lambda place: not place.suspect, line):
+            place.begin(engine)
+        first.begin(engine)
+        if not first.is_lost():
+            return True
+    except WorkerLostError:
+        pass
+    for place in line:
+        place.forget(alone=alone)
+    engine.renew()
+    return first.is_hopeless
