@@ -13,7 +13,7 @@ from jointz.cli.console import (
     emit_table,
     progress_bar,
 )
-from jointz.cli.options import Debug, Json, Quiet
+from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
 
 if TYPE_CHECKING:
     from jointz.core.analysis import StudyAnalysis
@@ -41,14 +41,7 @@ def analyze(
         int | None,
         typer.Option("--workers", min=1, help="Participants at once; as many as cores by default."),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            help="Dask cluster that does it: tcp://host:port of a lab's, or local to start one. "
-            "Its workers must see the study's folder.",
-        ),
-    ] = None,
+    scheduler: SchedulerOption = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a results folder that exists.")
     ] = False,

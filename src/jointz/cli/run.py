@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
-from jointz.cli.options import Debug, Json, Quiet
+from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
 from jointz.core.errors import DeviceError, WriteError
 
 if TYPE_CHECKING:
@@ -106,6 +106,7 @@ def run(
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Participants at once; else one a core.")
     ] = None,
+    scheduler: SchedulerOption = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run that was interrupted.")
     ] = False,
@@ -147,6 +148,7 @@ def run(
             clock=clock.value if clock else None,
             participants=participants,
             workers=workers or (1 if real or attended else os.cpu_count() or 1),
+            scheduler=scheduler,
             resume=resume,
             attended=attended,
             calibration=calibration,

@@ -234,7 +234,7 @@ def _knows_levels(
 ) -> bool:
     """Tell whether the levels of everybody's footswitch are calibrated."""
     levels = (
-        file.calibration.overridden_by(known and known.of(one.id)).contact_levels_v
+        file.calibration.overridden_by(known.of(one.id) if known else None).contact_levels_v
         for one in wearers
     )
     return all(one is not None for one in levels)

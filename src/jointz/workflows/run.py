@@ -82,6 +82,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     clock: Literal["fast", "real"] | None = None,
     participants: int | None = None,
     workers: int = 1,
+    scheduler: str | None = None,
     resume: bool = False,
     attended: bool = False,
     calibration: str | os.PathLike[str] | None = None,
@@ -112,6 +113,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     workers : int
         Participants simulated at once, each in a process of its own; numbers do
         not depend on it.
+    scheduler : str, optional
+        Dask cluster that simulates them instead: ``tcp://host:port``, or ``local``. Its workers
+        must see the study's folder.
     resume : bool
         Go on with a run that was interrupted; starts where nothing is there.
     attended : bool
@@ -168,6 +172,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             rig,
             count,
             workers=workers,
+            scheduler=scheduler,
             operator=operator or NoOperator(),
             progress=progress,
         )

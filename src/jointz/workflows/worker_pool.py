@@ -5,25 +5,29 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from queue import Empty
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
-from jointz.core.errors import DeviceError
+from jointz.core.errors import WorkerLostError
 from jointz.experiment.session import Operator
 from jointz.experiment.stop_signals import STOP_SIGNALS, signals_held
+from jointz.workflows.engine import Done, Engine, Task, done_in_turn, open_engine
 from jointz.workflows.participant_run import run_participant
 from jointz.workflows.rigs import RigSettings, open_rig
 from jointz.workflows.run_settings import RunSettings
 
 #: Called with participant, condition, strides, pulses done, pulses planned.
 RunProgress = Callable[[str, str, int, int, int], None]
+
+Result = TypeVar("Result")
 
 _POLL_S = 0.1
 _AGAIN_S = 1.0
@@ -36,6 +40,7 @@ def run_people(
     count: int,
     *,
     workers: int,
+    scheduler: str | None,
     operator: Operator,
     progress: RunProgress | None,
 ) -> list[dict[str, Any]]:
@@ -51,13 +56,20 @@ def run_people(
         How many participants.
     workers : int
         How many at once.
+    scheduler : str or None
+        Of a Dask cluster that does it instead; it tells of participants that are done.
     operator : Operator
         Asked before every condition; only with one worker.
     progress : callable or None
         Told after every accepted stride.
+
+    Raises
+    ------
+    Exception
+        What the first participant that failed raised; the others were run.
     """
     tell = progress or _silent
-    if workers == 1 or count == 1:
+    if scheduler is None and (workers == 1 or count == 1):
         return [
             run_participant(
                 (one := open_rig(rig, number)),
@@ -67,42 +79,107 @@ def run_people(
             )
             for number in range(count)
         ]
-    return _in_processes(settings, rig, count, workers=min(workers, count), tell=tell)
+    tasks = [
+        Task(f"participant {n + 1} (seed {rig.seed})", partial(_run_one, settings, rig, n))
+        for n in range(count)
+    ]
+    with _engine(scheduler, min(workers, count), tell) as engine:
+        return _reports(list(done_in_turn(engine, tasks)))
 
 
-def _in_processes(
-    settings: RunSettings, rig: RigSettings, count: int, *, workers: int, tell: RunProgress
-) -> list[dict[str, Any]]:
-    # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
-    context = multiprocessing.get_context("spawn")
-    # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
-    until, open_end = context.Pipe(duplex=False)
-    with ExitStack() as stack:
+def _reports(done: list[Done[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Return what every participant came to; who failed is told, the first by its own error."""
+    failed = [(one.name, one.error) for one in done if one.error is not None]
+    for name, error in failed[1:]:
+        failed[0][1].add_note(f"{name} failed too: {error}")
+    return [one.result() for one in done]
+
+
+@contextmanager
+def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[Engine]:
+    if scheduler is not None:
+        with open_engine(scheduler, workers=workers, tasks=workers, needs=__name__) as engine:
+            yield engine
+        return
+    own = SessionProcesses(workers, tell)
+    try:
+        yield own
+    finally:
+        own.close()
+
+
+class SessionProcesses(Engine):
+    """Runs sessions in processes of this machine, and stops them gently.
+
+    Parameters
+    ----------
+    workers : int
+        How many at once.
+    tell : callable
+        Told how far each session is.
+    """
+
+    def __init__(self, workers: int, tell: RunProgress) -> None:
+        self.workers = workers
+        self._tell = tell
+        self._opened = ExitStack()
+        self._pool = self._open()
+
+    def submit(self, call: Callable[[], Result]) -> Future[Result]:
+        """Have a session run.
+
+        Parameters
+        ----------
+        call : callable
+            Without arguments, fit for pickling.
+
+        Raises
+        ------
+        WorkerLostError
+            When a worker was killed.
+        """
+        try:
+            return self._pool.submit(_with_care, call)
+        except BrokenProcessPool as exc:
+            raise WorkerLostError("a worker process was killed.") from exc
+
+    def renew(self) -> None:
+        """Start workers again; a session that was cut off goes on from its journal."""
+        self.close()
+        self._pool = self._open()
+
+    def close(self) -> None:
+        """Stop what runs, and wait until it has stopped."""
+        self._opened.close()
+
+    def _open(self) -> ProcessPoolExecutor:
+        # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
+        context = multiprocessing.get_context("spawn")
+        # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
+        until, open_end = context.Pipe(duplex=False)
+        self._opened = stack = ExitStack()
         stack.callback(until.close)
         with signals_held():
             resource_tracker.ensure_running()  # lets them through again when it has started
         with signals_held():  # until the workers know what to do with them
             queue = context.Queue()
             pool = ProcessPoolExecutor(
-                workers, mp_context=context, initializer=_begin_worker, initargs=(queue, until)
+                self.workers, mp_context=context, initializer=_begin_worker, initargs=(queue, until)
             )
+            over = threading.Event()
+            threading.Thread(
+                target=_pass_on, args=(queue, self._tell, over), daemon=True, name="progress"
+            ).start()
+            stack.callback(over.set)
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
             stack.callback(open_end.close)
-            futures = [pool.submit(_run_one, settings, rig, number) for number in range(count)]
-        while not all(future.done() for future in futures):
-            _pass_on(queue, tell)
-        try:
-            return [future.result() for future in futures]
-        except BrokenProcessPool as exc:
-            raise DeviceError("run", "a worker process was killed.") from exc
+        return pool
 
 
-def _pass_on(queue: Any, tell: RunProgress) -> None:
-    try:
-        while True:
+def _pass_on(queue: Any, tell: RunProgress, over: threading.Event) -> None:
+    while not over.is_set():
+        with suppress(Empty):
             tell(*queue.get(timeout=_POLL_S))
-    except Empty:
-        return
 
 
 def _begin_worker(queue: Any, until: Connection) -> None:
@@ -136,13 +213,18 @@ def _stop_with_parent() -> None:
         os._exit(1)
 
 
-def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
+def _with_care(call: Callable[[], Result]) -> Result:
     with _WORKER["busy"]:
         if _WORKER["until"].poll():
             raise KeyboardInterrupt
-        one = open_rig(rig, number)
-        tell = _named(lambda *told: _WORKER["queue"].put(told), one.wearer.id)
-        return run_participant(one, settings, operator=_Silent(), progress=tell)
+        return call()
+
+
+def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
+    one = open_rig(rig, number)
+    queue = _WORKER.get("queue")  # a cluster's workers have none
+    tell = _silent if queue is None else (lambda *told: queue.put(told))
+    return run_participant(one, settings, operator=_Silent(), progress=_named(tell, one.wearer.id))
 
 
 class _Silent:
