@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from jointz.core.certificate import Certificate
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
+from jointz.core.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
 
@@ -146,6 +146,11 @@ class StudyAnalysis:
         """Return the pulses of a bench, each estimated by itself."""
         columns = list(PulseEstimate.__slots__)
         return pd.DataFrame([asdict(p) for p in self.single], columns=columns)
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return how the errors of K, B and J go together, where the method tells."""
+        rows = [row for cell in self.cells for row in cell.covariance_rows()]
+        return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
 
     def excluded_frame(self) -> pd.DataFrame:
         """Return every stride and pulse left out, with its code."""

@@ -175,6 +175,9 @@ class CellEstimate:
         The stiffness without what gravity adds to it, where that is known.
     budget : mapping of str to mapping
         Parameter -> source of error -> standard deviation, SI.
+    covariance : tuple of tuple of float, or None
+        (3, 3), SI: of the errors of K, B and J as they would be without bounds, calibration
+        included; None where a method does not tell.
     """
 
     participant: str
@@ -193,6 +196,7 @@ class CellEstimate:
     centre_gait_pct: float | None = None
     gravity_corrected: ParameterEstimate | None = None
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    covariance: tuple[tuple[float, ...], ...] | None = None
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -226,6 +230,12 @@ class CellEstimate:
             for p in self.parameters
         ]
 
+    def covariance_rows(self) -> list[tuple[str | float, ...]]:
+        """Return one row each for K, B and J, in the columns of ``covariance.csv``."""
+        names = ("stiffness", "damping", "inertia")
+        rows = zip(names, self.covariance or (), strict=False)
+        return [(self.participant, self.timing_point, name, *row) for name, row in rows]
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         data = {name: getattr(self, name) for name in self.__slots__}
@@ -257,6 +267,8 @@ class CellEstimate:
         values["response"] = Response.from_dict(response) if response else None
         corrected = values.get("gravity_corrected")
         values["gravity_corrected"] = ParameterEstimate(**corrected) if corrected else None
+        if values.get("covariance") is not None:
+            values["covariance"] = tuple(map(tuple, values["covariance"]))
         return cls(**values)
 
 
@@ -276,4 +288,14 @@ ESTIMATE_COLUMNS = (
     "n_excluded",
     "method",
     "status",
+)
+#: Columns of ``covariance.csv``, one row an estimate: its covariance with the stiffness, the
+#: damping and the inertia of the same participant and timing point, SI; its own is its variance.
+COVARIANCE_COLUMNS = (
+    "participant",
+    "timing_point",
+    "parameter",
+    "with_stiffness",
+    "with_damping",
+    "with_inertia",
 )

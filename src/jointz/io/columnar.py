@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
@@ -75,6 +76,33 @@ class ParquetReader:
             return list(arrow.parquet.read_schema(path).names)
         except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
+
+
+def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> bool:
+    """Write estimates as Parquet, each with its covariances beside it.
+
+    Parameters
+    ----------
+    estimates : pandas.DataFrame
+        Columns of ``estimates.csv``.
+    covariance : pandas.DataFrame
+        Columns of ``covariance.csv``; may be empty.
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    bool
+        False where pyarrow is not installed: the csv files hold the same.
+    """
+    try:
+        import pyarrow  # noqa: F401 - only whether it is there
+    except ImportError:
+        return False
+    keys = ["participant", "timing_point", "parameter"]
+    together = estimates.merge(covariance, on=keys, how="left", validate="one_to_one")
+    together.to_parquet(path, engine="pyarrow", index=False, compression="zstd")
+    return True
 
 
 def _arrow(path: Path) -> Any:

@@ -14,6 +14,7 @@ import pandas as pd
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
+from jointz.io.columnar import write_estimates
 from jointz.report.details import details_frame, models_frame
 from jointz.report.figures import FIGURES, draw_figure
 from jointz.report.method_figures import draw_truth
@@ -297,8 +298,12 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         tables["pooled"] = analysis.pooled_frame()
     if (certificate := analysis.certificate) is not None:
         tables["certificate"] = certificate.to_frame()
+    covariance = analysis.covariance_frame()
+    if not covariance.empty:
+        tables["covariance"] = covariance
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
+    write_estimates(tables["estimates"], covariance, folder / "estimates.parquet")
 
 
 def _write_json(file: Path, content: object, indent: int | None = 2) -> None:

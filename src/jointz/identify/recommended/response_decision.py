@@ -137,6 +137,29 @@ def error_budget(
     return budget
 
 
+def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> np.ndarray:
+    """Return how the errors of K, B and J go together, (3, 3) SI.
+
+    Parameters
+    ----------
+    i : int
+        Which timing point.
+    posterior : JointPosterior
+        Of the participant.
+    decision : Decision
+        Calibration: errors of the gains are common to K, B and J, those of the intrinsic
+        impedance are not.
+    """
+    inertia = float(np.exp(posterior.log_inertia(i).mean))
+    scale = np.array([1.0, 1.0, inertia])
+    values = np.array([posterior.stiffness(i).mean, posterior.damping(i).mean, inertia])
+    entries = [getattr(decision.known, f"intrinsic_{name}") for name in PARAMETERS]
+    intrinsic = [0.0 if entry is None else entry.sd**2 for entry in entries]
+    gains = decision.gain_sd**2 * np.outer(values, values)
+    own = posterior.impedance_covariance(i) * np.outer(scale, scale)
+    return np.asarray(own + gains + np.diag(intrinsic))
+
+
 def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> ParameterEstimate:
     entry = getattr(decision.known, f"intrinsic_{name}")
     intrinsic = 0.0 if entry is None else entry.value

@@ -45,6 +45,7 @@ from jointz.identify.recommended.response_decision import (
     NaturalSize,
     decided_parameters,
     error_budget,
+    error_covariance,
 )
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import CellResponse
@@ -371,6 +372,7 @@ class WalkingEstimator:
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], response, centre),
             budget=error_budget(i, posterior, decision),
+            covariance=_plain(error_covariance(i, posterior, decision)),
         )
 
     def _intrinsic_left_in(self, cell: PredictedCell) -> bool:
@@ -430,6 +432,10 @@ class WalkingEstimator:
             method=METHOD,
             baseline=BASELINE,
         )
+
+
+def _plain(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
 
 
 def _centre(onset_pct: float | None, middle_s: float, stride_s: float) -> float | None:
