@@ -16,6 +16,8 @@ from functools import partial
 from itertools import takewhile
 from typing import Generic, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from jointz.core.errors import DataError, WorkerLostError
 from jointz.workflows.process_pool import process_pool, workers_for
 from jointz.workflows.task_store import TaskStore
@@ -217,6 +219,18 @@ def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result
         return call()
 
 
+def on_one_thread(call: Callable[[], Result]) -> Result:
+    """Make a call with one thread of linear algebra: how many there are changes last digits.
+
+    Parameters
+    ----------
+    call : callable
+        Without arguments.
+    """
+    with threadpool_limits(limits=1):
+        return call()
+
+
 @contextmanager
 def open_engine(
     scheduler: str | None = None,
@@ -313,7 +327,8 @@ class _Place(Generic[Result]):
 
     def __init__(self, task: Task[Result], store: TaskStore | None) -> None:
         self._task = task
-        self._call = store.kept(task.key, task.call) if store and task.key else task.call
+        call = partial(on_one_thread, task.call)
+        self._call = store.kept(task.key, call) if store and task.key else call
         self._future: Future[Result] | None = None
         self._losses = 0
         #: Whether it was under way when a worker was lost: it may have been the cause.

@@ -55,7 +55,7 @@ class Cluster(Engine):
         """Do nothing: the cluster has its own means to start workers again."""
 
     def _refuse_other_versions(self) -> None:
-        found: dict[str, Any] = self._client.run(own_version, on_error="return")
+        found: dict[str, Any] = self._client.run(_version_there, on_error="return")
         wrong = {worker: v for worker, v in found.items() if v != own_version()}
         if not found:
             raise DataError(f"{self._address}: the cluster has no workers. Start some first.")
@@ -103,7 +103,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
                 LocalCluster(
                     n_workers=workers or cores,
                     threads_per_worker=1,
-                    dashboard_address=None,
+                    dashboard_address=":0",
                     host="127.0.0.1",
                 )
             )
@@ -116,6 +116,11 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
                 "dask scheduler, or local."
             ) from exc
         yield Cluster(client, address)
+
+
+def _version_there() -> str:
+    """Return the version of whoever is asked."""
+    return own_version()
 
 
 def _made_by_same_version(version: str, call: Callable[[], Result]) -> Result:

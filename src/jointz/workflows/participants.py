@@ -25,7 +25,7 @@ from jointz.identify.preparation.pulse_tables import share_table
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.io.study import data_file
-from jointz.workflows.engine import Engine, Serial, Task, done_in_turn
+from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.workflows.likelihood_pulses import likelihood_pulses
 from jointz.workflows.task_store import TaskStore, task_key
 
@@ -146,7 +146,8 @@ def _in_turn(asked: Asked, people: Sequence[str]) -> Generator[tuple[str, Callab
             if following is not None:
                 coming = start(following)
             _give_back_memory()
-            yield person_id, partial(_outcome, asked, person_id, current.result, inputs[person_id])
+            call = partial(_outcome, asked, person_id, current.result, inputs[person_id])
+            yield person_id, partial(on_one_thread, call)
 
 
 def _read_and_analyzed(asked: Asked, person_id: str) -> Outcome:

@@ -11,8 +11,10 @@ import jointz
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import StudyError
 from jointz.io.study import open_study
+from jointz.workflows import participants
 from jointz.workflows.analysis import analyze, check_method
-from jointz.workflows.process_pool import process_pool
+from jointz.workflows.engine import open_engine
+from jointz.workflows.task_store import TaskStore
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +48,10 @@ def test_a_method_chosen_by_name_is_the_same_as_in_the_comparison(small_study_so
 
 
 def test_processes_find_what_one_process_finds(small_study_source, whole):
-    with process_pool(2, needs="jointz.workflows.participants") as pool:
-        shared = analyze(small_study_source, resamples=50, seed=3, pool=pool)
+    with open_engine(workers=2, tasks=2, needs="jointz.workflows.participants") as engine:
+        shared = analyze(small_study_source, resamples=50, seed=3, engine=engine)
 
-    pd.testing.assert_frame_equal(shared.to_frame(), whole.to_frame(), rtol=1e-9)
+    pd.testing.assert_frame_equal(shared.to_frame(), whole.to_frame(), check_exact=True)
     assert shared.pulses == whole.pulses
     assert list(shared.provenance["inputs"]) == list(whole.provenance["inputs"])
 
@@ -59,13 +61,51 @@ def test_problems_of_recordings_come_out_of_processes(small_study):
     for entry in small_study.root.glob("*perturbed.csv"):
         entry.write_text("spoiled")
     with (
-        process_pool(2, needs="jointz.workflows.participants") as pool,
+        open_engine(workers=2, tasks=2, needs="jointz.workflows.participants") as engine,
         pytest.raises(StudyError) as shared,
     ):
-        analyze(opened, resamples=2, pool=pool)
+        analyze(opened, resamples=2, engine=engine)
     with pytest.raises(StudyError) as alone:
         analyze(opened, resamples=2)
     assert shared.value.problems == alone.value.problems
+
+
+def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
+    small_study_source, whole, monkeypatch
+):
+    def broken(person_id, *given):
+        if person_id == whole.cells[0].participant:
+            raise ZeroDivisionError("planted")
+        return analyze_participant(person_id, *given)
+
+    analyze_participant = participants.analyze_participant
+    monkeypatch.setattr(participants, "analyze_participant", broken)
+    found = analyze(small_study_source, resamples=50, seed=3)
+
+    first = whole.cells[0].participant
+    before, after = whole.to_frame(), found.to_frame()
+    told = after[after["participant"] == first]
+    assert set(told["status"]) == {"failed:analysis_broke"}
+    assert len(told) == (before["participant"] == first).sum()
+    pd.testing.assert_frame_equal(
+        after[after["participant"] != first], before[before["participant"] != first]
+    )
+    [note] = [n for n in found.statistics["notes"] if "the program failed" in n]
+    assert note.startswith(f"{first} (seed 3): the program failed (ZeroDivisionError: planted)")
+
+
+def test_an_analysis_goes_on_where_another_was_killed(small_study, tmp_path, monkeypatch):
+    store = TaskStore(tmp_path / "tasks")
+    first = analyze(small_study.root, resamples=20, store=store)
+    assert len(list(store.folder.iterdir())) == len(first.provenance["study"]["participants"])
+
+    monkeypatch.setattr(participants, "analyze_participant", None)  # nothing is done again
+    again = analyze(small_study.root, resamples=20, store=store)
+    pd.testing.assert_frame_equal(again.to_frame(), first.to_frame(), check_exact=True)
+    assert again.pulses == first.pulses
+
+    other = analyze(small_study.root, resamples=21, store=store)  # another question
+    assert {c.parameters[0].status for c in other.cells} == {"failed:analysis_broke"}
 
 
 def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):

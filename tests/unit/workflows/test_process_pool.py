@@ -1,15 +1,11 @@
-"""Work shared out to processes, and what becomes of it when one of them is gone."""
+"""Processes that end with the one they work for."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
-from functools import partial
 
-import pytest
-
-from jointz.workflows.process_pool import process_pool, shared_out, workers_for
+from jointz.workflows.process_pool import process_pool, workers_for
 
 _HOLD = """
 import time
@@ -28,32 +24,6 @@ def test_few_things_to_do_start_no_process():
         assert pool is None
 
 
-def test_results_come_in_the_order_of_the_calls_from_other_processes():
-    with process_pool(2, needs="json") as pool:
-        found = [wait() for wait in shared_out(pool, [partial(divmod, k, 3) for k in range(5)])]
-        (elsewhere,) = shared_out(pool, [os.getpid])
-
-        assert elsewhere() != os.getpid()
-    assert found == [divmod(k, 3) for k in range(5)]
-
-
-def test_an_error_of_a_call_is_raised_where_its_result_is_asked_for():
-    with process_pool(2, needs="json") as pool:
-        broken, fine = shared_out(pool, [partial(divmod, 1, 0), partial(divmod, 1, 1)])
-        with pytest.raises(ZeroDivisionError):
-            broken()
-        assert fine() == (1, 0)
-
-
-def test_what_a_killed_worker_owed_is_done_here():
-    with process_pool(2, needs="json") as pool:
-        (killed,) = shared_out(pool, [partial(_pid_or_death, os.getpid())])
-
-        assert killed() == os.getpid()
-        (after,) = shared_out(pool, [os.getpid])
-        assert after() == os.getpid()
-
-
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = tmp_path / "hold.py"
     script.write_text(_HOLD)
@@ -68,12 +38,6 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     while _runs(worker) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _runs(worker)
-
-
-def _pid_or_death(parent: int) -> int:
-    if os.getpid() != parent:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return os.getpid()
 
 
 def _runs(pid: int) -> bool:

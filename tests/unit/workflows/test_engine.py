@@ -1,0 +1,204 @@
+"""Tasks done by this process and by others: same results, and what becomes of the lost."""
+
+import os
+import random
+import signal
+import subprocess
+import threading
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+from threadpoolctl import threadpool_info
+
+from jointz.core.errors import DataError, WorkerLostError
+from jointz.workflows.engine import Serial, Task, done_in_turn, open_engine, shared_out
+from jointz.workflows.task_store import TaskStore, task_key
+
+
+def square(k):
+    return k * k
+
+
+def third_fails(k):
+    if k == 3:
+        raise ValueError("planted")
+    return k
+
+
+def third_kills(k):
+    if k == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return k
+
+
+def counted(folder, k):
+    """Leave a mark when begun and one when done."""
+    for mark in ("begun", "done"):
+        with (Path(folder) / f"{k}.{mark}").open("a") as file:
+            file.write("x")
+        time.sleep(0.1 if mark == "begun" else 0.0)
+    return k
+
+
+def threads():
+    import numpy as np
+
+    np.linalg.inv(np.eye(2))
+    return [one["num_threads"] for one in threadpool_info()]
+
+
+def pid_or_death(parent):
+    if os.getpid() != parent:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.getpid()
+
+
+def tasks(call, count, *arguments, store=False):
+    return [
+        Task(f"task {k}", partial(call, *arguments, k), partial(str, k) if store else None)
+        for k in range(count)
+    ]
+
+
+@pytest.fixture(params=[1, 2], ids=["serial", "processes"])
+def engine(request):
+    with open_engine(workers=request.param, tasks=9, needs="json") as made:
+        yield made
+
+
+@pytest.fixture
+def processes():
+    with open_engine(workers=2, tasks=9, needs="json") as made:
+        yield made
+
+
+def test_results_come_in_the_order_of_the_tasks(engine):
+    assert [d.result() for d in done_in_turn(engine, tasks(square, 30))] == [
+        k * k for k in range(30)
+    ]
+
+
+def test_a_task_that_raises_is_told_and_the_rest_is_done(engine):
+    done = list(done_in_turn(engine, tasks(third_fails, 7)))
+
+    assert [d.value for d in done] == [0, 1, 2, None, 4, 5, 6]
+    assert repr(done[3].error) == "ValueError('planted')"
+    assert done[3].name == "task 3"
+    with pytest.raises(ValueError, match="planted"):
+        done[3].result()
+
+
+def test_tasks_are_taken_as_they_are_needed(engine):
+    taken = []
+
+    def endless():
+        while True:
+            taken.append(len(taken))
+            yield Task("one", partial(square, len(taken)))
+
+    coming = done_in_turn(engine, endless())
+    for _ in range(3):
+        next(coming)
+    coming.close()
+    assert len(taken) <= 3 + engine.ahead
+
+
+def test_linear_algebra_has_one_thread_in_every_task(engine):
+    [done] = done_in_turn(engine, [Task("threads", threads)])
+
+    assert set(done.result()) == {1}
+
+
+def test_a_task_that_kills_its_worker_is_told_and_the_rest_is_done(processes):
+    done = list(done_in_turn(processes, tasks(third_kills, 7)))
+
+    assert [d.value for d in done] == [0, 1, 2, None, 4, 5, 6]
+    assert isinstance(done[3].error, WorkerLostError)
+    assert "task 3: its worker was killed" in str(done[3].error)
+
+
+@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.slow)])
+def test_workers_killed_at_random_cost_little_and_nothing_is_counted_twice(
+    processes, tmp_path, kills
+):
+    rng = random.Random(kills)
+    killed = []
+
+    def kill():
+        while len(killed) < kills:
+            time.sleep(rng.uniform(0.8, 1.6))
+            words = ["pgrep", "-P", str(os.getpid()), "-f", "spawn_main"]
+            found = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+            if found:
+                killed.append(rng.choice(found.split()))
+                os.kill(int(killed[-1]), signal.SIGKILL)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    count = 40 * kills
+    done = list(done_in_turn(processes, tasks(counted, count, tmp_path)))
+    killer.join()
+
+    assert [d.result() for d in done] == list(range(count))
+    begun = sum(len(file.read_text()) for file in tmp_path.glob("*.begun"))
+    # What each of the two workers was at, and the next that lay ready for it.
+    assert begun - count <= 4 * len(killed)
+
+
+def test_a_result_that_is_kept_is_not_made_again(engine, tmp_path):
+    store = TaskStore(tmp_path / "tasks")
+    first = [*done_in_turn(engine, tasks(counted, 4, tmp_path, store=True), store=store)]
+    again = [*done_in_turn(engine, tasks(counted, 6, tmp_path, store=True), store=store)]
+
+    assert [d.result() for d in first] == [0, 1, 2, 3]
+    assert [d.result() for d in again] == [0, 1, 2, 3, 4, 5]
+    assert {len(file.read_text()) for file in tmp_path.glob("*.done")} == {1}
+    store.clear()
+    assert not store.folder.exists()
+
+
+def test_what_failed_is_not_kept(engine, tmp_path):
+    store = TaskStore(tmp_path)
+    list(done_in_turn(engine, tasks(third_fails, 4, store=True), store=store))
+
+    assert sorted(file.stem for file in tmp_path.iterdir()) == ["0", "1", "2"]
+
+
+def test_a_key_is_of_all_that_a_result_depends_on():
+    def key(**changed):
+        given = {"what": "analyze S01", "inputs": {"a.csv": "12"}, "settings": {"seed": 1}}
+        return task_key(**(given | changed))
+
+    keys = [key(), key(what="analyze S02"), key(inputs={"a.csv": "13"}), key(settings={"seed": 2})]
+    assert len(set(keys)) == 4
+    assert key() == keys[0]
+
+
+def test_what_is_shared_out_is_waited_for_one_by_one(processes):
+    found = [wait() for wait in shared_out(processes, [partial(divmod, k, 3) for k in range(5)])]
+    broken, fine = shared_out(processes, [partial(divmod, 1, 0), partial(divmod, 1, 1)])
+
+    assert found == [divmod(k, 3) for k in range(5)]
+    with pytest.raises(ZeroDivisionError):
+        broken()
+    assert fine() == (1, 0)
+
+
+def test_what_a_killed_worker_owed_of_what_was_shared_out_is_done_here(processes):
+    (killed,) = shared_out(processes, [partial(pid_or_death, os.getpid())])
+
+    assert killed() == os.getpid()
+    (after,) = shared_out(processes, [os.getpid])
+    assert after() == os.getpid()
+
+
+def test_one_worker_is_this_process():
+    with open_engine(workers=1, tasks=100, needs="json") as engine:
+        assert isinstance(engine, Serial)
+    with (
+        pytest.raises(DataError, match="workers: expected at least 1, got 0"),
+        open_engine(workers=0, tasks=1, needs="json"),
+    ):
+        pass
