@@ -74,6 +74,8 @@ def open_console(
     live = LiveSession(study, alive=process.alive)
     feed = LiveFeed(live, process)
     desk = Desk(study, process, feed.look)
+    if begin:
+        feed.poll()  # what stands there already is no word of the process that is begun
 
     def ready(address: str) -> None:
         # Last of all: a session begins only when there is a page to stop it with.

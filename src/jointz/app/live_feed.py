@@ -86,7 +86,7 @@ class LiveFeed:
         self._renewed_s = time.monotonic()
         told = {} if problem else self._live.status()
         told = (told or self._told) | {"problem": problem, "can_start": self._process.can_start}
-        if told.get("state") in ("idle", "failed", "stopped"):
+        if told.get("state") in ("idle", "failed", "stopped", "tripped"):
             told["words"] = self._process.last_words()
         self._told = told
         status = json.dumps(_finite(told), allow_nan=False)

@@ -101,7 +101,8 @@ def _listen(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except (OSError, OverflowError) as exc:
         raise DataError(
-            f"{host} port {port}: cannot be listened on ({exc}). Name another with --port."
+            f"{host} port {port}: cannot be listened on ({exc}). Name another with --port or "
+            "--listen."
         ) from exc
 
 

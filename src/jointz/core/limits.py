@@ -9,6 +9,8 @@ from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.errors import ProtocolError
 
 Positive = Annotated[float, Field(gt=0)]
+#: A stop lasts as long as the fade; 50 for 0.05 would leave torque on for most of a minute.
+Moment = Annotated[float, Field(gt=0, le=1)]
 #: Pulses may fill their share of the last so many seconds.
 DUTY_WINDOW_S = 10.0
 
@@ -26,13 +28,13 @@ class SafetyLimits(CheckedModel):
     current_a: Positive
     angle_min_rad: float
     angle_max_rad: float
-    velocity_rad_s: Positive
-    temperature_c: Positive
-    sensor_age_s: Positive
+    velocity_rad_s: Annotated[float, Field(gt=0, le=200)]
+    temperature_c: Annotated[float, Field(gt=0, le=200)]
+    sensor_age_s: Moment
     pulse_count: Annotated[int, Field(gt=0)]
     pulse_duty: Annotated[float, Field(gt=0, le=1)]
-    consecutive_overruns: Annotated[int, Field(gt=0)]
-    fade_s: Positive
+    consecutive_overruns: Annotated[int, Field(gt=0, le=100)]
+    fade_s: Moment
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the limits."""

@@ -48,6 +48,8 @@ _READ_OF_RATE = 0.9
 #: Failures in a row for so long, or no reading at all, mean that the chip is gone.
 _LOST_S, _SILENCE_NS = 0.02, 1_000_000_000
 _KEPT_S = 2.0
+#: Its settings are looked at so often: a chip that lost its supply goes on to answer.
+_LOOK_S = 0.25
 
 
 class Ads1115Sensor(Lived):
@@ -95,6 +97,7 @@ class Ads1115Sensor(Lived):
         self._failures = 0
         self._failure = ""
         self._sampled_ns = 0
+        self._until_look = self._between_looks = max(1, round(_LOOK_S * spec.sample_rate_hz))
         self._closed = False
         self.dropped = 0
 
@@ -215,8 +218,9 @@ class Ads1115Sensor(Lived):
         """Read the newest conversion and queue it."""
         if self._state is not _ACTIVE:
             return
-        before_ns = self._now_ns()
         try:
+            self._look_at_settings()
+            before_ns = self._now_ns()
             raw = self._register(_CONVERSION)
         except (OSError, AttributeError, TypeError) as exc:  # the last two: closed meanwhile
             self._failures += 1
@@ -229,6 +233,22 @@ class Ads1115Sensor(Lived):
         self.dropped += len(self._queue) == self._queue.maxlen
         counts = raw - 65_536 if raw > _HIGHEST else raw
         self._queue.append(SensorSample((before_ns + now_ns) // 2, now_ns, self._value(counts)))
+
+    def _look_at_settings(self) -> None:
+        """See now and then that the chip still converts: without settings its value stands still.
+
+        Raises
+        ------
+        OSError
+            When it was restarted; also at every reading after that.
+        """
+        self._until_look -= 1
+        if self._until_look > 0:
+            return
+        self._until_look = 1
+        if (self._register(_CONFIG) ^ self._config()) & _WRITTEN:
+            raise OSError("it lost its settings: its supply was interrupted")
+        self._until_look = self._between_looks
 
     def _value(self, counts: int) -> float:
         spec = self._spec

@@ -7,6 +7,7 @@ need, are imported when the devices are opened.
 """
 
 import importlib
+import reprlib
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
@@ -75,6 +76,12 @@ class DephySpec(CheckedModel):
                 f"expected more than 0, got {self.torque_model.torque_constant:g}. Direction is "
                 "given by side and direction.",
             )
+        if self.torque_model.bias != 0.0:
+            yield Problem(
+                ("torque_model", "bias"),
+                f"expected 0, got {self.torque_model.bias:g}: what equation 3.3 calls bias is that "
+                "of the torque sensor it was fitted to; zero torque would be a standing current.",
+            )
 
 
 class Ads1115Spec(CheckedModel):
@@ -142,6 +149,14 @@ class LslSpec(CheckedModel):
     offset: float = 0.0
     kind: ContactKind = "voltage"
     timeout_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what holds of the keys."""
+        return (self._gain_is_one,)
+
+    def _gain_is_one(self) -> Iterator[Problem]:
+        if self.gain == 0.0:
+            yield Problem(("gain",), "expected a number that is not 0, got 0.")
 
 
 class OpenSourceLegSpec(BaseModel):
@@ -244,7 +259,9 @@ def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> Device
         raise DeviceFileError(where, problems) from exc
 
 
-def open_devices(config: DeviceFile | Mapping[str, Any], *, clock: Clock) -> Devices:
+def open_devices(
+    config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
+) -> Devices:
     """Return the devices that a file names, ``UNCONFIGURED``.
 
     Parameters
@@ -253,6 +270,8 @@ def open_devices(config: DeviceFile | Mapping[str, Any], *, clock: Clock) -> Dev
         What the file says.
     clock : Clock
         The host's.
+    before : Actuator, optional
+        What was opened of this file before, to go on with what it knew of its heat.
 
     Raises
     ------
@@ -265,17 +284,20 @@ def open_devices(config: DeviceFile | Mapping[str, Any], *, clock: Clock) -> Dev
     return Devices(
         angle=_sensor(checked.angle, "angle", clock),
         contact=_sensor(checked.contact, "contact", clock),
-        actuator=_actuator(checked.actuator, clock),
+        actuator=_actuator(checked.actuator, clock, before),
     )
 
 
-def _actuator(spec: DephySpec | OpenSourceLegSpec | None, clock: Clock) -> Actuator | None:
+def _actuator(
+    spec: DephySpec | OpenSourceLegSpec | None, clock: Clock, before: Actuator | None
+) -> Actuator | None:
     if spec is None:
         return None
     if isinstance(spec, DephySpec):
         from jointz.devices.dephy import DephyActPack
 
-        return DephyActPack(spec, clock=clock)
+        same = before if isinstance(before, DephyActPack) else None
+        return DephyActPack(spec, clock=clock, before=same)
     made: Actuator = importlib.import_module(_OSL_MODULE).open_actuator(_keys(spec), clock=clock)
     return made
 
@@ -317,7 +339,7 @@ def _sentence(error: Mapping[str, Any]) -> str:
     drivers = _DRIVERS.get(str(section), ())
     if len(location) > 1 and location[1] in drivers:  # pydantic puts the driver between the keys
         location = (section, *location[2:])
-    place, kind, shown = place_of(location), error["type"], repr(error["input"])
+    place, kind, shown = place_of(location), error["type"], reprlib.repr(error["input"])
     if kind.startswith("union_tag"):
         got = error["input"].get("driver") if isinstance(error["input"], Mapping) else None
         told = "missing" if got is None else f"got {got!r}"

@@ -67,9 +67,18 @@ class DephyActPack(Lived):
         The host's.
     repeat : callable
         Runs the watchdog of the commands.
+    before : DephyActPack, optional
+        The same actuator in the condition before: its winding has not cooled at once.
     """
 
-    def __init__(self, spec: DephySpec, *, clock: Clock, repeat: Repeat = RepeatingThread) -> None:
+    def __init__(
+        self,
+        spec: DephySpec,
+        *,
+        clock: Clock,
+        repeat: Repeat = RepeatingThread,
+        before: "DephyActPack | None" = None,
+    ) -> None:
         super().__init__(f"Dephy ActPack at {spec.port}")
         sign = spec.direction if spec.side == "right" else -spec.direction
         model = spec.torque_model
@@ -77,9 +86,8 @@ class DephyActPack(Lived):
         self._now_ns = clock.now_ns
         self._repeat = repeat
         self._units = Units(gear_ratio=model.gear_ratio, sign=sign, zero_counts=spec.zero_counts)
-        self._bias = model.bias
         self._torque_per_ampere = model.gear_ratio * model.torque_constant
-        self._winding = Winding(spec.winding)
+        self._winding = Winding(spec.winding) if before is None else before._cooled(clock)
         self._samples = Samples(self._name, self._units, self._winding)
         self._device: Any = None
         self._watchdog: Repeating | None = None
@@ -265,7 +273,7 @@ class DephyActPack(Lived):
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
         largest = self._spec.limits.current_a * self._winding.share
-        wanted = (torque_nm - self._bias) / self._torque_per_ampere
+        wanted = torque_nm / self._torque_per_ampere
         milliamperes = self._units.milliamperes(max(-largest, min(largest, wanted)))
         try:
             with self._sending:
@@ -274,6 +282,11 @@ class DephyActPack(Lived):
                 self._device.command_motor_current(milliamperes)
         except _LIBRARY_ERRORS as exc:
             raise self._gone(exc) from exc
+
+    def _cooled(self, clock: Clock) -> Winding:
+        """Return the winding as it is now, without current since the last sample."""
+        self._winding.rest(max(0.0, (clock.now_ns() - self._sampled_ns) * 1e-9))
+        return self._winding
 
     # --- what is sent ------------------------------------------------------------------------
 

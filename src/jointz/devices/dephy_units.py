@@ -235,6 +235,17 @@ class Winding:
         over_s = -expm1(min(_MOST_GROWTH, -decay * elapsed_s)) / decay if decay else elapsed_s
         self.temperature_c += flow / spec.capacitance_j_k * over_s
 
+    def rest(self, elapsed_s: float) -> None:
+        """Cool down without current; before the first sample nothing is known to be warm.
+
+        Parameters
+        ----------
+        elapsed_s : float, s
+            Since the last sample.
+        """
+        if self._started:
+            self.warm(0.0, self.case_c, elapsed_s=elapsed_s)
+
     @property
     def share(self) -> float:
         """Share of the largest current that may flow, 1 when cool and 0 at a limit."""

@@ -7,7 +7,8 @@ What to know of the time of its samples: the sender stamps them with its clock, 
 how far that clock is from the one of this computer, every few seconds, to some 0.2 ms over a
 cable. The stamps here are moved by that offset, so that a sender whose clock drifts stays
 aligned; they are only as good as the sender's own stamps, which know nothing of what its
-hardware did before. Wireless networks deliver in bursts: use a cable.
+hardware did before. Wireless networks deliver in bursts: use a cable. What arrives 0.1 s later
+than the fastest samples did is left out, so that the safety gate sees a stale sensor.
 """
 
 import contextlib
@@ -32,6 +33,10 @@ _MOST_CHUNKS = 32
 #: Without a sample for so long a sender is gone: one that crashed says nothing.
 _SILENCE_NS = 1_000_000_000
 _RATE_TOLERANCE = 0.01
+#: What comes by so much later than the fastest did was held up on its way: it is not new.
+_LATE_NS = 100_000_000
+#: Stamps of a sender that counts samples run away from the host's clock by less than this.
+_DRIFT = 1e-3
 #: What pylsl raises; its own errors are RuntimeErrors.
 LIBRARY_ERRORS = (RuntimeError, OSError)
 
@@ -51,7 +56,7 @@ class LslSensor(Lived):
     Attributes
     ----------
     dropped : int
-        Samples left out, because their stamps did not rise.
+        Samples left out, because their stamps did not rise or they came too late.
     offset_s : float, s
         What was last added to the sender's stamps.
     """
@@ -63,6 +68,7 @@ class LslSensor(Lived):
         self._now_ns = clock.now_ns
         self._inlet: Any = None
         self._newest_ns = self._received_ns = 0
+        self._fastest: tuple[float, int] | None = None  # lag (ns) of the least late, when
         self.dropped = 0
         self.offset_s = 0.0
 
@@ -118,6 +124,7 @@ class LslSensor(Lived):
         except LIBRARY_ERRORS as exc:
             raise self._gone(exc) from exc
         self._received_ns = self._now_ns()
+        self._fastest = None
         self._state = _ACTIVE
 
     def stop(self) -> None:
@@ -161,11 +168,16 @@ class LslSensor(Lived):
 
     def _samples(self, received: list[tuple[float, float]]) -> list[SensorSample]:
         host_ns = self._now_ns()
+        if self._is_late([stamp for stamp, _ in received if isfinite(stamp)], host_ns):
+            self.dropped += len(received)
+            received = []
         if received:
             self._received_ns = host_ns
         elif host_ns - self._received_ns > _SILENCE_NS:
             raise NotConnectedError(
-                self._name, "sent nothing for a second. Check its sender and the network."
+                self._name,
+                "sent nothing for a second, or all of it came late. Check its sender and the "
+                "network.",
             )
         spec, offset_s = self._spec, self.offset_s
         samples = []
@@ -177,6 +189,19 @@ class LslSensor(Lived):
             self._newest_ns = time_ns
             samples.append(SensorSample(time_ns, host_ns, spec.gain * (value - spec.offset)))
         return samples
+
+    def _is_late(self, stamps: list[float], host_ns: int) -> bool:
+        """Tell whether the newest sample was held up on its way, against the fastest so far.
+
+        The clocks of host and stream need not have one zero; their difference may drift.
+        """
+        if not stamps:
+            return False
+        lag_ns = host_ns - (max(stamps) + self.offset_s) * 1e9
+        fastest_ns, seen_ns = self._fastest or (lag_ns, host_ns)
+        fastest_ns = min(lag_ns, fastest_ns + _DRIFT * (host_ns - seen_ns))
+        self._fastest = fastest_ns, host_ns
+        return lag_ns - fastest_ns > _LATE_NS
 
     def _check(self, info: Any) -> None:
         spec = self._spec

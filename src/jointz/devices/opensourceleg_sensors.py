@@ -13,7 +13,7 @@ from collections import deque
 from typing import Any
 
 from jointz.core.clock import Clock
-from jointz.core.errors import DeviceError
+from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
 from jointz.devices.lifecycle import Lived
 from jointz.devices.opensourceleg_polling import (
@@ -28,6 +28,8 @@ from jointz.devices.opensourceleg_setup import Reading
 
 _UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
 _ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+#: A library whose update does not return raises nothing; without a sample for so long it is gone.
+_SILENCE_NS = 1_000_000_000
 
 
 class OpenSourceLegSource:
@@ -128,6 +130,7 @@ class OpenSourceLegSensor(Lived):
         super().__init__(f"{source.device.name} {reading.channel}")
         self._source, self._device, self._reading = source, source.device, reading
         self._queue: deque[SensorSample] = deque(maxlen=QUEUE_LENGTH)
+        self._sampled_ns = 0
 
     def describe(self) -> SensorDescription:
         """Return what the sensor says about itself, and that nobody tried it on hardware."""
@@ -164,6 +167,7 @@ class OpenSourceLegSensor(Lived):
         self._require(_INACTIVE)
         self._device.check()
         self._queue.clear()
+        self._sampled_ns = self._device.clock.now_ns()
         self._state = _ACTIVE
 
     def read(self) -> list[SensorSample]:
@@ -172,13 +176,20 @@ class OpenSourceLegSensor(Lived):
         Raises
         ------
         NotConnectedError
-            When the library raised.
+            When the library raised, or gave nothing for a second.
         DeviceError
             When the sensor is not ``ACTIVE``.
         """
         self._require(_ACTIVE)
         self._device.check()
-        return drained(self._queue)
+        samples, now_ns = drained(self._queue), self._device.clock.now_ns()
+        if samples:
+            self._sampled_ns = now_ns
+        elif now_ns - self._sampled_ns > _SILENCE_NS:
+            raise NotConnectedError(
+                self._name, "gave no sample for a second: its update hangs. Check the wiring."
+            )
+        return samples
 
     def stop(self) -> None:
         """Go to ``INACTIVE``; never raises, never blocks."""

@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import DeviceFileError, ProtocolError, StudyError
+from jointz.core.errors import DeviceFileError, EntryError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
 
@@ -34,7 +34,7 @@ def parse_toml(
     where: str,
     text: bytes,
     *,
-    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError],
+    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError] | type[EntryError],
 ) -> dict[str, Any]:
     """Parse a TOML file.
 

@@ -5,7 +5,7 @@ import io
 import shutil
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -110,7 +110,8 @@ def decide(study: Study, pulse: PulseRecord, action: Action, *, reason: str) -> 
     Raises
     ------
     DataError
-        Without a reason, or when the file that is there cannot be read.
+        Without a reason, when the file that is there cannot be read, or ``study.toml`` was
+        changed since the study was opened.
     WriteError
         When the system does not let it be written.
 
@@ -122,6 +123,12 @@ def decide(study: Study, pulse: PulseRecord, action: Action, *, reason: str) -> 
     words = _checked_reason(reason, action)
     with _alone(study.root):
         current = open_study(study.root)  # refuses a file that nobody could add to
+        if current.sha256 != study.sha256:  # or one person's numbers would be of another study
+            raise DataError(
+                f"{study.root}: study.toml was changed since it was opened; nothing was written. "
+                "Analyse the study again, and open the results anew.",
+                path=str(study.root),
+            )
         if is_excluded(current, pulse) == (action == "exclude"):
             return current
         _append(study.root / FILE, _line(pulse, action, words))
@@ -159,7 +166,8 @@ def _alone(root: Path) -> Iterator[None]:
         except OSError as exc:
             raise WriteError(str(root / FILE), exc, _TODO) from exc
         try:
-            fcntl.flock(fd, fcntl.LOCK_EX)  # let go when closed, or when the process is gone
+            with suppress(OSError):  # network file systems lock no folders: as on Windows then
+                fcntl.flock(fd, fcntl.LOCK_EX)  # let go when closed, or the process is gone
             yield
         finally:
             os.close(fd)
@@ -167,14 +175,17 @@ def _alone(root: Path) -> Iterator[None]:
 
 def _append(file: Path, line: dict[str, str]) -> None:
     file = file.resolve()  # one that is linked stays linked
-    there = file.read_bytes() if file.exists() else b""
+    try:
+        there = file.read_bytes() if file.exists() else b""
+    except OSError as exc:
+        raise WriteError(str(file), exc, _TODO) from exc
     header = _header(there)
-    ending = "\r\n" if b"\r\n" in there else "\n"
+    ending = next((one for one in ("\r\n", "\n", "\r") if one.encode() in there), "\n")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=ending)
     if not there:
         writer.writerow(header)
-    elif not there.endswith(b"\n"):
+    elif not there.endswith((b"\n", b"\r")):
         text.write(ending)
     writer.writerow([line.get(column, "") for column in header])
     with whole_file(file, _TODO) as partial:
@@ -188,5 +199,6 @@ def _header(there: bytes) -> list[str]:
     if not there:
         return list(_COLUMNS)
     # Blank lines before the header are none to pandas, which reads the file.
-    lines = (row for row in csv.reader(io.StringIO(there.decode("utf-8-sig"))) if row)
+    text = io.StringIO(there.decode("utf-8-sig"), newline=None)
+    lines = (row for row in csv.reader(text) if row)
     return next(lines)

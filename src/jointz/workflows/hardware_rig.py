@@ -15,9 +15,10 @@ from jointz.core.errors import DataError, DeviceFileError
 from jointz.core.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.config import DeviceFile, device_file, open_devices
-from jointz.devices.interface import Devices, Wearer
+from jointz.devices.interface import Actuator, Devices, Wearer
 from jointz.io.calibration_file import CalibrationFile
 from jointz.io.device_file import read_device_file
+from jointz.workflows.participant_run import check_id
 
 UNTRIED = "No driver of jointz was ever tried on hardware."
 #: What must be installed for a driver.
@@ -76,6 +77,7 @@ class HardwareRig:
     def __init__(self, hardware: Hardware, number: int) -> None:
         self._hardware = hardware
         self._wearer = hardware.wearers[number]
+        self._actuator: Actuator | None = None
 
     @property
     def wearer(self) -> Wearer:
@@ -115,7 +117,9 @@ class HardwareRig:
         file = self._hardware.file
         if not worn:
             file = file.model_copy(update={"actuator": None})
-        return open_devices(file, clock=clock)
+        devices = open_devices(file, clock=clock, before=self._actuator)
+        self._actuator = devices.actuator or self._actuator
+        return devices
 
     def notes(self) -> Mapping[str, Any]:
         """Return file, drivers, versions of their libraries, and that nothing was tried."""
@@ -161,6 +165,8 @@ def read_hardware(
     where = os.fspath(path)
     file = device_file(read_device_file(path), where=where)
     wearers = _wearers(protocol, file, where, participants)
+    for one in wearers:  # before the first is measured, not after
+        check_id(one.id)
     problems = list(_lacking(protocol, file, levels_known=_knows_levels(file, wearers, known)))
     if problems:
         raise DeviceFileError(f"{where} for {protocol.name}", problems)

@@ -118,7 +118,8 @@ class Motion:
         }
         told |= {f"peak_{name}": _largest(values) for name, values in peaks.items()}
         felt = recent["command"][recent["host_time_ns"] > self.last_ns - _DUTY_S * 1e9] != 0.0
-        told["pulse_duty"] = float(felt.mean())
+        # Of the whole window, as the safety gate has it, from the first tick on.
+        told["pulse_duty"] = float(felt.sum() * self._period_ns / (_DUTY_S * 1e9))
         return told
 
     @property

@@ -141,6 +141,7 @@ class SessionProgress:
         self.state = "idle"
         self.condition = self.prompt = self.reason = ""
         self.segment = -1
+        self._lost = False
         self.told: deque[dict[str, Any]] = deque(maxlen=_MOST_TOLD)
 
     def take(self, event: Event) -> None:
@@ -188,4 +189,9 @@ class SessionProgress:
         self.state = _STATES[kind]
         if kind == "prompted":
             self.prompt, self.segment = event["text"], -1
-        self.reason = event.get("reason", "") if kind in ("stopped", "tripped", "failed") else ""
+        without_page = kind == "stopped" and self._lost
+        self._lost = kind == "stopped_without_console"
+        if kind in ("stopped", "tripped", "failed"):
+            self.reason = "the page was lost" if without_page else event.get("reason", "")
+        else:
+            self.reason = ""

@@ -21,6 +21,8 @@ from jointz.workflows.run_settings import SESSIONS
 
 #: States in which the session's process is needed.
 _UNDER_WAY = frozenset({"idle", "waiting", "starting", "running", "paused", "stopping", "between"})
+#: What a process writes first for whoever watches.
+_BEGINNINGS = frozenset({"prompted", "segment_started"})
 #: A loop that writes nothing for so long while it runs is dead or hangs.
 SILENT_AFTER_S = 2.0
 _LOCKS = Path("/proc/locks")
@@ -78,6 +80,8 @@ class LiveSession:
         self._onsets: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
         self._grew_s = time.monotonic()
         self._paused_at, self._paused_strides = -1, 0
+        #: Whether its process was seen gone, and what stands in the journal is of that one.
+        self._was_gone = not self._alive()
 
     @property
     def folder(self) -> Path | None:
@@ -92,6 +96,8 @@ class LiveSession:
         DataError
             When a file is damaged.
         """
+        alive = self._alive()
+        self._was_gone = self._was_gone or not alive
         newest = newest_session(self.study)
         if newest is None:
             return
@@ -102,6 +108,8 @@ class LiveSession:
         for event in self._journal.poll():
             self._progress.take(event)
             self._follow_pause(event["event"])
+            if event["event"] in _BEGINNINGS and alive:
+                self._was_gone = False
         self._follow_log()
 
     def _open(self, folder: Path) -> None:
@@ -161,9 +169,12 @@ class LiveSession:
         ``done``.
         """
         told = self._progress.state if self._progress else "idle"
+        alive = self._alive()
+        if alive and self._was_gone:
+            return "starting"  # taken up again, and has not written anything yet
         if told not in _UNDER_WAY:
             return told
-        if not self._alive():
+        if not alive:
             if told in ("idle", "between") and (self.study / STUDY_FILE).exists():
                 return "done"
             return {"idle": "idle", "stopping": "stopped"}.get(told, "failed")

@@ -57,7 +57,7 @@ def run_participant(
     KeyboardInterrupt
         When the operator stopped the session.
     """
-    _check_id(rig.wearer.id)
+    check_id(rig.wearer.id)
     folder = settings.session_folder(rig.wearer.id)
     report_file = folder / REPORT_FILE
     if report_file.exists():
@@ -91,8 +91,19 @@ def _written_report(file: Path) -> dict[str, Any]:
     return report
 
 
-def _check_id(wearer: str) -> None:
-    """Refuse an id that files cannot have, or that a study would take for a variable."""
+def check_id(wearer: str) -> None:
+    """Refuse an id that files cannot have, or that a study would take for a variable.
+
+    Parameters
+    ----------
+    wearer : str
+        The id.
+
+    Raises
+    ------
+    DataError
+        Saying what it may not hold.
+    """
     if not wearer or wearer.startswith(".") or any(c in wearer for c in '/\\$:*?"<>|\0'):
         raise DataError(
             f"participant {wearer!r}: expected a name that files can have, without / \\ $ : * ? "

@@ -67,7 +67,8 @@ def protocol(tmp_path):
 def laboratory(monkeypatch):
     """Simulated devices are opened where real ones are named, and time flies."""
 
-    def open_devices(file, *, clock):
+    def open_devices(file, *, clock, before=None):
+        del before
         rig = simulated_rig(0, seed=2)
         return rig.open("lab", worn=file.actuator is not None, segment=0, clock=clock)
 

@@ -33,6 +33,12 @@ def test_an_override_knows_every_limit_of_a_device():
     assert set(LimitsOverride.model_fields) == set(SafetyLimits.model_fields) == set(OWN)
 
 
+@pytest.mark.parametrize("name", ["fade_s", "sensor_age_s"])
+def test_no_device_may_take_long_over_a_stop_or_a_lost_sensor(name):
+    with pytest.raises(ValidationError, match="less than or equal to 1"):
+        SafetyLimits(**{**OWN, name: 50.0})
+
+
 def test_without_an_override_the_device_s_limits_stand(own):
     assert tightened(own, LimitsOverride()) == own
 

@@ -19,9 +19,7 @@ from jointz.core.protocol import (
 
 _BUILT_IN = Path(jointz.io.__file__).parent / "protocols_builtin"
 BENCH = {
-    f.stem: f
-    for f in _BUILT_IN.glob("*.toml")
-    if not f.stem.startswith(("walking", "calibration"))
+    f.stem: f for f in _BUILT_IN.glob("*.toml") if not f.stem.startswith(("walking", "calibration"))
 }
 POINTS = {"LRE": 7.0, "MSW": 81.0}
 

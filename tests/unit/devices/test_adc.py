@@ -322,6 +322,17 @@ def test_one_failure_of_the_bus_is_a_gap_and_no_end(made: Made) -> None:
     assert sensor.dropped == 2
 
 
+def test_a_chip_that_lost_its_settings_is_not_read_on(made: Made) -> None:
+    sensor, chip, clock = made()
+    begin(sensor)
+    wait(clock, 0.5)
+    assert sensor.read()
+    chip.registers[1] = b"\x85\x83"  # of its data sheet, after power-up: converts no more
+    wait(clock, 0.3)
+    with pytest.raises(NotConnectedError, match="supply was interrupted"):
+        sensor.read()
+
+
 def test_a_cable_that_came_off_is_told(made: Made) -> None:
     sensor, chip, clock = made()
     begin(sensor)

@@ -137,6 +137,10 @@ def test_all_problems_stand_in_one_message() -> None:
             "actuator.torque_model.torque_constant: expected more than 0",
         ),
         (
+            {"actuator__torque_model__bias": 0.5},
+            "actuator.torque_model.bias: expected 0, got 0.5",
+        ),
+        (
             {"actuator__winding__winding_limit_c": 60},
             "actuator.winding.winding_derate_c: expected less than winding_limit_c",
         ),
@@ -147,6 +151,7 @@ def test_all_problems_stand_in_one_message() -> None:
         ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz: expected at most 774 Hz"),
         ({"angle__full_scale_v": 5.0}, "angle.full_scale_v: expected 6.144"),
         ({"angle__gain_per_v": 0}, "angle.gain_per_v: expected a number that is not 0"),
+        ({"contact__gain": 0.0}, "contact.gain: expected a number that is not 0"),
         ({"angle__address": 0x20}, "angle.address: "),
         ({"angle__input": "4"}, "angle.input: "),
         ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v: missing"),

@@ -435,6 +435,30 @@ def test_the_stand_in_is_called_like_the_real_class(name: str) -> None:
     ]
 
 
+def test_the_next_condition_begins_with_the_heat_of_the_one_before(made) -> None:
+    device, _, clock = made()
+    begin(device)
+    device._winding.warm(0.0, 30.0, elapsed_s=0.0)
+    device._winding.temperature_c = 90.0
+    device._sampled_ns = clock.now_ns()
+    device.close()
+    wait(clock, 5.0)
+    again = DephyActPack(spec(), clock=clock, repeat=clock.repeat, before=device)
+    assert 70.0 < again._winding.temperature_c < 80.0
+    assert again._samples._winding is again._winding
+    wait(clock, 100.0)
+    later = DephyActPack(spec(), clock=clock, repeat=clock.repeat, before=again)
+    assert later._winding.temperature_c == pytest.approx(30.0, abs=0.5)
+
+
+def test_heat_that_was_never_measured_is_not_handed_on(made) -> None:
+    device, _, clock = made()
+    device.close()
+    again = DephyActPack(spec(), clock=clock, repeat=clock.repeat, before=device)
+    again._winding.warm(0.0, 55.0, elapsed_s=0.0)
+    assert again._winding.temperature_c == 55.0
+
+
 @pytest.mark.parametrize(("rate_hz", "samples"), [(500.0, 51), (1000.0, 101)])
 def test_all_queued_samples_are_read_at_either_rate(made, rate_hz, samples) -> None:
     device, library, clock = made(sample_rate_hz=rate_hz)
@@ -467,14 +491,6 @@ def test_the_motor_of_a_left_device_is_sent_the_other_sign(made) -> None:
     begin(device)
     device.command_torque(1.26)
     assert library.calls[-1] == ("command", CURRENT, -1000)
-
-
-def test_the_bias_of_the_torque_model_is_taken_off(made) -> None:
-    model = TorqueModelSpec(gear_ratio=10.0, torque_constant=0.1, bias=0.5, coulomb_friction=0.3)
-    device, library, _ = made(torque_model=model)
-    begin(device)
-    device.command_torque(2.5)
-    assert library.calls[-1] == ("command", CURRENT, 2000)
 
 
 @pytest.mark.parametrize(("torque_nm", "milliamperes"), [(1e6, 15_000), (-1e6, -15_000)])

@@ -239,6 +239,50 @@ def test_stamps_that_do_not_rise_are_left_out(made: Made, stamp: float) -> None:
     assert sensor.dropped == 1
 
 
+@pytest.mark.parametrize("late_s", [0.05, 0.5])
+def test_what_was_held_up_on_its_way_is_not_reported_as_new(made: Made, late_s: float) -> None:
+    sensor, sender, clock = made()
+    begin(sensor)
+    wait(clock, 0.1)
+    assert len(sensor.read()) == 50
+    sender.ahead_s -= late_s  # stamps of the past, in the order they were taken
+    sensor._inlet.time_correction = lambda _: -40.0
+    wait(clock, late_s + 0.1)
+    sensor.read()
+    got = 0
+    for _ in range(50):
+        wait(clock, 0.002)
+        got += len(sensor.read())
+    assert got == (50 if late_s < 0.1 else 0)
+
+
+def test_late_samples_for_a_second_are_a_lost_sensor(made: Made) -> None:
+    sensor, sender, clock = made()
+    begin(sensor)
+    wait(clock, 0.01)
+    assert sensor.read()
+    sensor._inlet.time_correction = lambda _: -40.0
+    sender.ahead_s -= 0.5
+
+    def follow() -> None:
+        for _ in range(600):
+            wait(clock, 0.002)
+            sensor.read()
+
+    with pytest.raises(NotConnectedError, match="came late"):
+        follow()
+
+
+def test_stamps_that_count_samples_may_run_away_slowly(made: Made) -> None:
+    sensor, sender, clock = made()
+    begin(sensor)
+    sensor._inlet.time_correction = lambda _: -40.0
+    for _ in range(1000):
+        wait(clock, 1.0)
+        sender.ahead_s -= 2e-4  # 200 ppm; 0.2 s in all
+        assert len(sensor.read()) >= 499
+
+
 def test_no_number_stays_no_number_for_the_gate(made: Made) -> None:
     sensor, _, clock = made(sender={"values": lambda _: [float("nan"), 0.0]})
     begin(sensor)

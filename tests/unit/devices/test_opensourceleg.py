@@ -517,6 +517,21 @@ def test_a_lost_sensor_is_lost_for_all_its_channels():
             sensor.read()
 
 
+def test_a_sensor_whose_update_hangs_is_lost():
+    fake, clock = FakeSensor(), PolledClock()
+    angle, _ = channels(fake, clock)
+    angle.configure()
+    angle.activate()
+    clock.pass_ms(4)
+    assert angle.read()
+    clock.pollings[0].running = False
+    clock.pass_ms(900)
+    assert angle.read() == []
+    clock.pass_ms(200)
+    with pytest.raises(NotConnectedError, match="gave no sample for a second"):
+        angle.read()
+
+
 def test_a_sensor_without_tag_goes_by_its_class_and_an_offline_one_is_refused():
     fake, clock = FakeSensor(), PolledClock()
     del fake.tag

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
 from jointz.io.study import open_study
 from jointz.workflows.analysis import analyze
@@ -23,7 +23,7 @@ from jointz.workflows.exploration_downloads import (
     traces_netcdf,
 )
 from jointz.workflows.exploration_estimates import Wanted, estimate_again, estimate_otherwise
-from jointz.workflows.exploration_exclusions import decide, is_excluded
+from jointz.workflows.exploration_exclusions import FILE, decide, is_excluded
 from jointz.workflows.exploration_references import reference_curves
 from jointz.workflows.exploration_traces import PulseKey
 from jointz.workflows.results_folder import write_results
@@ -263,6 +263,40 @@ def test_the_users_lines_stay_byte_for_byte(opened):
     assert float(line["onset_s"]) == pulse.onset_s
     assert is_excluded(study, pulse)
     assert len(study.user_exclusions) == 3
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_lines_end_as_they_do_in_the_file(opened, ending):
+    pulse = first_pulse(opened)
+    file = opened.study.root / FILE
+    lines = ["participant,recording,onset_s,action,reason", "x,y,1.5,exclude,old"]
+    file.write_bytes(ending.join(lines).encode())
+    study = decide(opened.study, pulse, "exclude", reason="stumbled")
+    assert [line.reason for line in study.user_exclusions] == ["old", "stumbled"]
+    assert file.read_bytes().count(ending.encode()) == 3
+
+
+def test_a_file_system_without_locks_is_written_to_all_the_same(opened, monkeypatch):
+    def refused(*_):
+        raise OSError(9, "Bad file descriptor")  # what NFS says of a folder
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    study = decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+    assert len(study.user_exclusions) == 1
+
+
+def test_what_is_no_file_is_told(opened):
+    (opened.study.root / FILE).mkdir()
+    with pytest.raises(WriteError, match="Is a directory"):
+        decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+
+
+def test_nothing_is_decided_about_another_study(opened):
+    toml = opened.study.root / "study.toml"
+    toml.write_text(toml.read_text() + "\n# another\n")
+    with pytest.raises(DataError, match=r"study\.toml was changed"):
+        decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+    assert not (opened.study.root / FILE).exists()
 
 
 def test_a_new_file_has_the_columns_of_the_format(opened):

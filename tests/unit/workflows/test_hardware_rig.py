@@ -80,7 +80,8 @@ class Laboratory:
     def __init__(self):
         self.opened = []
 
-    def open_devices(self, file, *, clock):
+    def open_devices(self, file, *, clock, before=None):
+        del before
         rig = simulated_rig(0, preset="nominal", seed=2)
         devices = rig.open(
             "lab", worn=file.actuator is not None, segment=len(self.opened), clock=clock
@@ -255,6 +256,12 @@ def test_participants_are_those_of_the_file_or_numbered(file, text, asked, ids):
 def test_more_participants_than_the_file_names_are_refused(file):
     with pytest.raises(DataError, match="names 2 participants, expected 3"):
         read_hardware(file(), load_protocol("walking"), participants=3)
+
+
+def test_a_name_that_no_file_can_have_is_told_before_the_first_is_measured(file):
+    path = file(ACTUATOR + ANGLE + CONTACT + REST + '[[participants]]\nid = "P/10"\n')
+    with pytest.raises(DataError, match="participant 'P/10'"):
+        read_hardware(path, load_protocol("walking"))
 
 
 def test_a_participant_who_is_named_twice_is_refused(file):

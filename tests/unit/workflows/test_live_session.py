@@ -394,6 +394,33 @@ def test_a_loop_that_writes_nothing_is_silent(study, monkeypatch):
     assert study.live.state == "silent"
 
 
+@pytest.mark.parametrize("ended", [None, "tripped"])
+def test_a_session_that_is_taken_up_again_is_starting_until_it_prompts(study, monkeypatch, ended):
+    begin(study)
+    study.log(walk(1))
+    if ended:
+        study.write(ended, reason="x")
+    study.status()
+    study.lives = False
+    assert study.status()["state"] == (ended or "failed")
+    monkeypatch.setattr(live_session, "SILENT_AFTER_S", 0.0)
+    time.sleep(0.001)
+    study.lives = True
+    assert study.status()["state"] == "starting"
+    study.write("prompted", text="Walk.")
+    assert study.status()["state"] == "waiting"
+
+
+def test_a_stop_for_want_of_a_page_says_so(study):
+    begin(study)
+    study.write("stopped_without_console")
+    study.write("stopped", segment=0, reason="asked for")
+    assert study.status()["reason"] == "the page was lost"
+    study.write("prompted", text="Walk.")
+    study.write("stopped", segment=0, reason="asked for")
+    assert study.status()["reason"] == "asked for"
+
+
 def test_devices_that_take_their_time_are_not_silent(study, monkeypatch):
     monkeypatch.setattr(live_session, "SILENT_AFTER_S", 0.0)
     begin(study)

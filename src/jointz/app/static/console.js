@@ -199,10 +199,18 @@ const jointzConsole = (() => {
   }
 
   function prompt() {
-    if (["stopped", "tripped", "failed"].includes(status.state)) return status.reason || status.words || "";
+    if (["stopped", "tripped", "failed"].includes(status.state)) return ended();
     if (status.state === "idle") return status.words || "";
     if (status.state === "done") return "Analyse it with: jointz analyze";
     return status.prompt || "";
+  }
+
+  // Why it ended, and what its process said last: a re-arm that fails tells it there alone.
+  function ended() {
+    const reason = status.reason || "", words = status.words || "";
+    if (reason && (words.includes(reason) || words.startsWith("jointz: Stopped."))) return reason;
+    return [reason, words].filter(Boolean).join("  ")
+      || "Its process is gone without a word: it was killed, or the computer lacked memory.";
   }
 
   // A card of bars and lines of text. What is there is changed, not made anew: ten times a second
