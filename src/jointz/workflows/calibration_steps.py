@@ -278,7 +278,6 @@ def _spring(data: StepData) -> CalibrationFit:
         *data.channels("spring", "motor_angle", "current"),
         model=data.torque_model,
         stiffness=data.loads["spring"].stiffness or _NOTHING,
-        intrinsic_stiffness=data.known("spring").intrinsic_stiffness or _NOTHING,
     )
 
 

@@ -5,10 +5,10 @@ from math import hypot
 
 import pytest
 
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.calibration_fit import (
     ENTRY_UNITS,
     CalibrationEntry,
-    CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,

@@ -6,13 +6,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_fit import (
-    CalibrationFailure,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
+from jointz.core.calibration_failure import CalibrationFailure
+from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 from jointz.core.estimates import REACH_95
 from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
 from jointz.kernels.robust_spread import robust_sd

@@ -8,9 +8,9 @@ out, and which is told from pulse to pulse.
 import numpy as np
 from scipy.stats import t as student_t
 
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.calibration_fit import (
     CalibrationEntry,
-    CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,
@@ -34,7 +34,8 @@ _FRICTION_GAIN = Calibrated(value=1.0, sd=0.2)
 _TORQUE_GAIN = Calibrated(value=1.0, sd=0.0)
 _FEWEST_SAMPLES = 30
 _METHOD = (
-    "regression of the torque on the encoder's motion, averages over pulses; sd from pulse to pulse"
+    "regression of the torque on the encoder's motion, that of the other pulses as instrument; sd "
+    "from pulse to pulse"
 )
 
 
@@ -110,18 +111,22 @@ def _fitted(average: PulseAverage, known: CalibrationSpec) -> CalibrationFit:
 
 
 def _regressed(torque: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return K, B, J and friction gain from averages, and their covariance from pulse to pulse."""
+    """Return K, B, J and friction gain, and their covariance from pulse to pulse.
+
+    The error of the torque moves the frame too, so that a pulse's own motion would lean towards
+    it: the motion of all the other pulses is its instrument (Angrist, Imbens and Krueger 1999,
+    doi:10.1002/(SICI)1099-1255(199901/02)14:1<57::AID-JAE501>3.0.CO;2-G).
+    """
     m, n = torque.shape
     if n < _FEWEST_SAMPLES:
         detail = f"only {n} samples move faster than {_SLOW_RAD_S:g} rad/s"
         raise RefusedError(CalibrationFailure.NO_MOTION, detail)
-    regressors = motion.mean(axis=0)
-    inverse = np.linalg.pinv(regressors)
-    values = inverse @ torque.mean(axis=0)
-    left = torque - motion @ values
-    each = (left - left.mean(axis=0)) @ inverse.T
+    others = (m * motion.mean(axis=0) - motion) / (m - 1)
+    inverse = np.linalg.pinv(np.einsum("mnp,mnq->pq", others, motion))  # friction may be none
+    values = inverse @ np.einsum("mnp,mn->p", others, torque)
+    each = inverse @ np.einsum("mnp,mn->pm", others, torque - motion @ values)
     widened = (float(student_t.ppf(0.975, m - 1)) / REACH_95) ** 2
-    return values, each.T @ each / (m * (m - 1)) * widened
+    return values, each @ each.T * m / (m - 1) * widened
 
 
 def _with_prior(

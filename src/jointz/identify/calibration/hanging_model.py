@@ -86,6 +86,8 @@ _SUBSTEP_S = 1e-3
 _LEAST_SD = 1e-6
 #: White noise added before a covariance is inverted, share of its mean variance.
 _EVEN_SHARE = 1e-3
+#: Place of the known total lag among the priors, behind those of the parameters.
+KNOWN_LAG = len(NAMES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +145,8 @@ class HangingPosterior:
         Inverse of the curvature; zero where a parameter is idle.
     prior_sd : (13,) float
         Of every parameter before the data.
+    lag_sd_s : float, s
+        Of what was known of the total lag; infinite where nothing was.
     log_evidence : float
         Up to a constant that both models share.
     misfit : float
@@ -156,6 +160,7 @@ class HangingPosterior:
     values: np.ndarray
     bread: np.ndarray
     prior_sd: np.ndarray
+    lag_sd_s: float
     log_evidence: float
     misfit: float
     fitted: tuple[np.ndarray, ...]
@@ -173,11 +178,12 @@ class HangingPosterior:
         -------
         noise : float
             What the noise of the data makes; more where the model misfits.
-        priors : (13,) float
-            What the prior of every parameter makes.
+        priors : (14,) float
+            What the prior of every parameter makes, then what was known of the total lag.
         """
         reach = slopes @ self.bread
-        priors = (reach / self.prior_sd) ** 2
+        of_lag = (reach[LAG] + reach[DELAY]) / self.lag_sd_s
+        priors = np.append(reach / self.prior_sd, of_lag) ** 2
         noise = max(float(reach @ slopes) - float(priors.sum()), 0.0)
         return max(self.misfit, 1.0) * noise, priors
 
@@ -195,6 +201,8 @@ class HangingModel:
         Name of a parameter -> mean and sd, in place of the usual ones.
     resonance : bool
         Whether tissue resonates before the sensor.
+    total_lag : tuple of float, s
+        Mean and sd of lag and delay together, as they are known; an infinite sd: not at all.
     """
 
     def __init__(
@@ -204,11 +212,13 @@ class HangingModel:
         known: dict[str, tuple[float, float]],
         *,
         resonance: bool,
+        total_lag: tuple[float, float] = (0.0, np.inf),
     ) -> None:
         self._cells = cells
         self._weight = weight
         self._roots = [cell.root() for cell in cells]
         self._resonance = resonance
+        self._total_lag = total_lag
         if weight is not None:
             change = float(np.hypot(_PRIOR["stiffness_more"][1], weight.stiffness.sd))
             mounted = {"inertia_more": (0.0, max(weight.inertia.sd, _LEAST_SD))}
@@ -300,7 +310,9 @@ class HangingModel:
         return np.asarray(np.nan_to_num(apart, nan=1e6))
 
     def _from_prior(self, values: np.ndarray) -> np.ndarray:
-        return np.asarray(((values - self._mean) / self._sd)[self._free])
+        known, sd = self._total_lag
+        of_lag = (values[LAG] + values[DELAY] - known) / sd
+        return np.append(((values - self._mean) / self._sd)[self._free], of_lag)
 
     def _posterior(self, free: np.ndarray) -> HangingPosterior:
         at = self._distances(free)
@@ -312,7 +324,7 @@ class HangingModel:
             jacobian[:, j] = (up - down) / (2e-3 * scale)
         curvature = jacobian.T @ jacobian
         bread = np.linalg.inv(curvature)
-        n_data = at.size - free.size
+        n_data = at.size - free.size - 1
         misfit = float(at[:n_data] @ at[:n_data]) / max(n_data - free.size, 1)
         values, full = self._mean.copy(), np.zeros((len(NAMES), len(NAMES)))
         values[self._free] = free
@@ -323,6 +335,7 @@ class HangingModel:
             values=values,
             bread=full,
             prior_sd=self._sd,
+            lag_sd_s=self._total_lag[1],
             log_evidence=evidence - float(np.log(self._sd[self._free]).sum()),
             misfit=misfit,
             fitted=tuple(shown for shown, _ in answers),

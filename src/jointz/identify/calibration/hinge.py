@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.calibration_fit import (
     CalibrationEntry,
-    CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,
@@ -30,7 +30,11 @@ from jointz.kernels.block_sandwich import correlation_time
 from jointz.kernels.joint_response import sensed
 
 _NAMES = ("angle_lag_s", "angle_gain")
-_SHARES = np.linspace(0.0, 1.0, 6)
+#: Shares of the filter that are tried, first over all, then where the weight is: steps wider than
+#: what the data tell apart would put the gain beside the truth, by more than its sd.
+_SHARES = 11
+_FINER = 2
+_NO_WEIGHT = 1e-4
 _STEP_S = 1e-3
 _LAG_STEP_S = 2e-4
 _PASSES = 12
@@ -121,8 +125,7 @@ def fit_hinge(time: np.ndarray, angle: np.ndarray, motor_angle: np.ndarray) -> C
 def _fitted(time: np.ndarray, angle: np.ndarray, encoder: np.ndarray) -> CalibrationFit:
     check_swing(angle, encoder)
     swing = _Swing(time, angle, encoder, _settled(time))
-    candidates = [_candidate(swing, share) for share in _SHARES]
-    chances = _chances(swing, candidates)
+    candidates, chances = _weighed_candidates(swing)
     best = candidates[int(np.argmax(chances))]
     used = time[swing.counts]
     _check_values(chances @ np.array([c.values for c in candidates]))
@@ -137,10 +140,10 @@ def _fitted(time: np.ndarray, angle: np.ndarray, encoder: np.ndarray) -> Calibra
         method=_METHOD,
         n_samples=int(swing.counts.sum()),
         notes=(
-            f"Of the lag {best.share:.0%} as a filter fits best; a pure delay has "
-            f"{chances[0]:.0%}, a pure filter {chances[-1]:.0%} of the weight.",
+            f"Of the lag {best.share:.0%} as a filter fits best, {candidates[0].share:.0%} to "
+            f"{candidates[-1].share:.0%} are possible.",
         ),
-        settings={"filter_shares": _SHARES.tolist()},
+        settings={"filter_shares": [one.share for one in candidates]},
         series=CalibrationSeries(
             x=thinned(used[shown]),
             measured=thinned(np.degrees(angle[swing.counts][shown])),
@@ -158,6 +161,18 @@ def _settled(time: np.ndarray) -> np.ndarray:
         counts &= (time < after) | (time >= after + _SETTLED_S)
     # The future that a negative lag asks for is not in the record.
     return np.asarray(counts & (time <= time[-1] + _LAG_RANGE_S[0]))
+
+
+def _weighed_candidates(swing: _Swing) -> tuple[list[_Candidate], np.ndarray]:
+    """Return fits with shares of the filter over all that is possible, and their weights."""
+    low, high = 0.0, 1.0
+    for _ in range(_FINER):
+        shares = np.linspace(low, high, _SHARES).tolist()
+        candidates = [_candidate(swing, share) for share in shares]
+        chances = _chances(swing, candidates)
+        possible = np.flatnonzero(chances > _NO_WEIGHT)
+        low, high = shares[max(possible[0] - 1, 0)], shares[min(possible[-1] + 1, _SHARES - 1)]
+    return candidates, chances
 
 
 def _candidate(swing: _Swing, share: float) -> _Candidate:

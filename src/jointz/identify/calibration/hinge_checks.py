@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jointz.core.calibration_fit import CalibrationFailure
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.identify.calibration.steady_fit import RefusedError, linear_fit
 
 _LEAST_SWING_RAD = float(np.radians(3.0))

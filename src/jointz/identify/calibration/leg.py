@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.calibration_fit import (
     CalibrationEntry,
-    CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,
@@ -21,6 +21,7 @@ from jointz.identify.calibration.hanging_model import (
     FRICTION_GAIN,
     GAIN_RATIO,
     INERTIA_MORE,
+    KNOWN_LAG,
     LAG,
     LOG_RESONANCE,
     NAMES,
@@ -44,6 +45,8 @@ _UNIT_GAIN = Calibrated(value=1.0, sd=0.0)
 _NOTHING = Calibrated(value=0.0, sd=0.0)
 #: Entry of the calibration -> parameter of the model that it is known for.
 _KNOWN = {"friction_gain": "friction_gain", "angle_per_torque": "cross_talk"}
+#: Sd of what a body may add to the lag of an instrument beside the resonance of its tissue, s.
+_BODY_LAG_SD_S = 1e-3
 #: A sensor's model this likely is taken as decided.
 _DECIDED = 0.9
 #: Sds beyond which an entry decides nothing.
@@ -57,6 +60,7 @@ _LOSSES = {
     "friction": (FRICTION_GAIN,),
     "cross_talk": (CROSS_TALK,),
     "known_load": (INERTIA_MORE, STIFFNESS_MORE),
+    "known_lag": (KNOWN_LAG,),
 }
 _METHOD = (
     "posterior mode of joint and sensor on average responses, both sensor models weighed by "
@@ -118,7 +122,8 @@ def fit_leg(
         What was strapped on; goes with ``weighted``.
     known : CalibrationSpec, optional
         ``angle_gain``, ``friction_gain``, ``angle_per_torque``, the ``intrinsic_*`` of the
-        frame, and ``angle_lag_s`` where a hinge told it.
+        frame, and ``angle_lag_s`` where a hinge told it: the instrument is as late on a leg, to
+        1 ms, and what is later than that is tissue.
 
     Returns
     -------
@@ -228,7 +233,12 @@ def _sensors(
         for of, name in _KNOWN.items()
         if (entry := getattr(known, of)) is not None
     }
-    models = [HangingModel(cells, weight, priors, resonance=tissue) for tissue in (False, True)]
+    lag = known.angle_lag_s
+    total = (0.0, np.inf) if lag is None else (lag.value, float(np.hypot(lag.sd, _BODY_LAG_SD_S)))
+    models = [
+        HangingModel(cells, weight, priors, resonance=tissue, total_lag=total)
+        for tissue in (False, True)
+    ]
     posteriors = tuple(model.fit() for model in models)
     logs = np.array([posterior.log_evidence for posterior in posteriors])
     chances = np.exp(logs - logs.max())

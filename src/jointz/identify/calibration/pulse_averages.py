@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_fit import CalibrationFailure
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
 

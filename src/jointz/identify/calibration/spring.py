@@ -5,34 +5,37 @@ r"""Gain of the torque and friction of the actuator against a known spring.
 with the torque per ampere c and the frictions as stated: :math:`1/a` is measured over true
 torque, f is true over stated friction. The motor pulls, the spring follows: the error e of the
 torque is in the angle, not in the current, so that the angle is what is regressed.
+
+The error also turns the motion about, where it is slow: it goes along with the direction
+:math:`s(\dot\theta)`, and least squares would find too little friction (by one to three sd). The
+motion that the current alone would give serves as instrument.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.calibration_fit import (
     CalibrationEntry,
-    CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,
     failed,
 )
 from jointz.core.study import Calibrated, TorqueModelSpec
-from jointz.identify.calibration.steady_fit import (
-    RefusedError,
-    SteadyFit,
-    checked_channels,
-    linear_fit,
-    thinned,
-)
-from jointz.kernels.block_sandwich import correlation_time
+from jointz.identify.calibration.driven_motion import driven_velocity
+from jointz.identify.calibration.instrumented_fit import InstrumentedFit, Instruments
+from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
 
 _NAMES = ("torque_gain", "friction_gain")
-_NOTHING = Calibrated(value=0.0, sd=0.0)
-#: Velocities at which friction is taken to have grown to three quarters, rad/s; 0: a step.
-_SMOOTHNESS_RAD_S = (0.0, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15)
+#: Velocities at which friction is taken to have grown to three quarters, rad/s.
+_SMOOTHNESS_RAD_S = np.geomspace(0.003, 0.2, 22)
+#: The same for the instruments: two, that tell level and smoothness apart.
+_INSTRUMENTS_RAD_S = (0.02, 0.12)
+_DRIVEN_RAD_S = 0.03
+_FITTED = 4  # gain, friction, its smoothness, offset
+_WEIGHINGS = 2
 _SMOOTHING_S = 0.006
 _LEAST_MOTION_RAD = 0.02
 _LEAST_TORQUE_NM = 2.0
@@ -41,12 +44,42 @@ _GAIN_RANGE = (0.5, 2.0)
 _LARGEST_GAIN_SD, _LARGEST_FRICTION_SD = 0.1, 0.3
 #: The slopes of the two directions may differ by so much of their mean.
 _UNLIKE = 0.1
-_METHOD = "regression of the spring's torque on current and friction; block sandwich"
+_METHOD = (
+    "regression of the spring's torque on current and friction, the motion by the current alone "
+    "as instrument; sd by leaving out blocks"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pull:
+    """A record: torque of the spring and of the current, what drives and holds."""
+
+    time: np.ndarray
+    spring: np.ndarray
+    drive: np.ndarray
+    current: np.ndarray
+    velocity: np.ndarray
+    driven: np.ndarray  # velocity by the current alone
+    friction: np.ndarray  # size as stated
+
+    def columns(self, sign: np.ndarray) -> np.ndarray:
+        """Return regressors: torque, friction, offset."""
+        return np.column_stack([self.drive, -self.friction * sign, np.ones(sign.size)])
+
+    def apart(self, sign: np.ndarray) -> np.ndarray:
+        """Return regressors with the two frictions apart: torque, both, offset."""
+        ampere = np.abs(self.current)
+        return np.column_stack([self.drive, -sign, -ampere * sign, np.ones(sign.size)])
+
+    def driven_signs(self) -> list[np.ndarray]:
+        """Return the direction of the motion that the current alone would give."""
+        return [np.tanh(self.driven / smooth) for smooth in _INSTRUMENTS_RAD_S]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    fit: SteadyFit
+    fit: InstrumentedFit
+    sds: np.ndarray
     chance: float
     smooth_rad_s: float
     sign: np.ndarray
@@ -59,7 +92,6 @@ def fit_spring(
     *,
     model: TorqueModelSpec,
     stiffness: Calibrated,
-    intrinsic_stiffness: Calibrated = _NOTHING,
 ) -> CalibrationFit:
     """Find gain of the torque and friction from slow motion against a known spring.
 
@@ -74,9 +106,8 @@ def fit_spring(
     model : TorqueModelSpec
         Torque per ampere and frictions as stated.
     stiffness : Calibrated, N*m/rad
-        Of the spring, with its sd.
-    intrinsic_stiffness : Calibrated, N*m/rad
-        Of what hangs on the actuator besides, such as the weight of its frame.
+        Of the spring, with its sd, and of nothing else: the frame lies on its side, so that its
+        weight does not turn it.
 
     Returns
     -------
@@ -95,13 +126,9 @@ def fit_spring(
     with a tanh of the velocity, how fast is weighed by the data. The sd of the spring enters
     both gains in full.
     """
-    known = Calibrated(
-        value=stiffness.value + intrinsic_stiffness.value,
-        sd=float(np.hypot(stiffness.sd, intrinsic_stiffness.sd)),
-    )
     try:
         channels = checked_channels(time, motor_angle=motor_angle, current=current)
-        return _fitted(channels, model, known)
+        return _fitted(channels, model, stiffness)
     except RefusedError as refused:
         return CalibrationFit("spring", failed(_NAMES, refused.code, refused.detail))
 
@@ -109,33 +136,38 @@ def fit_spring(
 def _fitted(
     channels: tuple[np.ndarray, ...], model: TorqueModelSpec, stiffness: Calibrated
 ) -> CalibrationFit:
-    time, angle, current = channels
-    drive = model.gear_ratio * model.torque_constant * current
-    _check_motion(angle, drive)
-    velocity = _velocity(time, angle)
-    spring = stiffness.value * angle + model.viscous_friction * velocity
-    size = model.coulomb_friction + model.gear_friction * np.abs(current)
-    _check_linear(spring, drive, -size * np.sign(velocity))
-    candidates = _candidates(time, spring, drive, (velocity, -size))
+    pull = _pull(channels, model, stiffness.value)
+    candidates = _candidates(pull)
     entries = _entries(candidates, stiffness)
     best = max(candidates, key=lambda c: c.chance)
-    modelled = spring - best.fit.residual
     return CalibrationFit(
         step="spring",
         entries=entries,
-        reported=_constants(time, spring, (drive, current, candidates), (model, stiffness)),
+        reported=_constants(pull, candidates, model, stiffness),
         method=_METHOD,
-        n_samples=time.size,
-        notes=(f"Friction grows to three quarters within {best.smooth_rad_s:g} rad/s.",),
+        n_samples=pull.time.size,
+        notes=(f"Friction grows to three quarters within {best.smooth_rad_s:.2g} rad/s.",),
         settings={"stiffness": stiffness.value, "stiffness_sd": stiffness.sd},
         series=CalibrationSeries(
-            x=thinned(drive),
-            measured=thinned(spring),
-            modelled=thinned(modelled),
+            x=thinned(pull.drive),
+            measured=thinned(pull.spring),
+            modelled=thinned(pull.spring - best.fit.residual),
             x_label="torque by the current, without friction (N*m)",
             y_label="torque of the spring (N*m)",
         ),
     )
+
+
+def _pull(channels: tuple[np.ndarray, ...], model: TorqueModelSpec, stiffness: float) -> _Pull:
+    time, angle, current = channels
+    drive = model.gear_ratio * model.torque_constant * current
+    _check_motion(angle, drive)
+    velocity = _velocity(time, angle)
+    spring = stiffness * angle + model.viscous_friction * velocity
+    size = model.coulomb_friction + model.gear_friction * np.abs(current)
+    _check_linear(spring, drive, -size * np.sign(velocity))
+    driven = driven_velocity(time, drive, size, stiffness=stiffness, smooth_rad_s=_DRIVEN_RAD_S)
+    return _Pull(time, spring, drive, current, velocity, driven, size)
 
 
 def _velocity(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -146,80 +178,76 @@ def _velocity(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.asarray((after - before) / span)
 
 
-def _candidates(
-    time: np.ndarray,
-    spring: np.ndarray,
-    drive: np.ndarray,
-    friction: tuple[np.ndarray, np.ndarray],
-) -> list[_Candidate]:
+def _candidates(pull: _Pull) -> list[_Candidate]:
     """Return the fits for every smoothness of the friction, with their chances."""
-    velocity, stated = friction
-    found = []
-    for smooth in _SMOOTHNESS_RAD_S:
-        sign = np.tanh(velocity / smooth) if smooth else np.sign(velocity)
-        columns = np.column_stack([drive, stated * sign, np.ones(time.size)])
-        found.append((linear_fit(time, spring, columns), smooth, sign))
-    sums = np.array([float(fit.residual @ fit.residual) for fit, _, _ in found])
-    best = found[int(np.argmin(sums))][0].residual
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    alike = max(1.0, 2.0 * rate * correlation_time(best, rate_hz=rate))  # samples that say the same
-    logs = -0.5 * time.size / alike * np.log(np.maximum(sums, 1e-300) / max(sums.min(), 1e-300))
-    chances = np.exp(logs) / np.exp(logs).sum()
+    signs = [np.tanh(pull.velocity / smooth) for smooth in _SMOOTHNESS_RAD_S]
+    columns = [pull.columns(sign) for sign in signs]
+    by_current = [pull.columns(sign)[:, 1] for sign in pull.driven_signs()]
+    given = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
+    instruments = Instruments(pull.time, pull.spring, given)
+    for _ in range(_WEIGHINGS):
+        best = min((instruments.fit(c) for c in columns), key=lambda fit: fit.distance)
+        instruments.weigh(best.residual, fitted=_FITTED)
+    fits = [instruments.fit(c) for c in columns]
+    distances = np.array([fit.distance for fit in fits])
+    chances = np.exp(-0.5 * (distances - distances.min()))
     return [
-        _Candidate(fit, float(chance), smooth, sign)
-        for (fit, smooth, sign), chance in zip(found, chances, strict=True)
+        _Candidate(fit, instruments.sds(c), float(chance), float(smooth), sign)
+        for fit, c, chance, smooth, sign in zip(
+            fits, columns, chances / chances.sum(), _SMOOTHNESS_RAD_S, signs, strict=True
+        )
     ]
 
 
 def _entries(
     candidates: list[_Candidate], stiffness: Calibrated
 ) -> tuple[CalibrationEntry, CalibrationEntry]:
-    chances = np.array([c.chance for c in candidates])
     values = np.array([c.fit.values[:2] for c in candidates])
+    sds = np.array([c.sds[:2] for c in candidates])
     values[:, 0] = 1.0 / values[:, 0]
-    sds = np.array([[c.fit.sd(0), c.fit.sd(1)] for c in candidates])
     sds[:, 0] *= values[:, 0] ** 2
-    mean = chances @ values
-    noise, between = np.sqrt(chances @ sds**2), np.sqrt(chances @ (values - mean) ** 2)
-    of_spring = np.abs(mean) * stiffness.sd / stiffness.value
+    mean, parts = _weighed(candidates, values, sds, stiffness)
     low, high = _GAIN_RANGE
     if not low <= mean[0] <= high:
         detail = f"torque_gain {mean[0]:.3g}, expected {low:g} to {high:g}"
         raise RefusedError(CalibrationFailure.GAIN_OUT_OF_RANGE, detail)
-
-    def entry(i: int, largest_sd: float) -> CalibrationEntry:
-        parts = {"noise": noise[i], "friction_model": between[i], "spring": of_spring[i]}
-        return decided(_NAMES[i], float(mean[i]), parts, largest_sd=largest_sd)
-
-    return entry(0, _LARGEST_GAIN_SD), entry(1, _LARGEST_FRICTION_SD)
+    return (
+        decided(_NAMES[0], mean[0], parts[0], largest_sd=_LARGEST_GAIN_SD),
+        decided(_NAMES[1], mean[1], parts[1], largest_sd=_LARGEST_FRICTION_SD),
+    )
 
 
-def _constants(
-    time: np.ndarray,
-    spring: np.ndarray,
-    drives: tuple[np.ndarray, np.ndarray, list[_Candidate]],
-    known: tuple[TorqueModelSpec, Calibrated],
-) -> tuple[CalibrationEntry, ...]:
-    """Return torque constant and both frictions, each by itself."""
-    drive, current, candidates = drives
-    model, stiffness = known
-    fits = []
-    for one in candidates:
-        columns = [drive, -one.sign, -one.sign * np.abs(current), np.ones(time.size)]
-        fits.append(linear_fit(time, spring, np.column_stack(columns)))
-    chances = np.array([one.chance for one in candidates])
-    scales = np.array([abs(model.torque_constant), 1.0, 1.0])
-    values = scales * np.array([fit.values[:3] for fit in fits])
-    sds = scales * np.array([[fit.sd(i) for i in range(3)] for fit in fits])
+def _weighed(
+    candidates: list[_Candidate], values: np.ndarray, sds: np.ndarray, stiffness: Calibrated
+) -> tuple[list[float], list[dict[str, float]]]:
+    """Return the means of values over the candidates, and the budgets of their sd."""
+    chances = np.array([c.chance for c in candidates])
     mean = chances @ values
     noise, between = np.sqrt(chances @ sds**2), np.sqrt(chances @ (values - mean) ** 2)
     of_spring = np.abs(mean) * stiffness.sd / stiffness.value
-    return tuple(
-        decided(
-            name, mean[i], {"noise": noise[i], "friction_model": between[i], "spring": of_spring[i]}
-        )
-        for i, name in enumerate(("torque_constant", "coulomb_friction", "gear_friction"))
-    )
+    parts = [
+        {"noise": noise[i], "friction_model": between[i], "spring": of_spring[i]}
+        for i in range(mean.size)
+    ]
+    return mean.tolist(), parts
+
+
+def _constants(
+    pull: _Pull, candidates: list[_Candidate], model: TorqueModelSpec, stiffness: Calibrated
+) -> tuple[CalibrationEntry, ...]:
+    """Return torque constant and both frictions, each by itself."""
+    by_current = [pull.apart(sign)[:, 1:3] for sign in pull.driven_signs()]
+    given = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
+    instruments = Instruments(pull.time, pull.spring, given)
+    best = max(candidates, key=lambda c: c.chance)
+    instruments.weigh(best.fit.residual, fitted=_FITTED + 1)
+    columns = [pull.apart(one.sign) for one in candidates]
+    scales = np.array([abs(model.torque_constant), 1.0, 1.0])
+    values = scales * np.array([instruments.fit(c).values[:3] for c in columns])
+    sds = scales * np.array([instruments.sds(c)[:3] for c in columns])
+    mean, parts = _weighed(candidates, values, sds, stiffness)
+    names = ("torque_constant", "coulomb_friction", "gear_friction")
+    return tuple(decided(name, mean[i], parts[i]) for i, name in enumerate(names))
 
 
 def _check_motion(angle: np.ndarray, drive: np.ndarray) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_fit import CalibrationFailure
+from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.errors import DataError
 from jointz.core.estimates import REACH_95
 from jointz.kernels.block_sandwich import (
@@ -160,25 +160,48 @@ def sandwich(
     RefusedError
         ``too_short``.
     """
-    duration_s = float(time[-1] - time[0])
-    rate = (time.size - 1) / duration_s
-    exact = float(np.std(residual)) <= _ROUNDING * size
-    correlated_s = 0.0 if exact else correlation_time(residual, rate_hz=rate)
-    n_blocks = count_blocks(duration_s, correlation_time_s=correlated_s)
     p = derivatives.shape[1]
-    if n_blocks == 0:
-        # Blocks of half the usual length; Student's t takes their small number.
-        n_blocks = int(duration_s / (0.5 * CORRELATION_TIMES_PER_BLOCK * correlated_s))
-    if n_blocks < p + _SPARE_BLOCKS:
-        detail = (
-            f"{duration_s:.3g} s, of which the residual is correlated over {correlated_s:.2g} s"
-        )
-        raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
+    n_blocks = blocks_for(time, residual, size=size, fitted=p)
     bread = derivatives.T @ derivatives
     covariance = block_sandwich(derivatives * residual[:, None], bread, n_blocks)
     df = n_blocks - p
     widened = (n_blocks - 1) / df * (float(student_t.ppf(0.975, df)) / REACH_95) ** 2
     return covariance * widened, n_blocks
+
+
+def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: int) -> int:
+    """Return how many independent blocks a residual makes.
+
+    Parameters
+    ----------
+    time : (n,) float, s
+        Increasing.
+    residual : (n,) float
+        What the fit leaves.
+    size : float
+        Of the signal: a residual that is rounding of it is not correlated.
+    fitted : int
+        Numbers that were fitted.
+
+    Raises
+    ------
+    RefusedError
+        ``too_short``.
+    """
+    duration_s = float(time[-1] - time[0])
+    rate = (time.size - 1) / duration_s
+    exact = float(np.std(residual)) <= _ROUNDING * size
+    correlated_s = 0.0 if exact else correlation_time(residual, rate_hz=rate)
+    n_blocks = count_blocks(duration_s, correlation_time_s=correlated_s)
+    if n_blocks == 0:
+        # Blocks of half the usual length; Student's t takes their small number.
+        n_blocks = int(duration_s / (0.5 * CORRELATION_TIMES_PER_BLOCK * correlated_s))
+    if n_blocks < fitted + _SPARE_BLOCKS:
+        detail = (
+            f"{duration_s:.3g} s, of which the residual is correlated over {correlated_s:.2g} s"
+        )
+        raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
+    return n_blocks
 
 
 def thinned(values: np.ndarray, most: int = 2000) -> tuple[float, ...]:

@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from jointz.core.calibration_fit import (
-    CalibrationFailure,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
+from jointz.core.calibration_failure import CalibrationFailure
+from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 from jointz.core.study import Calibrated
 from jointz.identify.calibration.steady_fit import (
     RefusedError,
@@ -69,9 +64,11 @@ def fit_torsion(
     Notes
     -----
     Where the encoder moves, the joint moved by some share of that, between none (a strap gave
-    way) and all of it (the lock did): half of it is taken off, and its range is in the sd.
-    Where the encoder moves more than the angle and the angle shows something, that may be the
-    joint: ``joint_moved``. Where the angle shows nothing, the joint stood and a strap gave way.
+    way) and all of it (the lock did), but not by more than the angle shows: strap, joint and
+    torsion all answer the torque in phase, so that no record tells them apart. Half of what is
+    possible is taken off, and its range is in the sd. Where the angle shows nothing, the joint
+    stood and a strap gave way. Where the angle goes against an encoder that moves more, nothing
+    bounds the motion of the joint: ``joint_moved``.
     """
     try:
         channels = {"angle": angle, "torque": torque}
@@ -127,6 +124,8 @@ def _joint_motion(shown: float, sd: float, moved: float) -> float:
         return moved
     if abs(shown) - _CLEAR_SDS * sd <= _STILL:
         return 0.0  # a strap gave way: of a joint that moved, the angle would show it
+    if shown * moved > 0.0:
+        return shown  # how much of it a strap, nothing tells
     detail = (
         f"per N*m the encoder moves {np.degrees(moved):.3g} deg, the angle "
         f"{np.degrees(shown):.3g} deg"

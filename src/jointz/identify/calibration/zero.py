@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from jointz.core.calibration_fit import (
-    CalibrationFailure,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
+from jointz.core.calibration_failure import CalibrationFailure
+from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 from jointz.identify.calibration.steady_fit import (
     RefusedError,
     checked_channels,

@@ -32,12 +32,8 @@ def goniometer_noise(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return slow + np.radians(0.3) * rng.standard_normal(time.size)
 
 
-def check_coverage(
-    find: Callable[[int], tuple[float, float, float]], seeds: int = 80, *, drawn: bool = False
-) -> None:
+def check_coverage(find: Callable[[int], tuple[float, float, float]], seeds: int = 80) -> None:
     """Check that |value - truth| < 1.96 sd as often as 95 % intervals do, without a bias.
-
-    ``drawn``: the estimate is drawn to its prior, by less than one sd, which is no error of it.
 
     Bounds are the 0.1 and 99.9 % points of the binomial distribution of 95 %, the upper one
     left open: an sd may be larger than the scatter where known errors are in it.
@@ -48,8 +44,7 @@ def check_coverage(
         scores.append((value - truth) / sd)
     inside = int((np.abs(scores) < 1.96).sum())
     assert inside >= binom.ppf(0.001, seeds, 0.95), f"{inside} of {seeds}"
-    largest = 1.0 if drawn else 3.3 / np.sqrt(seeds)
-    assert abs(np.mean(scores)) < largest, f"mean score {np.mean(scores):.2f}"
+    assert abs(np.mean(scores)) < 3.3 / np.sqrt(seeds), f"mean score {np.mean(scores):.2f}"
 
 
 class Makers:
