@@ -74,10 +74,9 @@ def analyze(
         from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
         from jointz.workflows.task_store import TaskStore
 
-        # Beside the results: a run that is killed goes on from what is there.
-        store = TaskStore(out.resolve().with_name(f".{out.resolve().name}.tasks"))
+        store = TaskStore.beside(out)  # a run that is killed goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
-        with progress_bar(shown=not (quiet or as_json)) as progress:
+        with progress_bar(shown=not (quiet or as_json)) as progress, store.until_done():
             analysis = analyze_study(
                 opened,
                 method=method,
@@ -90,7 +89,6 @@ def analyze(
             if progress:
                 progress(1, 1, "drawing the report")
             report = write_results(analysis, out, overwrite=overwrite, engine=engine)
-            store.clear()
     if as_json:
         emit_json(_as_json(analysis, out))
     elif not quiet:

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from jointz.core import provenance
@@ -27,7 +27,7 @@ from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.workflows.analysis_statistics import study_statistics
 from jointz.workflows.engine import Engine, Serial
-from jointz.workflows.participants import Asked, hashed, outcomes
+from jointz.workflows.participants import Asked, Outcome, hashed, outcomes
 from jointz.workflows.task_store import TaskStore
 
 DEFAULT_RESAMPLES = 1000
@@ -90,14 +90,10 @@ def analyze(
     name = _chosen(opened, check_method(method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
-    results: dict[str, ParticipantResult] = {}
-    virtual: dict[str, list[VirtualEstimate]] = {}
-    broken: dict[str, str] = {}
+    found = _Found()
     exclusions = opened.root / "exclusions.csv"
-    inputs: dict[str, dict[str, Any]] = {}
     if exclusions.is_file():
-        inputs[exclusions.name] = hashed(opened, exclusions.name)
-    problems: list[str] = []
+        found.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
     injections = replicates_for(len(people), virtual=_INJECTIONS)
     asked = Asked(opened, name, resamples=resamples, seed=seed, injections=injections)
@@ -105,26 +101,42 @@ def analyze(
         for done, (person_id, outcome) in enumerate(coming):
             if progress:
                 progress(done, len(people), person_id)
-            try:
-                found = outcome()
-            except OutputError:  # nobody's result could be kept
-                raise
-            except Exception as exc:  # noqa: BLE001 - one participant keeps nobody else back
-                results[person_id] = _NOTHING
-                broken[person_id] = f"{type(exc).__name__}: {exc}"
-                continue
-            finally:
-                del outcome  # recordings would stay in memory with it
-            inputs |= found.inputs
-            problems += found.problems
-            if found.result is not None:
-                results[person_id], virtual[person_id] = found.result, found.virtual
-    if problems:
-        raise StudyError(str(opened.root), problems)
+            found.take(person_id, outcome, last_hope=len(people) == len(found.broken) + 1)
+            del outcome  # recordings would stay in memory with it
+    if found.problems:
+        raise StudyError(str(opened.root), found.problems)
     if progress:
         progress(len(people), len(people), "done")
-    analysis = _assembled(opened, name, results, inputs, broken, resamples=resamples, seed=seed)
-    return _with_people_together(opened, analysis, virtual, injections=injections, seed=seed)
+    analysis = _assembled(opened, name, found, resamples=resamples, seed=seed)
+    return _with_people_together(opened, analysis, found.virtual, injections=injections, seed=seed)
+
+
+@dataclass(slots=True)
+class _Found:
+    """What came out for everybody so far."""
+
+    results: dict[str, ParticipantResult] = field(default_factory=dict)
+    virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
+    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    broken: dict[str, str] = field(default_factory=dict)
+
+    def take(self, person_id: str, outcome: Callable[[], Outcome], *, last_hope: bool) -> None:
+        """Wait for a participant; one whose analysis breaks keeps nobody else back."""
+        try:
+            found = outcome()
+        except OutputError:  # nobody's result could be kept
+            raise
+        except Exception as exc:
+            if last_hope:
+                raise
+            self.results[person_id] = _NOTHING
+            self.broken[person_id] = f"{type(exc).__name__}: {exc}"
+            return
+        self.inputs |= found.inputs
+        self.problems += found.problems
+        if found.result is not None:
+            self.results[person_id], self.virtual[person_id] = found.result, found.virtual
 
 
 def _with_people_together(
@@ -193,13 +205,12 @@ def _chosen(study: Study, method: str) -> str:
 def _assembled(
     study: Study,
     method: str,
-    results: dict[str, ParticipantResult],
-    inputs: dict[str, dict[str, Any]],
-    broken: Mapping[str, str],
+    found: _Found,
     *,
     resamples: int,
     seed: int,
 ) -> StudyAnalysis:
+    results, broken = found.results, found.broken
     cells = _completed(study, method, results, broken)
     others = {m for r in results.values() for m in r.cells if m != method}
     comparison = [
@@ -234,7 +245,7 @@ def _assembled(
             "created": provenance.now(),
             "study_sha256": study.sha256,
             "study": study.spec.model_dump(mode="json", exclude_none=True),
-            "inputs": list(inputs.values()),
+            "inputs": list(found.inputs.values()),
             "seed": seed,
         },
     )

@@ -4,7 +4,8 @@ import hashlib
 import json
 import pickle
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,19 @@ class TaskStore:
 
     folder: Path
 
+    @classmethod
+    def beside(cls, out: Path) -> "TaskStore":
+        """Return the store of what becomes a folder: hidden beside it, where there is a place.
+
+        Parameters
+        ----------
+        out : pathlib.Path
+            The folder, which need not be there yet.
+        """
+        whole = out.resolve()
+        place = next(folder for folder in whole.parents if folder.is_dir())
+        return cls(place / f".{whole.name}.tasks")
+
     def kept(self, key: Callable[[], str], call: Callable[[], Result]) -> Callable[[], Result]:
         """Return a call that keeps its result, or returns the one that was kept.
 
@@ -41,8 +55,24 @@ class TaskStore:
         """
         return partial(_kept, self.folder, key, call)
 
+    @contextmanager
+    def until_done(self) -> Iterator["TaskStore"]:
+        """Keep results while a block lasts, and after it only where it was interrupted.
+
+        Yields
+        ------
+        TaskStore
+            This one. A process that is killed leaves its results too.
+        """
+        try:
+            yield self
+        except Exception:  # the same would happen again, or the disk is full
+            self.clear()
+            raise
+        self.clear()
+
     def clear(self) -> None:
-        """Remove all results: what they were made for is done."""
+        """Remove all results."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
