@@ -24,7 +24,19 @@ import jointz
 import jointz.core
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.bench_fits import FullRecordFit, PulseFit
+from jointz.core.calibration_fit import (
+    CalibrationFailure,
+    CalibrationFit,
+    CalibrationSeries,
+    decided,
+    failed,
+)
+from jointz.core.calibration_report import Calibration
+from jointz.core.catalog_query import CatalogFilter, QueryResult
 from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
+from jointz.core.collection_findings import CatalogBuild, CollectionCheck, Finding
+from jointz.core.collection_pool import DEFAULT_BY, CollectionPool, pooled_table, study_table
+from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.comparison import Comparison
 from jointz.core.comparison_rows import (
     Difference,
@@ -40,7 +52,9 @@ from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.paired_runs_fit import PairedRunsFit
 from jointz.core.phase_curve import CurvePoint, ParameterBand, PhaseCurve
+from jointz.core.plain_tables import typed_table
 from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
+from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
 from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 from jointz.core.reproduction import Reproduction
 from jointz.core.reproduction_tables import (
@@ -53,6 +67,8 @@ from jointz.core.reproduction_tables import (
 )
 from jointz.core.run_report import RunReport
 from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
+from jointz.kernels.multivariate_random_effects import multivariate_random_effects
+from jointz.kernels.random_effects import random_effects
 
 # --- examples ------------------------------------------------------------------------------------
 
@@ -424,7 +440,101 @@ def comparison() -> Comparison:
     )
 
 
+def calibration_fit() -> CalibrationFit:
+    shown = (0.0, 1.0, 2.0)
+    return CalibrationFit(
+        step="hinge",
+        entries=(
+            decided("angle_lag_s", 0.0065, {"noise": 3e-4, "delay_or_filter": 4e-4}),
+            decided("angle_gain", 1.01, {"noise": 0.2}, largest_sd=0.03),
+        ),
+        reported=(decided("angle_delay_s", 0.002, {"noise": 1e-3}),),
+        method="in words",
+        n_samples=3,
+        notes=("a note",),
+        settings={"shares": 6},
+        series=CalibrationSeries(shown, shown, shown, "time (s)", "angle (rad)"),
+    )
+
+
+def refused_calibration() -> CalibrationFit:
+    names = ("angle_zero_rad",)
+    return CalibrationFit("zero", failed(names, CalibrationFailure.NOT_STILL, "straight"))
+
+
+def calibration() -> Calibration:
+    fits = {"S01": calibration_fit(), "S02": calibration_fit()}
+    return Calibration("hinge", fits, "study", ("calibration.toml",), ("a note",))
+
+
+FOUND = Finding("lab-b", "unit", "estimates.csv, row 2", "stiffness in N*m/rad", "'Nm/rad'")
+
+
+def collection_check() -> CollectionCheck:
+    return CollectionCheck(("lab-a", "lab-b"), (FOUND,), (dataclasses.replace(FOUND, code="sign"),))
+
+
+def catalog_build() -> CatalogBuild:
+    return CatalogBuild("catalog.parquet", ("lab-a",), (FOUND, FOUND), 30, 12, (FOUND,))
+
+
+def query_result() -> QueryResult:
+    row = {"study": "lab-a", "joint": "knee", "parameter": "stiffness", "unit": "N*m/rad"}
+    row |= {"participant": "S01", "timing_point": "LRE", "status": "ok", "statistic": "individual"}
+    rows = [row | {"value": 50.0, "onset_gait_pct": 7.1}, row | {"status": "undecided"}]
+    asked = CatalogFilter(joint=("knee",), phase_pct=(90.0, 10.0))
+    table = typed_table(rows, CATALOG_COLUMNS)
+    return QueryResult(table, asked, also=3, cites={"lab-a": "A. Fictional (2026)"})
+
+
+def random_effects_of_studies() -> RandomEffects:
+    values, ses = np.array([62.1, 55.4, 70.8]), np.array([3.4, 2.2, 4.5])
+    studies = [StudyMean(f"lab-{k}", values[k], ses[k], 8) for k in range(3)]
+    return RandomEffects(
+        "stiffness", "N*m/rad", tuple(studies), random_effects(values, ses**2, modified=True)
+    )
+
+
+def parameters_of_studies() -> JointRandomEffects:
+    values = np.array([[62.1, 1.1], [55.4, 1.3], [70.8, np.nan]])
+    fit = multivariate_random_effects(values, np.tile(np.diag([9.0, 0.01]), (3, 1, 1)))
+    names, units = ("stiffness", "damping"), ("N*m/rad", "N*m*s/rad")
+    return JointRandomEffects(names, units, ("lab-a", "lab-b", "lab-c"), values, fit)
+
+
+def collection_pool() -> CollectionPool:
+    place = dict.fromkeys(DEFAULT_BY, "told") | {"parameter": "stiffness", "unit": "N*m/rad"}
+    row = place | {"methods": "recommended", "model": "univariate", "n_studies": 2, "n_people": 9}
+    numbers = {"value": 60.0, "ci_low": 50.0, "ci_high": 70.0}
+    ends = {"prediction_low": 40.0, "prediction_high": 80.0}
+    study = place | numbers | {"method": "recommended", "n_people": 4, "weight_pct": 50.0}
+    studies = [study | {"study": f"lab-{k}", "status": "ok"} for k in range(2)]
+    studies.append(place | {"study": "lab-c", "status": "no_value"})
+    return CollectionPool(
+        pooled_table([row | numbers | ends | {"status": "ok"}, row | {"parameter": "damping"}],
+                     DEFAULT_BY),
+        study_table(studies, DEFAULT_BY),
+        study_table([], DEFAULT_BY),
+        notes=("Printed values are kept apart.",),
+    )  # fmt: skip
+
+
+def nothing_pooled() -> CollectionPool:
+    tables = pooled_table([], ("joint",)), study_table([], ("joint",)), study_table([], ("joint",))
+    return CollectionPool(*tables, by=("joint",))
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
+    "collection checked": collection_check,
+    "nothing found in a collection": lambda: CollectionCheck(("lab-a",), ()),
+    "catalog": catalog_build,
+    "no catalog": lambda: CatalogBuild("catalog.parquet", (), (FOUND,), 0, 0),
+    "query": query_result,
+    "nothing asked for": lambda: QueryResult(typed_table([], CATALOG_COLUMNS), CatalogFilter()),
+    "studies pooled": random_effects_of_studies,
+    "parameters pooled together": parameters_of_studies,
+    "collection pooled": collection_pool,
+    "nothing pooled": nothing_pooled,
     "comparison": comparison,
     "nothing compared": lambda: Comparison((), (), (), ()),
     "walking": walking_analysis,
@@ -450,6 +560,9 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "time-varying": time_varying_fit,
     "chapter": reproduction,
     "certificate": certificate,
+    "calibration step": calibration_fit,
+    "refused calibration step": refused_calibration,
+    "calibration": calibration,
     "specification curve": specification_curve,
     "phase curve": phase_curve,
     "mapped curves": mapped_curves,

@@ -10,6 +10,8 @@ import typer
 
 from jointz import __version__
 from jointz.cli.analyze import analyze
+from jointz.cli.calibrate import calibrate
+from jointz.cli.collect import collect
 from jointz.cli.compare import compare
 from jointz.cli.console import (
     EXIT_BAD_INPUT,
@@ -26,6 +28,7 @@ from jointz.cli.protocols import protocols
 from jointz.cli.reproduce import reproduce
 from jointz.cli.run import STILL_THERE
 from jointz.cli.run import run as run_experiment
+from jointz.cli.stream import stream as stream_session
 from jointz.core.errors import DeviceError, JointzError, WriteError
 
 _EXIT_STOPPED = 130
@@ -45,9 +48,12 @@ app.command("demo")(demo)
 app.add_typer(protocols, name="protocols")
 app.command("run")(run_experiment)
 app.command("console")(console)
+app.command("stream")(stream_session)
+app.command("calibrate")(calibrate)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
 app.command("compare")(compare)
+app.add_typer(collect, name="collect")
 app.command("explore")(explore)
 app.command("reproduce")(reproduce)
 

@@ -59,6 +59,7 @@ class Failure(StrEnum):
     ABOVE_BAND = "above_band"
     MASS_MISSING = "mass_missing"
     TOO_FEW_PARTICIPANTS = "too_few_participants"
+    TOO_FEW_STUDIES = "too_few_studies"
     TORQUE_SATURATED = "torque_saturated"
     OPPOSITE_SIGN = "opposite_sign"
     ANGLE_OUT_OF_RANGE = "angle_out_of_range"
@@ -79,6 +80,20 @@ class Failure(StrEnum):
     def status(self) -> str:
         """The status as it stands in ``estimates.csv``."""
         return f"failed:{self.value}"
+
+
+class NotPooled(StrEnum):
+    """Why the mean of a study is not pooled with others; the status in ``studies.csv``."""
+
+    ONE_PERSON = "one_person"
+    NO_VALUE = "no_value"
+    NO_SD = "no_sd"
+    NO_SPREAD = "no_spread"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and notes."""
+        return _NOT_POOLED_MEANING[self]
 
 
 class Doubt(StrEnum):
@@ -139,6 +154,7 @@ _FAILURE_MEANING = {
     Failure.ABOVE_BAND: "the gain has not fallen where the command still excites",
     Failure.MASS_MISSING: "values per kg need the participant's mass_kg in study.toml",
     Failure.TOO_FEW_PARTICIPANTS: "an interval over people needs at least two of them",
+    Failure.TOO_FEW_STUDIES: "no study has a mean with an error: one person, or no value, in each",
     Failure.TORQUE_SATURATED: "the torque stands at one largest value below the command: a clipped "
     "sensor (nothing to be done), or a motor at its limit (give the torque it reached as "
     "amplitude_nm in the pulse table)",
@@ -152,6 +168,13 @@ _FAILURE_MEANING = {
     "calibration contradicts the data",
     Failure.WINDOW_TOO_LONG: "K and B change in a window of more than 0.12 s in ways that the "
     "recommended method does not follow: shorten window_s",
+}
+
+_NOT_POOLED_MEANING = {
+    NotPooled.ONE_PERSON: "one person: the mean has no error of its own",
+    NotPooled.NO_VALUE: "no value: undecided or failed",
+    NotPooled.NO_SD: "printed without standard deviation or number of people",
+    NotPooled.NO_SPREAD: "its people do not differ at all",
 }
 
 _DOUBT_MEANING = {

@@ -5,6 +5,7 @@
     │   ├── StudyError              a study.toml, with all its problems
     │   ├── ProtocolError           a protocol, with all its problems
     │   ├── DeviceFileError         a device.toml, with all its problems
+    │   ├── EntryError              an entry.toml and its files, with all their problems
     │   └── UnitError               a unit that cannot be read or does not fit
     ├── DeviceError                 a device that cannot go on; exit status 3
     │   ├── NotConnectedError       it does not answer
@@ -92,6 +93,10 @@ class ProtocolError(_ProblemsError):
 
 class DeviceFileError(_ProblemsError):
     """One or more problems of a ``device.toml``."""
+
+
+class EntryError(_ProblemsError):
+    """One or more problems of an ``entry.toml`` or of the files that it names."""
 
 
 class UnitError(DataError):

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from jointz.core.codes import Exclusion, Failure
+from jointz.core.codes import Exclusion, Failure, NotPooled
 from jointz.core.trips import Trip
 
-CODES = [*Exclusion, *Failure, *Trip]
+CODES = [*Exclusion, *Failure, *NotPooled, *Trip]
 
 
 @pytest.mark.parametrize("code", CODES, ids=repr)
@@ -18,7 +18,7 @@ def test_every_code_has_a_meaning(code):
     assert meaning == meaning.strip().rstrip(".")
 
 
-@pytest.mark.parametrize("kind", [Exclusion, Failure, Trip])
+@pytest.mark.parametrize("kind", [Exclusion, Failure, NotPooled, Trip])
 def test_no_two_codes_mean_the_same(kind):
     assert len({code.meaning for code in kind}) == len(kind)
 

@@ -49,6 +49,7 @@ def test_the_tree_of_the_documentation_is_the_tree_of_the_classes():
         JointzError("told"),
         DataError("told", path="a.csv", channel="angle", row=3),
         StudyError("study.toml", ["one", "two"]),
+        errors.EntryError("entry.toml", ["one", "two"]),
         EstimationError("no_pulses", "told"),
         errors.DeviceError("motor", "is gone"),
         errors.SafetyStop("posture", "told"),
@@ -64,7 +65,9 @@ def test_an_error_comes_whole_out_of_another_process(error):
     assert vars(again) == vars(error)
 
 
-@pytest.mark.parametrize("cls", [DataError, StudyError, UnitError, errors.ProtocolError])
+@pytest.mark.parametrize(
+    "cls", [DataError, StudyError, UnitError, errors.ProtocolError, errors.EntryError]
+)
 def test_bad_input_can_be_caught_as_a_value_error(cls):
     assert issubclass(cls, DataError)
     assert issubclass(cls, ValueError)
@@ -88,7 +91,7 @@ def test_a_data_error_need_not_know_where():
     assert (error.path, error.channel, error.row) == (None, None, None)
 
 
-@pytest.mark.parametrize("cls", [StudyError, errors.ProtocolError])
+@pytest.mark.parametrize("cls", [StudyError, errors.ProtocolError, errors.EntryError])
 @pytest.mark.parametrize(
     ("problems", "text"),
     [

@@ -1,0 +1,47 @@
+"""Tables that results hold: columns of a known kind, and their way through JSON."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import pandas as pd
+
+#: ``text``: objects, empty where there is none; ``number``: floats, NaN where there is none;
+#: ``count``: whole numbers.
+Kind = Literal["text", "number", "count"]
+
+
+def typed_table(
+    rows: Iterable[Mapping[Any, Any]] | pd.DataFrame, kinds: Mapping[str, Kind]
+) -> pd.DataFrame:
+    """Return rows as a table whose columns have their kind even where it is empty.
+
+    Parameters
+    ----------
+    rows : iterable of mapping, or pandas.DataFrame
+        The rows; what they have not is empty.
+    kinds : mapping of str to str
+        Column -> kind, in their order.
+    """
+    given = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows))
+    columns = {name: _typed(given.get(name), kind, given.index) for name, kind in kinds.items()}
+    return pd.DataFrame(columns, index=given.index).reset_index(drop=True)
+
+
+def _typed(column: pd.Series | None, kind: Kind, index: pd.Index) -> pd.Series:
+    if kind == "text":
+        text = pd.Series("", index, dtype=object) if column is None else column.astype(object)
+        return text.where(text.notna(), "")
+    number = pd.Series(float("nan"), index) if column is None else column.astype(float)
+    return number.fillna(0.0).astype("int64") if kind == "count" else number
+
+
+def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a table's rows as plain values, None where there is none: ready for JSON.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The table.
+    """
+    rows = table.astype(object).where(table.notna(), None).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]

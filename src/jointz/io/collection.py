@@ -1,0 +1,271 @@
+"""Read the entries of a collection: ``entry.toml`` and the tables that it names."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import pandas as pd
+from pydantic import ValidationError
+
+from jointz.core.collection import ENTRY_FILE, Condition, Entry
+from jointz.core.collection_tables import PRINTED_COLUMNS
+from jointz.core.errors import DataError, EntryError
+from jointz.core.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS
+from jointz.core.study import FilesSpec
+from jointz.io.registry import file_sha256, list_columns, read_table
+from jointz.io.toml_problems import all_problems, parse_toml
+from jointz.io.toml_text import written_key, written_text
+
+_LABELS = (
+    "statistic", "participant", "timing_point", "parameter", "unit", "method", "status", "source",
+    "note",
+)  # fmt: skip
+_TABLES = {
+    "estimates": ESTIMATE_COLUMNS,
+    "printed": PRINTED_COLUMNS,
+    "covariance": COVARIANCE_COLUMNS,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EntryFolder:
+    """An entry that was read.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Its folder.
+    spec : Entry
+        What ``entry.toml`` says.
+    sha256 : str
+        Hash of ``entry.toml``.
+    """
+
+    root: Path
+    spec: Entry
+    sha256: str
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.root.name
+
+    def path(self, file: str) -> Path:
+        """Return where a file of the entry is.
+
+        Parameters
+        ----------
+        file : str
+            As the entry names it.
+
+        Raises
+        ------
+        DataError
+            When it lies outside the entry's folder, or is not there.
+        """
+        parts = PurePosixPath(file)
+        if parts.is_absolute() or ".." in parts.parts or "\\" in file:
+            raise DataError(
+                f"{file}: expected a file inside the folder of the entry. Copy it there.", path=file
+            )
+        found = self.root / parts
+        if not found.is_file():
+            raise DataError(f"{file}: is not there. Put it beside {ENTRY_FILE}.", path=file)
+        if not found.resolve().is_relative_to(self.root.resolve()):
+            raise DataError(
+                f"{file}: links to a file outside the folder of the entry. Copy it there.",
+                path=file,
+            )
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionTables:
+    """The values of one condition of an entry, as they stand in its files.
+
+    Parameters
+    ----------
+    condition : Condition
+        Which.
+    rows : pandas.DataFrame
+        In the columns of ``estimates.csv``, or those of printed values.
+    covariance : pandas.DataFrame or None
+        None where the entry has none.
+    sha256 : mapping of str to str
+        File -> hash of its bytes.
+    first_row : int
+        Row of the file of values that holds the first of them.
+    """
+
+    condition: Condition
+    rows: pd.DataFrame
+    covariance: pd.DataFrame | None
+    sha256: Mapping[str, str]
+    first_row: int = 2
+
+
+def entry_folders(collection: Path) -> tuple[Path, ...]:
+    """List the folders of a collection that hold an entry, or should.
+
+    Parameters
+    ----------
+    collection : pathlib.Path
+        The folder.
+
+    Returns
+    -------
+    tuple of pathlib.Path
+        Its sub-folders by name; hidden ones left out.
+
+    Raises
+    ------
+    DataError
+        When it is no folder, or has none inside.
+    """
+    try:
+        found = sorted(p for p in collection.iterdir() if p.is_dir() and p.name[0] not in "._")
+    except OSError as exc:
+        raise DataError(
+            f"{collection}: cannot be read as a folder ({exc.strerror}). Name the folder of a "
+            f"collection, with a folder for each study in it."
+        ) from exc
+    if not found:
+        raise DataError(
+            f"{collection}: expected a folder for each study, with {ENTRY_FILE} and its estimates; "
+            "found none. jointz collect entry RESULTS makes one of results."
+        )
+    return tuple(found)
+
+
+def read_entry(folder: Path) -> EntryFolder:
+    """Read an ``entry.toml``; the files that it names are not opened.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The folder of the entry.
+
+    Raises
+    ------
+    EntryError
+        With every problem of shape, each with the key's full path; when there is none.
+    """
+    file = folder / ENTRY_FILE
+    try:
+        text = file.read_bytes()
+        sha256 = file_sha256(file)
+    except OSError as exc:
+        raise EntryError(str(file), [f"{ENTRY_FILE}: cannot be read ({exc.strerror})."]) from exc
+    raw = parse_toml(str(file), text, error=EntryError)
+    try:
+        spec = Entry.model_validate(raw)
+    except ValidationError as exc:
+        raise EntryError(str(file), all_problems(exc, Entry, raw)) from exc
+    return EntryFolder(folder, spec, sha256)
+
+
+def read_condition(entry: EntryFolder, condition: Condition) -> ConditionTables:
+    """Read the values of a condition, with their covariance where there is one.
+
+    Parameters
+    ----------
+    entry : EntryFolder
+        Whose.
+    condition : Condition
+        Which of its conditions.
+
+    Raises
+    ------
+    DataError
+        When a file is missing, damaged, or has not the columns it must have.
+    """
+    values, sha256, first_row = _table(entry, condition.estimates, entry.spec.kind)
+    hashes = {condition.estimates: sha256}
+    covariance = None
+    if condition.covariance is not None:
+        covariance, sha256, _ = _table(entry, condition.covariance, "covariance")
+        hashes[condition.covariance] = sha256
+    return ConditionTables(condition, values, covariance, hashes, first_row)
+
+
+def columns_of(entry: EntryFolder, file: str) -> tuple[str, ...]:
+    """List the columns of a table of an entry.
+
+    Parameters
+    ----------
+    entry : EntryFolder
+        The entry.
+    file : str
+        As the entry names it.
+
+    Raises
+    ------
+    DataError
+        When it is missing or damaged.
+    """
+    return tuple(list_columns(entry.path(file), FilesSpec()) or ())
+
+
+def _table(entry: EntryFolder, file: str, kind: str) -> tuple[pd.DataFrame, str, int]:
+    columns = _TABLES[kind]
+    table = read_table(
+        entry.path(file),
+        numeric=[name for name in columns if name not in _LABELS],
+        labels=[name for name in columns if name in _LABELS],
+        files=FilesSpec(),
+        as_written=True,
+    )
+    frame = pd.DataFrame({name: table.columns[name] for name in columns})
+    return frame, table.sha256, table.first_row
+
+
+def written_entry(content: Mapping[str, Any], missing: Mapping[str, str] | None = None) -> str:
+    """Return the text of an ``entry.toml``.
+
+    Parameters
+    ----------
+    content : mapping
+        Keys and tables, in the order of the model; None and empty texts are left out.
+    missing : mapping of str to str, optional
+        Key with its table, such as ``joint.side``, -> what belongs there. Written as comments:
+        the key stays missing until somebody who knows fills it in.
+    """
+    open_questions = dict(missing or {})
+    lines = [f"{k} = {_value(v)}" for k, v in content.items() if _is_plain(v) and v is not None]
+    lines += _asked(open_questions, "")
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"[{key}]", *_statements(value), *_asked(open_questions, key)]
+        elif not _is_plain(value):
+            for one in value:
+                lines += ["", f"[[{key}]]", *_statements(one), *_asked(open_questions, key)]
+    tables = {key.rpartition(".")[0] for key in open_questions} - set(content) - {""}
+    for table in sorted(tables):
+        lines += ["", f"[{table}]", *_asked(open_questions, table)]
+    return "\n".join(lines) + "\n"
+
+
+def _is_plain(value: Any) -> bool:
+    tables = isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+    return not isinstance(value, Mapping) and not tables
+
+
+def _asked(questions: Mapping[str, str], table: str) -> list[str]:
+    of_table = {key: told for key, told in questions.items() if key.rpartition(".")[0] == table}
+    return [f"# {key.rpartition('.')[2]} =   # {told}" for key, told in of_table.items()]
+
+
+def _statements(table: Mapping[str, Any]) -> list[str]:
+    return [f"{written_key(k)} = {_value(v)}" for k, v in table.items() if v not in (None, "")]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inner = (f"{written_key(str(k))} = {_value(v)}" for k, v in value.items() if v is not None)
+        return "{ " + ", ".join(inner) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, int | float) else written_text(str(value))

@@ -1,0 +1,264 @@
+"""Collections of studies: entries to ``catalog.parquet``, and questions to it."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.catalog_query import CatalogFilter, QueryResult
+from jointz.core.collection import Entry
+from jointz.core.collection_findings import CatalogBuild, Finding
+from jointz.core.collection_tables import CATALOG_COLUMNS
+from jointz.core.errors import DataError
+from jointz.core.provenance import now, software
+from jointz.core.study import Calibrated
+from jointz.io.collection import ConditionTables, EntryFolder
+from jointz.io.collection_catalog import (
+    CATALOG_FILE,
+    catalog_about,
+    check_filter,
+    count_rows,
+    read_catalog,
+    require_scale,
+    write_catalog,
+)
+from jointz.workflows.collection_check import CheckedEntry, checked_entries, common_findings
+from jointz.workflows.collection_covariance_checks import COLUMNS as COVARIANCES
+
+_CELL = ["participant", "timing_point", "parameter"]
+_SHARED = "all"
+
+
+def build_catalog(folder: Path, *, out: Path | None = None) -> CatalogBuild:
+    """Make the catalog of a collection out of all entries without problems.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The collection, with a folder for each entry.
+    out : pathlib.Path, optional
+        The file; by default ``catalog.parquet`` in the collection's folder. One that exists is
+        replaced.
+
+    Returns
+    -------
+    CatalogBuild
+        What is in it, and which entries are not, with every reason. Nothing is written, and
+        ``entries`` is empty, where no entry stands.
+
+    Raises
+    ------
+    DataError
+        When the folder is none or holds no entry, or the extra ``scale`` is not installed.
+    WriteError
+        When the system does not let the catalog be written.
+
+    Notes
+    -----
+    An entry with a problem is left out whole. What two entries cannot both hold (a study or a
+    person twice) leaves out the later of them, by the order of the folders.
+    Entries are read one after the other: reading and checking 50 of 200 people takes seconds.
+    """
+    require_scale()
+    file = folder / CATALOG_FILE if out is None else out
+    checked = checked_entries(folder)
+    sound = [one for one in checked if not one.findings]
+    between = common_findings(sound)
+    refused = {finding.entry for finding in between}
+    kept = [one for one in sound if one.name not in refused]
+    skipped = [finding for one in checked for finding in one.findings] + between
+    tables = [catalog_rows(one) for one in kept]
+    table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+    if kept:
+        write_catalog(table, file, _about(kept, skipped))
+    return CatalogBuild(
+        str(file),
+        tuple(one.name for one in kept),
+        tuple(skipped),
+        len(table),
+        sum(_people(one.entry.spec) for one in kept if one.entry is not None),
+        tuple(finding for one in kept for finding in one.accepted),
+    )
+
+
+def query_catalog(catalog: Path, where: CatalogFilter | None = None) -> QueryResult:
+    """Return the rows of a catalog that a filter asks for.
+
+    Parameters
+    ----------
+    catalog : pathlib.Path
+        The file, or the collection's folder that holds it.
+    where : CatalogFilter, optional
+        What is wanted; by default all estimates.
+
+    Returns
+    -------
+    QueryResult
+        The rows, how many of the other kind of values were kept apart, and what to cite.
+
+    Raises
+    ------
+    DataError
+        When there is no catalog, it is damaged, a range is none, or the extra ``scale`` is not
+        installed.
+    """
+    file = catalog_file(catalog)
+    asked = where or CatalogFilter()
+    check_filter(asked)
+    about = catalog_about(file)  # a file of another schema, or of somebody else, says so
+    # One column is asked faster than two of which either may hold a name.
+    ids = {name: entry["study"] for name, entry in about["entries"].items()}
+    wanted = replace(asked, entry=tuple(ids.get(name, name) for name in asked.entry))
+    table = read_catalog(file, wanted)
+    cited = table[["study", "cite"]].drop_duplicates().astype(str)
+    cites = dict(cited.itertuples(index=False, name=None))
+    return QueryResult(table, asked, count_rows(file, _other_kind(wanted)), cites)
+
+
+def catalog_file(catalog: Path) -> Path:
+    """Return the file of a catalog.
+
+    Parameters
+    ----------
+    catalog : pathlib.Path
+        The file, or the collection's folder.
+    """
+    return catalog / CATALOG_FILE if catalog.is_dir() else catalog
+
+
+def _other_kind(asked: CatalogFilter) -> CatalogFilter:
+    other = "printed" if asked.kind == "estimates" else "estimates"
+    return replace(asked, kind=other)
+
+
+def _people(spec: Entry) -> int:
+    return len(spec.participants) or (spec.sample.n if spec.sample else 0)
+
+
+def _about(kept: Sequence[CheckedEntry], skipped: Sequence[Finding]) -> dict[str, Any]:
+    entries = {
+        one.name: {
+            "study": one.entry.spec.study,
+            "version": one.entry.spec.version,
+            "title": one.entry.spec.title,
+            "licence": one.entry.spec.licence,
+            "cite": one.entry.spec.cite,
+            "sha256": one.entry.sha256,
+            "hashes": dict(one.entry.spec.hashes),
+        }
+        for one in kept
+        if one.entry is not None
+    }
+    return {"created": now(), "software": software(), "entries": entries,
+            "skipped": list(map(str, skipped))}  # fmt: skip
+
+
+# --- rows ----------------------------------------------------------------------------------------
+
+
+def catalog_rows(checked: CheckedEntry) -> pd.DataFrame:
+    """Return an entry in the columns of a catalog.
+
+    Parameters
+    ----------
+    checked : CheckedEntry
+        Without findings.
+
+    Raises
+    ------
+    DataError
+        When its ``entry.toml`` could not be read.
+    """
+    if checked.entry is None:
+        raise DataError(f"{checked.name}: has problems. See jointz collect check.")
+    entry = checked.entry
+    parts = [_rows(entry, tables) for tables in checked.tables]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
+    spec, condition = entry.spec, tables.condition
+    rows = _with_covariance(tables)
+    rows = rows.assign(
+        **_of_entry(entry),
+        condition=condition.name, activity=condition.activity,
+        walking_speed_m_s=_number(condition.walking_speed_m_s),
+        slope_deg=_number(condition.slope_deg), surface=condition.surface,
+    )  # fmt: skip
+    rows = rows.assign(**_of_people(spec, rows["participant"]))
+    if spec.kind == "estimates":
+        rows = rows.assign(statistic="individual", source="", sd=np.nan, n=1.0)
+    for column, kind in CATALOG_COLUMNS.items():
+        if column not in rows:  # a printed value has no interval and no pulses
+            rows[column] = "" if kind == "text" else np.nan
+    if spec.kind == "printed":
+        rows["method"] = spec.method.name
+    return rows[list(CATALOG_COLUMNS)]
+
+
+def _of_people(spec: Entry, participants: pd.Series) -> dict[str, np.ndarray]:
+    """Return what an entry says of the participant of each row, empty where it says nothing."""
+    code, names = pd.factorize(participants)
+    people = {person.id: person for person in spec.participants}
+    told = [people.get(str(name)) for name in names]
+    columns = {
+        column: np.array([getattr(one, column) if one else "" for one in told], dtype=object)
+        for column in ("person", "age_band", "sex", "group")
+    }
+    for column in ("mass_kg", "height_m"):
+        columns[column] = np.array([_number(getattr(one, column, None)) for one in told])
+    sides = [(one.side if one else None) or spec.joint.side for one in told]
+    columns["side"] = np.array(sides, dtype=object)
+    return {column: values[code] for column, values in columns.items()}
+
+
+def _of_entry(entry: EntryFolder) -> dict[str, Any]:
+    """Return what all rows of an entry share."""
+    spec = entry.spec
+    raw = os.path.normpath(Path(entry.name) / spec.raw_data.study)  # from the collection's folder
+    return {
+        "entry": entry.name,
+        "study": spec.study,
+        "version": spec.version,
+        "values": spec.kind,
+        "joint": spec.joint.name,
+        "positive": spec.joint.positive,
+        "software": f"{spec.software.name} {spec.software.version}",
+        "torque_gain_sd": _gain_sd(spec.calibration.torque_gain),
+        "angle_gain_sd": _gain_sd(spec.calibration.angle_gain),
+        "raw_study": raw if spec.raw_data.study else "",
+        "licence": spec.licence,
+        "cite": spec.cite,
+    }
+
+
+def _gain_sd(gain: Calibrated | None) -> float:
+    """Return the relative sd of a calibrated gain, NaN where it is not known."""
+    return float("nan") if gain is None else gain.sd / gain.value
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _with_covariance(tables: ConditionTables) -> pd.DataFrame:
+    """Return the values with their covariances beside them, NaN where there are none.
+
+    The covariance of an inertia that all timing points share stands at each of them in its file,
+    and with K and B of each in the catalog; the row of the inertia has its variance alone.
+    """
+    rows = tables.rows
+    if tables.covariance is None:
+        return rows.assign(**dict.fromkeys(COVARIANCES, np.nan))
+    made = rows.merge(tables.covariance, on=_CELL, how="left", validate="many_to_one")
+    shared = (made["parameter"] == "inertia") & (made["timing_point"] == _SHARED)
+    if shared.any():
+        told = tables.covariance[tables.covariance["parameter"] == "inertia"]
+        variance = told.groupby("participant")["with_inertia"].first()
+        known = made.loc[shared, "participant"].map(variance)
+        made.loc[shared, "with_inertia"] = made.loc[shared, "with_inertia"].fillna(known)
+    return made

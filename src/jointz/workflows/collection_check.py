@@ -1,0 +1,254 @@
+"""``jointz collect check``: what is wrong with entries, each by itself and all together."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.collection import ENTRY_FILE
+from jointz.core.collection_findings import CollectionCheck, Finding
+from jointz.core.errors import DataError, EntryError
+from jointz.io.collection import (
+    ConditionTables,
+    EntryFolder,
+    columns_of,
+    entry_folders,
+    read_condition,
+    read_entry,
+)
+from jointz.workflows.collection_entry_checks import (
+    ACCEPTABLE,
+    Found,
+    hash_findings,
+    metadata_findings,
+)
+from jointz.workflows.collection_value_checks import standing, value_findings
+
+#: So many values that two people share to nine digits are no coincidence.
+_FEWEST_SHARED = 3
+_DIGITS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedEntry:
+    """An entry, what it holds as far as it could be read, and what was found in it.
+
+    Parameters
+    ----------
+    name : str
+        Its folder.
+    entry : EntryFolder or None
+        None where ``entry.toml`` could not be read.
+    tables : tuple of ConditionTables
+        Of the conditions that could be read.
+    findings, accepted : tuple of Finding
+        Everything found; that which the entry itself accepts.
+    """
+
+    name: str
+    entry: EntryFolder | None
+    tables: tuple[ConditionTables, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    accepted: tuple[Finding, ...] = ()
+
+
+def check_collection(folder: Path) -> CollectionCheck:
+    """Check every entry of a collection.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The collection, with a folder for each entry; or the folder of one entry.
+
+    Returns
+    -------
+    CollectionCheck
+        Everything found; docs/collections.md lists the codes.
+
+    Raises
+    ------
+    DataError
+        When the folder is none, or holds no folder.
+    """
+    checked = checked_entries(folder)
+    findings = [finding for one in checked for finding in one.findings]
+    findings += common_findings(checked)
+    names = tuple(one.name for one in checked)
+    accepted = tuple(finding for one in checked for finding in one.accepted)
+    order = {name: k for k, name in enumerate(names)}
+    findings.sort(key=lambda finding: order[finding.entry])
+    return CollectionCheck(names, tuple(findings), accepted)
+
+
+def checked_entries(folder: Path) -> tuple[CheckedEntry, ...]:
+    """Read and check every entry by itself.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The collection, or the folder of one entry.
+
+    Raises
+    ------
+    DataError
+        When the folder is none, or holds no folder.
+    """
+    one = (folder / ENTRY_FILE).is_file()
+    return tuple(map(check_entry, (folder.resolve(),) if one else entry_folders(folder)))
+
+
+def check_entry(folder: Path) -> CheckedEntry:
+    """Read an entry and check it by itself.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Its folder.
+    """
+    try:
+        entry = read_entry(folder)
+    except EntryError as exc:
+        problems = exc.problems
+        return CheckedEntry(folder.name, None, (), tuple(_of_shape(folder.name, problems)))
+    found = list(metadata_findings(entry))
+    tables = []
+    for i, condition in enumerate(entry.spec.conditions):
+        try:
+            tables.append(read_condition(entry, condition))
+        except DataError as exc:
+            found.append(_unread(entry, i, exc))
+    hashes = {file: sha256 for one in tables for file, sha256 in one.sha256.items()}
+    found += hash_findings(entry, hashes)
+    for one in tables:
+        found += value_findings(entry.spec, one)
+    findings, accepted = _sorted_out(entry, found)
+    return CheckedEntry(entry.name, entry, tuple(tables), findings, accepted)
+
+
+def _of_shape(name: str, problems: Sequence[str]) -> Iterator[Finding]:
+    """Make findings of the sentences about a file's shape."""
+    for problem in problems:
+        where, _, told = problem.partition(": ")
+        expected, _, found = told.removeprefix("expected ").rstrip(".").partition("; got ")
+        if told.startswith("missing"):
+            why = told.partition("; ")[2].rstrip(".")
+            yield Finding(name, "key_missing", where, f"a value: {why}")
+        elif told.startswith("unknown key"):
+            yield Finding(name, "key_unknown", where, "no such key", told.rstrip("."))
+        elif where in ("not valid TOML", ENTRY_FILE):
+            yield Finding(name, "entry_unreadable", ENTRY_FILE, "a TOML file", problem.rstrip("."))
+        else:
+            yield Finding(name, "key_value", where, expected, found)
+
+
+def _unread(entry: EntryFolder, i: int, exc: DataError) -> Found:
+    """Say why the tables of a condition cannot be read; printed ones are known by their columns."""
+    file = entry.spec.conditions[i].estimates
+    where = f"conditions[{i + 1}].estimates"
+    try:
+        columns = columns_of(entry, file)
+    except DataError:
+        columns = ()
+    if entry.spec.kind == "estimates" and "statistic" in columns and "ci_low" not in columns:
+        found = f"the columns of printed values in {file}"
+        return "printed_as_estimates", where, "the columns of estimates.csv", found
+    return "table_unreadable", where, "tables that can be read", str(exc)
+
+
+def _sorted_out(
+    entry: EntryFolder, found: Iterable[Found]
+) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """Tell what the entry itself accepts from what it must correct."""
+    told = {accepted.code for accepted in entry.spec.accepted} & ACCEPTABLE
+    made = [Finding(entry.name, *one) for one in found]
+    return (
+        tuple(finding for finding in made if finding.code not in told),
+        tuple(finding for finding in made if finding.code in told),
+    )
+
+
+# --- between entries -----------------------------------------------------------------------------
+
+
+def common_findings(checked: Sequence[CheckedEntry]) -> list[Finding]:
+    """Return what entries that are sound by themselves cannot both hold.
+
+    Parameters
+    ----------
+    checked : sequence of CheckedEntry
+        All of a collection.
+
+    Returns
+    -------
+    list of Finding
+        Told of the later entry, by the order of the folders.
+    """
+    return [*_studies_twice(checked), *_codes_twice(checked), *_values_twice(checked)]
+
+
+def _studies_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
+    first: dict[str, str] = {}
+    for one in checked:
+        if one.entry is None:
+            continue
+        study = one.entry.spec.study
+        if study in first:
+            found = f"{study!r} in {first[study]} too"
+            expected = "a study once: keep one version, or give another id"
+            yield Finding(one.name, "study_twice", "study", expected, found)
+        first.setdefault(study, one.name)
+
+
+def _codes_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
+    first: dict[str, str] = {}
+    for one in checked:
+        people = one.entry.spec.participants if one.entry else ()
+        codes = dict.fromkeys(person.person for person in people if person.person)
+        for code in codes:
+            if code in first:
+                expected = "everybody once in a collection: leave them out of one entry"
+                found = f"{code!r} in {first[code]} too"
+                yield Finding(one.name, "person_twice", "participants.person", expected, found)
+        first |= {code: one.name for code in codes if code not in first}
+
+
+def _values_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
+    """Find people whose estimates are those of somebody else: a person twice, or a copied file."""
+    values = _all_values(checked)
+    if values.empty:
+        return
+    keys = ["parameter", "digits"]
+    repeated = values[values.duplicated(keys, keep=False)]
+    origin = repeated.groupby(keys)["who"].transform("first")
+    pairs = Counter(zip(repeated["who"], origin, strict=True))
+    order = {one.name: k for k, one in enumerate(checked)}
+    for (who, other), n in pairs.items():
+        (name, person), (other_name, other_person) = who, other
+        if n < _FEWEST_SHARED or who == other:
+            continue
+        later = max((name, other_name), key=order.__getitem__)
+        expected = "everybody once, with estimates of their own"
+        found = f"{n} values of {person} are those of {other_name}/{other_person}"
+        yield Finding(later, "person_twice", f"participants {person}", expected, found)
+
+
+def _all_values(checked: Sequence[CheckedEntry]) -> pd.DataFrame:
+    """Return every estimate that is no round number, with whose it is."""
+    parts = []
+    for one in checked:
+        if one.entry is None or one.entry.spec.kind == "printed":
+            continue
+        for tables in one.tables:
+            held = standing(tables.rows)
+            held = held[held["value"] != 0]
+            digits = np.array([f"{v:.{_DIGITS}g}" for v in held["value"]], dtype=object)
+            who = [(one.name, person) for person in held["participant"]]
+            part = pd.DataFrame({"parameter": held["parameter"].to_numpy(), "digits": digits})
+            part["who"] = pd.Series(who, dtype=object)
+            # Rounded to three digits, unlike people have equal values by chance.
+            long = part["digits"].str.replace(r"[^0-9]", "", regex=True).str.lstrip("0").str.len()
+            parts.append(part[long >= 5])
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()

@@ -1,0 +1,129 @@
+"""What an entry must say, and the results that a collection gives."""
+
+import tomllib
+
+import pandas as pd
+import pytest
+from benchmarks.collection_entries import write_entry
+from pydantic import ValidationError
+
+from jointz.core.catalog_query import CatalogFilter, QueryResult
+from jointz.core.collection import Entry
+from jointz.core.collection_findings import CatalogBuild, CollectionCheck, Finding
+from jointz.core.collection_tables import CATALOG_COLUMNS
+
+
+@pytest.fixture
+def content(tmp_path):
+    write_entry(tmp_path / "lab", seed=1, people=2)
+    return tomllib.loads((tmp_path / "lab" / "entry.toml").read_text())
+
+
+def problems(content):
+    with pytest.raises(ValidationError) as raised:
+        Entry.model_validate(content)
+    return {".".join(map(str, e["loc"])): e["msg"] for e in raised.value.errors()}
+
+
+def test_an_entry_knows_its_files_and_its_calibration(content):
+    entry = Entry.model_validate(content)
+
+    assert entry.files == ("estimates.csv", "covariance.csv")
+    assert list(entry.calibration.entries) == ["torque_gain"]
+
+
+def test_estimates_need_people_and_printed_values_a_sample(content):
+    content["participants"] = []
+    assert "need the people" in problems(content)["participants"]
+
+    content["values"] = "printed"
+    assert "need the people" in problems(content)["sample"]
+
+    content["sample"] = {"n": 10}
+    assert Entry.model_validate(content).kind == "printed"
+
+
+def test_gait_needs_speed_slope_and_surface_all_told_at_once(content):
+    for key in ("walking_speed_m_s", "slope_deg", "surface"):
+        del content["conditions"][0][key]
+
+    assert set(problems(content)) == {
+        f"conditions.0.{key}" for key in ("walking_speed_m_s", "slope_deg", "surface")
+    }
+
+
+def test_two_conditions_may_not_share_a_name_or_a_file(content):
+    content["conditions"] *= 2
+
+    assert set(problems(content)) == {"conditions.1.name", "conditions.1.estimates"}
+
+
+def test_an_id_of_a_study_is_fit_for_a_folder(content):
+    content["study"] = "Our Knees/2"
+
+    assert "study" in problems(content)
+
+
+def test_numbers_are_not_taken_from_text(content):
+    content["participants"][0]["mass_kg"] = "72"
+
+    assert "participants.0.mass_kg" in problems(content)
+
+
+# --- results -------------------------------------------------------------------------------------
+
+FINDING = Finding("lab", "unit", "estimates.csv, row 2", "stiffness in N*m/rad", "'N*m/deg'")
+
+
+def test_a_finding_is_a_sentence_with_its_code():
+    assert str(FINDING) == (
+        "lab: estimates.csv, row 2: expected stiffness in N*m/rad; found 'N*m/deg'. [unit]"
+    )
+
+
+def test_a_check_tells_what_was_found_and_what_is_accepted():
+    made = CollectionCheck(("lab", "sound"), (FINDING,), (FINDING,))
+
+    assert not made.clean
+    assert made.of("sound") == ()
+    assert made.to_frame()["code"].tolist() == ["unit"]
+    assert made.summary().splitlines()[0] == "2 entries: 1 problem in 1 of them."
+    assert "accepted by the entry" in made.summary()
+    assert made.to_dict()["findings"][0]["expected"] == "stiffness in N*m/rad"
+
+
+def test_a_build_names_what_it_skipped():
+    made = CatalogBuild("c.parquet", ("sound",), (FINDING, FINDING), 30, 12)
+
+    assert made.skipped_entries == ("lab",)
+    frame = made.to_frame().set_index("entry")
+    assert frame.loc["lab"].tolist() == [False, 2]
+    assert frame.loc["sound"].tolist() == [True, 0]
+    assert "1 entry skipped" in made.summary()
+    assert made.to_dict()["people"] == 12
+
+
+def test_a_query_counts_people_not_rows():
+    empty = {name: "" if kind == "text" else None for name, kind in CATALOG_COLUMNS.items()}
+    person = empty | {"study": "a", "joint": "knee", "parameter": "stiffness", "status": "ok"}
+    rows = [
+        person
+        | {
+            "participant": "S1",
+            "timing_point": point,
+            "value": value,
+            "onset_gait_pct": {"LRE": 7.0, "MSW": 81.0}[point],
+        }
+        for point, value in (("LRE", 50.0), ("MSW", 20.0))
+    ]
+    rows.append(rows[0] | {"study": "b", "value": 70.0})
+    rows.append(rows[0] | {"participant": "S2", "value": None, "status": "undecided"})
+    table = pd.DataFrame(rows)
+    table["value"] = table["value"].astype(float)
+
+    made = QueryResult(table, CatalogFilter(), also=3, cites={"a": "A. Fictional"})
+
+    groups = made.groups().set_index("timing_point")
+    assert groups.loc["LRE", ["studies", "people", "estimates", "median"]].tolist() == [2, 2, 2, 60]
+    assert made.summary().startswith("4 estimates of 3 people in 2 studies; 3 printed values")
+    assert made.to_dict()["rows"][3]["value"] is None

@@ -1,0 +1,136 @@
+"""Studies pooled: R's metafor, people to studies, results that come back whole."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
+from jointz.kernels.multivariate_random_effects import multivariate_random_effects
+from jointz.kernels.random_effects import random_effects
+from jointz.stats.random_effects import mean_over_people, pool_studies, pool_studies_jointly
+
+mpl.use("Agg")
+
+#: Written by make_metafor_reference.R.
+METAFOR: dict[str, dict[str, dict[str, Any]]] = json.loads(
+    Path(__file__).with_name("metafor_reference.json").read_text()
+)
+#: What the issue asks of the pooled estimate; metafor's own search of T ends near there.
+WITHIN = 1e-6
+
+
+@pytest.mark.parametrize("name", METAFOR["univariate"])
+def test_one_parameter_is_as_metafor_has_it(name: str) -> None:
+    held = {k: np.array(v, dtype=float) for k, v in METAFOR["univariate"][name].items()}
+    fit = random_effects(held["values"], held["variances"])
+    for field in ("mean", "se", "tau2_se", "i2_pct", "q", "log_likelihood", "weights"):
+        assert getattr(fit, field) == pytest.approx(held[field].squeeze(), rel=WITHIN), field
+    assert fit.tau2 == pytest.approx(held["tau2"][0], rel=WITHIN, abs=0.0)
+    assert fit.q_p == pytest.approx(held["q_p"][0], rel=WITHIN)
+    assert [fit.low, fit.high] == pytest.approx(held["interval"], rel=WITHIN)
+    ends = [fit.prediction_low, fit.prediction_high]
+    assert ends == pytest.approx(held["prediction"], rel=WITHIN)
+    assert [fit.tau2_low, fit.tau2_high] == pytest.approx(held["tau2_interval"], rel=WITHIN)
+    modified = random_effects(held["values"], held["variances"], modified=True)
+    assert [modified.low, modified.high] == pytest.approx(held["modified"], rel=WITHIN)
+
+
+@pytest.mark.parametrize("name", METAFOR["multivariate"])
+def test_parameters_together_are_as_metafor_has_them(name: str) -> None:
+    held = {k: np.array(v, dtype=float) for k, v in METAFOR["multivariate"][name].items()}
+    fit = multivariate_random_effects(held["values"], held["covariances"])
+    assert fit.mean == pytest.approx(held["mean"], rel=WITHIN)
+    assert fit.covariance == pytest.approx(held["covariance"], rel=WITHIN)
+    assert fit.between == pytest.approx(held["between"], rel=WITHIN)
+    assert fit.q == pytest.approx(held["q"][0], rel=WITHIN)
+    assert fit.log_likelihood == pytest.approx(held["log_likelihood"][0], abs=1e-9)
+
+
+def test_the_reference_holds_the_cases_that_matter() -> None:
+    one, several = METAFOR["univariate"], METAFOR["multivariate"]
+    assert len(one) + len(several) >= 12
+    assert {len(s["values"]) for s in one.values()} >= {2, 3, 40}
+    assert sum(s["tau2"] == [0] for s in one.values()) >= 2
+    assert any(None in row for row in several["kbj_absent"]["values"])
+
+
+def test_people_that_differ_count_by_their_spread_alone() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.multivariate_normal([60.0, 1.5], [[64.0, 0.8], [0.8, 0.04]], size=30)
+    mean, covariance = mean_over_people(values, np.tile(np.diag([1.0, 1e-3]), (30, 1, 1)))
+    assert mean == pytest.approx(values.mean(axis=0))
+    assert covariance == pytest.approx(np.cov(values, rowvar=False) / 30)
+
+
+def test_people_alike_by_chance_gain_no_more_weight_than_their_own_errors_allow() -> None:
+    values = np.array([[60.0, 1.50], [60.1, 1.60], [59.9, 1.45]])
+    own = np.array([[9.0, 0.1], [0.1, 0.01]])
+    covariance = mean_over_people(values, np.tile(own, (3, 1, 1)))[1]
+    assert np.linalg.eigvalsh(covariance - own / 3).min() >= -1e-12
+    between = np.cov(values, rowvar=False)
+    # Never below the people's own errors in any direction, never below their spread either.
+    assert np.linalg.eigvalsh(covariance - between / 3).min() >= -1e-9
+
+
+def test_an_error_that_all_people_share_does_not_average_out() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.normal([60.0, 1.5], [6.0, 0.2], size=(400, 2))
+    none = np.zeros((400, 2, 2))
+    shared = mean_over_people(values, none, shared_sd=0.05)[1]
+    alone = mean_over_people(values, none)[1]
+    mean = values.mean(axis=0)
+    assert shared - alone == pytest.approx(0.0025 * np.outer(mean, mean))
+    # The truth: many such studies, each with a gain of its own, spread so.
+    means = []
+    for _ in range(2000):
+        gain = 1.0 + 0.05 * rng.normal()
+        means.append((gain * rng.normal([60.0, 1.5], [6.0, 0.2], size=(40, 2))).mean(axis=0))
+    some = mean_over_people(values[:40], none[:40], shared_sd=0.05)[1]
+    assert np.cov(np.array(means), rowvar=False)[0, 0] == pytest.approx(some[0, 0], rel=0.15)
+
+
+def test_too_few_people_are_refused() -> None:
+    with pytest.raises(ValueError, match="of 2 people or more"):
+        mean_over_people(np.ones((1, 2)), np.zeros((1, 2, 2)))
+    with pytest.raises(ValueError, match="without gaps"):
+        mean_over_people(np.array([[1.0], [np.nan]]), np.zeros((2, 1, 1)))
+
+
+STUDIES = (
+    StudyMean("lab-a", 62.1, 3.4, 8),
+    StudyMean("lab-b", 55.4, 2.2, 12),
+    StudyMean("lab-c", 70.8, 4.5, 6),
+)
+
+
+def test_a_forest_comes_back_whole_and_tells_what_it_is_of() -> None:
+    made = pool_studies(STUDIES, parameter="stiffness", unit="N*m/rad")
+    again = RandomEffects.from_dict(json.loads(json.dumps(made.to_dict())))
+    assert again.to_dict() == made.to_dict()
+    assert made.to_frame()["weight_pct"].sum() == pytest.approx(100.0)
+    low, high = STUDIES[0].interval
+    assert high - low == pytest.approx(2 * 2.364624 * 3.4, rel=1e-6)
+    assert "3 studies, 26 people" in made.summary()
+    axes = made.plot()
+    labels = [text.get_text() for text in axes.get_yticklabels()]
+    assert labels == ["lab-a (8)", "lab-b (12)", "lab-c (6)", "mean over studies"]
+    with pytest.raises(ValueError, match="expected schema"):
+        RandomEffects.from_dict({"schema": "other"})
+
+
+def test_parameters_together_come_back_whole() -> None:
+    held = METAFOR["multivariate"]["kbj_absent"]
+    values = np.array(held["values"], dtype=float)
+    names = [f"lab-{k}" for k in range(len(values))]
+    units = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2"}
+    covariances = np.array(held["covariances"], dtype=float)
+    made = pool_studies_jointly(names, values, covariances, units=units)
+    again = JointRandomEffects.from_dict(json.loads(json.dumps(made.to_dict())))
+    assert again.to_dict() == made.to_dict()
+    assert made.to_frame()["n_studies"].tolist() == np.isfinite(values).sum(axis=0).tolist()
+    assert made.summary().count("\n") == 3
+    assert [t.get_text() for t in made.plot().get_yticklabels()] == list(units)

@@ -1,0 +1,64 @@
+"""docs/collections.md names every key and every code, and its example is an entry."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from pydantic import BaseModel
+
+from jointz.core.collection import CalibrationSpec, Entry
+from jointz.core.collection_tables import CATALOG_COLUMNS, PRINTED_COLUMNS
+from jointz.core.estimates import COVARIANCE_COLUMNS
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "collections.md").read_text(encoding="utf-8")
+SOURCES = [
+    *(ROOT / "src/jointz/workflows").glob("collection_*check*.py"),
+]
+WORDS = {
+    word for code in re.findall(r"`([^`\n]+)`", PAGE) for word in re.split(r"[\s,=.{}\[\]]+", code)
+}
+
+
+def keys(model):
+    """Return the keys of a model and of all that stand inside it; calibrations have a page."""
+    for name, field in model.model_fields.items():
+        yield name
+        inner = [field.annotation, *get_args(field.annotation)]
+        for part in inner:
+            is_model = isinstance(part, type) and issubclass(part, BaseModel)
+            if is_model and not issubclass(part, CalibrationSpec):
+                yield from keys(part)
+
+
+def test_every_key_is_described():
+    assert set(keys(Entry)) - WORDS == set()
+
+
+def test_every_column_of_printed_values_and_covariances_is_named():
+    assert {*PRINTED_COLUMNS, *COVARIANCE_COLUMNS} - WORDS == set()
+
+
+def test_columns_of_the_catalog_that_are_its_own_are_named():
+    own = {name for name in CATALOG_COLUMNS if name.startswith("with_") or name.endswith("gain_sd")}
+
+    assert own - WORDS == set()
+
+
+def test_every_code_is_described():
+    text = "".join(source.read_text(encoding="utf-8") for source in SOURCES)
+    yielded = re.findall(r'yield \(?\s*"([a-z_]+)", ', text)
+    told = re.findall(r'told = \("([a-z_]+)", ', text)
+    returned = re.findall(r'return "([a-z_]+)", ', text)
+    found = re.findall(r'Finding\([a-z.]+, "([a-z_]+)"', text)
+    codes = {*yielded, *told, *returned, *found}
+
+    assert len(codes) > 40
+    assert codes - WORDS == set()
+
+
+@pytest.mark.parametrize("text", re.findall(r"^```toml entry\n(.*?)^```", PAGE, re.DOTALL | re.M))
+def test_the_example_is_an_entry(text):
+    assert Entry.model_validate(tomllib.loads(text)).kind == "estimates"
