@@ -4,14 +4,12 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from importlib import import_module
+from typing import Any, TypeVar
 
 from jointz.core.errors import DataError
 from jointz.core.provenance import own_version
 from jointz.workflows.engine import Engine
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 Result = TypeVar("Result")
 
@@ -30,7 +28,7 @@ class Cluster(Engine):
         Of its scheduler, for messages.
     """
 
-    def __init__(self, client: "Client", address: str) -> None:
+    def __init__(self, client: Any, address: str) -> None:
         self._client = client
         self._address = address
         self._executor: Executor = client.get_executor(pure=False)
@@ -89,7 +87,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
         When ``dask`` is not installed, nobody answers, or a worker has another jointz.
     """
     try:
-        from distributed import Client, LocalCluster
+        distributed: Any = import_module("distributed")
     except ImportError as exc:
         raise DataError(
             "a Dask cluster needs dask, which is not installed. Install it: "
@@ -100,7 +98,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
         if scheduler == LOCAL:
             cores = len(os.sched_getaffinity(0))
             local = stack.enter_context(
-                LocalCluster(
+                distributed.LocalCluster(
                     n_workers=workers or cores,
                     threads_per_worker=1,
                     dashboard_address=":0",
@@ -109,7 +107,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
             )
             address = local.scheduler_address
         try:
-            client = stack.enter_context(Client(address, timeout=_PATIENCE_S))
+            client = stack.enter_context(distributed.Client(address, timeout=_PATIENCE_S))
         except (OSError, TimeoutError, ValueError) as exc:
             raise DataError(
                 f"scheduler {address!r}: nobody answers ({exc}). Expected tcp://host:port of a "
