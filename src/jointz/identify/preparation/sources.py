@@ -20,6 +20,7 @@ from jointz.core.study import (
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
+from jointz.identify.preparation.calibration import value_of
 from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
 from jointz.identify.preparation.pulses import (
     Pulse,
@@ -223,9 +224,11 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
         )
     cutoff_hz = settings.perturbations.cutoff_hz
     torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
-    gain = given.calibration.friction_gain
-    if gain is not None and gain.value != 1.0:
-        torque, friction = torque + (gain.value - 1.0) * friction, gain.value * friction
+    known = given.calibration
+    # The gain of the torque is that of the constant; it will be divided out, of friction too.
+    scale = value_of(known.friction_gain, 1.0) * value_of(known.torque_gain, 1.0)
+    if scale != 1.0:
+        torque, friction = torque + (scale - 1.0) * friction, scale * friction
     units = {"units": "N*m"}
     with_torque = recording.assign(
         torque=("time", torque, units), friction=("time", friction, units)

@@ -65,6 +65,28 @@ def test_gains_are_divided_out_and_lags_are_left():
     assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time) / 0.8)
 
 
+def test_a_gain_of_the_torque_is_that_of_the_constant_and_not_of_friction():
+    time = np.arange(2000) / 500.0
+    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, coulomb_friction=0.4)
+    channels = {
+        "angle": np.sin(5.0 * time),
+        "current": np.cos(3.0 * time),
+        "motor_velocity": np.full(time.size, 2.0),
+        "command": 0.0 * time,
+    }
+    known = CalibrationSpec(
+        torque_gain=Calibrated(value=0.8, sd=0.0), friction_gain=Calibrated(value=1.5, sd=0.1)
+    )
+    made = source(time, channels, calibration=known, torque_model=model)
+    stretch = raw_signals(made).stretches[0]
+
+    assert stretch.signals[DRIVING] == pytest.approx(0.9 * np.cos(3.0 * stretch.time) / 0.8)
+    assert stretch.signals[FRICTION] == pytest.approx(-0.4 * 1.5)
+    # What other methods divide by the gain is the true torque too.
+    torque = made.given.recording["torque"].to_numpy() / 0.8
+    assert torque == pytest.approx(0.9 * np.cos(3.0 * time) / 0.8 - 0.4 * 1.5)
+
+
 def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
     known = CalibrationSpec(angle_per_torque=Calibrated(value=0.01, sd=1e-4))
     told, plain_ = (
