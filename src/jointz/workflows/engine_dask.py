@@ -107,7 +107,9 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
             )
             address = local.scheduler_address
         try:
-            client = stack.enter_context(distributed.Client(address, timeout=_PATIENCE_S))
+            client = stack.enter_context(
+                distributed.Client(address, timeout=_PATIENCE_S, set_as_default=False)
+            )
         except (OSError, TimeoutError, ValueError) as exc:
             raise DataError(
                 f"scheduler {address!r}: nobody answers ({exc}). Expected tcp://host:port of a "
