@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from jointz.core.analysis import StudyAnalysis
@@ -14,6 +15,7 @@ from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
+from jointz.workflows.engine import on_one_thread
 from jointz.workflows.exploration_traces import PulseKey, PulseTrace, pulse_traces
 from jointz.workflows.participants import participant_settings, read_participant
 
@@ -93,8 +95,8 @@ def estimate_again(study: Study, person_id: str, wanted: Wanted) -> Again:
     inputs: dict[str, dict[str, Any]] = {}
     recordings = read_participant(study, person_id, inputs)
     _check_same(inputs, wanted.sha256)
-    result = analyze_participant(person_id, recordings, settings)
-    traces = pulse_traces(person_id, recordings, settings, result)
+    result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
+    traces = on_one_thread(partial(pulse_traces, person_id, recordings, settings, result))
     return Again(person_id, replace(result, evidence=None), traces)
 
 
@@ -126,7 +128,8 @@ def estimate_otherwise(
     recordings = read_participant(study, person_id, inputs)
     _check_same(inputs, wanted.sha256)
     alone = replace(settings, methods=(method,))
-    return tuple(analyze_participant(person_id, recordings, alone).cells[method])
+    found = on_one_thread(partial(analyze_participant, person_id, recordings, alone))
+    return tuple(found.cells[method])
 
 
 def _check_same(inputs: Mapping[str, Mapping[str, Any]], sha256: Mapping[str, str]) -> None:
