@@ -1,5 +1,6 @@
 """``jointz collect``: impedance over studies, labs and conditions."""
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +19,7 @@ from jointz.cli.console import (
 from jointz.cli.options import Debug, Json, Quiet
 
 if TYPE_CHECKING:
-    from jointz.core.catalog_query import QueryResult
+    from jointz.core.catalog_query import CatalogFilter, QueryResult
 
 collect = typer.Typer(
     no_args_is_help=True,
@@ -185,23 +186,12 @@ def query(
     Example: jointz collect query collection --joint knee --parameter stiffness --phase 60 90
     """
     del debug
-    from jointz.core.catalog_query import CatalogFilter
     from jointz.workflows.collection import query_catalog
 
     if as_csv and as_json:
         raise typer.BadParameter("give --csv or --json, not both.")
-    where = CatalogFilter(
-        joint=tuple(joint or ()),
-        parameter=tuple(parameter or ()),
-        condition=tuple(condition or ()),
-        activity=tuple(activity or ()),
-        entry=tuple(entry or ()),
-        method=tuple(method or ()),
-        phase_pct=phase,
-        speed_m_s=speed,
-        kind=values.value,
-        standing=standing,
-    )
+    anything = _filter(joint, parameter, phase, speed, condition, activity, entry, method)
+    where = replace(anything, kind=values.value, standing=standing)
     found = query_catalog(catalog, where)
     stands = not found.table.empty
     if as_json:
@@ -211,6 +201,30 @@ def query(
     elif not quiet:
         _emit_found(found)
     raise typer.Exit(EXIT_OK if stands else EXIT_NOTHING_STANDS)
+
+
+def _filter(
+    joint: _Many,
+    parameter: _Many,
+    phase: _Pair,
+    speed: _Pair,
+    condition: _Many,
+    activity: _Many,
+    entry: _Many,
+    method: _Many,
+) -> "CatalogFilter":
+    from jointz.core.catalog_query import CatalogFilter
+
+    return CatalogFilter(
+        joint=tuple(joint or ()),
+        parameter=tuple(parameter or ()),
+        condition=tuple(condition or ()),
+        activity=tuple(activity or ()),
+        entry=tuple(entry or ()),
+        method=tuple(method or ()),
+        phase_pct=phase,
+        speed_m_s=speed,
+    )
 
 
 def _emit_found(found: "QueryResult") -> None:
@@ -274,23 +288,13 @@ def pool(
     Example: jointz collect pool collection --joint knee --out known
     """
     del debug
-    from jointz.core.catalog_query import CatalogFilter
     from jointz.core.collection_pool import DEFAULT_BY
     from jointz.workflows.collection_coverage import POOL, PoolRules, pool_collection, write_pool
     from jointz.workflows.results_folder import MARKER, check_free
 
     if out is not None:
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=POOL)
-    where = CatalogFilter(
-        joint=tuple(joint or ()),
-        parameter=tuple(parameter or ()),
-        condition=tuple(condition or ()),
-        activity=tuple(activity or ()),
-        entry=tuple(entry or ()),
-        method=tuple(method or ()),
-        phase_pct=phase,
-        speed_m_s=speed,
-    )
+    where = _filter(joint, parameter, phase, speed, condition, activity, entry, method)
     rules = PoolRules(
         by=tuple(by) if by else DEFAULT_BY,
         mix_methods=mix_methods,

@@ -7,10 +7,10 @@ speeds, units there are) is checked in :mod:`jointz.workflows.collection_check`,
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
-from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.core.study import Calibrated, CalibrationSpec, SchemaVersion
 
 #: The file that makes a folder an entry.
 ENTRY_FILE = "entry.toml"
@@ -26,12 +26,6 @@ Side = Literal["left", "right", "both", "not_stated"]
 Activity = Literal["walking", "running", "standing", "seated", "lying"]
 #: ``study_only``: consent that does not reach beyond the study. ``published``: printed values.
 ConsentScope = Literal["public", "research", "study_only", "published"]
-
-
-def _version(value: Any) -> Any:
-    if type(value) is not int:  # true and 1.0 would pass for 1
-        raise ValueError("expected 1")
-    return value
 
 
 Text = Annotated[str, Field(min_length=1)]
@@ -167,7 +161,7 @@ class Accepted(CheckedModel):
 class Entry(CheckedModel):
     """The whole of an ``entry.toml``, schema version 1."""
 
-    jointz_entry: Annotated[Literal[1], BeforeValidator(_version)]
+    jointz_entry: SchemaVersion
     study: Annotated[str, Field(pattern=f"^{STUDY_ID}$")]
     version: Text
     title: Text

@@ -12,7 +12,7 @@ from functools import partial
 from math import isclose
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from jointz.core import protocol_calibration_checks as calibrations
 from jointz.core import protocol_checks as whole
@@ -20,7 +20,7 @@ from jointz.core import protocol_limit_checks as limits
 from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.limits import LimitsOverride
 from jointz.core.references import Reference
-from jointz.core.study import Calibrated, ConditionField, Direction, Name, _version
+from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
 from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 
 #: The steps of a calibration, in the order in which a lab does them.
@@ -342,7 +342,7 @@ class LoadSpec(CheckedModel):
 class Protocol(CheckedModel):
     """The whole of a protocol file, schema version 1."""
 
-    jointz_protocol: Annotated[Literal[1], BeforeValidator(_version)]
+    jointz_protocol: SchemaVersion
     name: Name
     title: str = Field(min_length=1)
     section: str = ""

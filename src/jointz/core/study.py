@@ -54,6 +54,8 @@ ConditionField = Annotated[Condition, BeforeValidator(_condition)]
 Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
 Direction = Annotated[str, BeforeValidator(_direction)]
 Column = Annotated[str | int, BeforeValidator(_column)]
+#: Of a file that people write: the first, and so far only one.
+SchemaVersion = Annotated[Literal[1], BeforeValidator(_version)]
 
 
 class _Model(BaseModel):
@@ -265,7 +267,7 @@ class FilesSpec(_Model):
 class StudySpec(_Model):
     """The whole of a ``study.toml``, schema version 1."""
 
-    jointz: Annotated[Literal[1], BeforeValidator(_version)]
+    jointz: SchemaVersion
     joint: str = Field(min_length=1)
     kind: Literal["walking", "bench"]
     positive: Direction = "flexion"

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from jointz.core.checked_model import CheckedModel
 from jointz.core.errors import DataError, StudyError, WriteError
-from jointz.core.study import CalibrationSpec, Name
+from jointz.core.study import CalibrationSpec, Name, SchemaVersion
 from jointz.core.whole_file import whole_file
 from jointz.io.toml_problems import parse_toml, shape_problems
 from jointz.io.toml_text import Statement, statements, written_table, written_text
@@ -25,23 +26,13 @@ _HEAD = "# Written by jointz calibrate; jointz run --calibration takes it into a
 _KEPT = "before-calibration"
 
 
-def _version(value: Any) -> Any:
-    if type(value) is not int:  # true and 1.0 would pass for 1
-        raise ValueError("expected 1")
-    return value
-
-
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class _Person(_Model):
+class _Person(CheckedModel):
     id: Name
     calibration: CalibrationSpec
 
 
-class _File(_Model):
-    jointz_calibration: Annotated[Literal[1], BeforeValidator(_version)] = 1
+class _File(CheckedModel):
+    jointz_calibration: SchemaVersion = 1
     calibration: CalibrationSpec = CalibrationSpec()
     participants: tuple[_Person, ...] = Field(default=(), strict=False)
 

@@ -118,11 +118,18 @@ def written_table(values: Mapping[str, Any]) -> str:
     >>> written_table({"angle_gain": {"value": 1, "sd": 0.02}})
     '{ angle_gain = { value = 1.0, sd = 0.02 } }'
     """
-    parts = (f"{written_key(name)} = {_written(value)}" for name, value in values.items())
+    parts = (f"{written_key(name)} = {written_value(value)}" for name, value in values.items())
     return "{ " + ", ".join(parts) + " }"
 
 
-def _written(value: Any) -> str:
+def written_value(value: Any) -> str:
+    """Return a value as it is written.
+
+    Parameters
+    ----------
+    value : object
+        A mapping becomes an inline table, a number a float, all else a text.
+    """
     if isinstance(value, Mapping):
         return written_table(value)
     return repr(float(value)) if isinstance(value, int | float) else written_text(str(value))

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -19,7 +19,7 @@ from typing import Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from jointz.core.errors import DataError, WorkerLostError
-from jointz.workflows.process_pool import process_pool, workers_for
+from jointz.workflows.process_pool import begin_worker, spawned_pool, workers_for
 from jointz.workflows.task_store import TaskStore
 
 Result = TypeVar("Result")
@@ -102,7 +102,7 @@ class Engine(ABC):
 
         Raises
         ------
-        WorkerLostError
+        BrokenProcessPool
             When workers were killed: :meth:`renew` first.
         """
 
@@ -144,17 +144,18 @@ class Processes(Engine):
     Parameters
     ----------
     workers : int
-        How many, at least 2.
-    needs : str
-        Module that the calls are in: workers import it at once.
+        How many.
+    opening : callable
+        Gives a pool of them, as a context that ends it.
     """
 
-    def __init__(self, workers: int, *, needs: str) -> None:
+    def __init__(
+        self, workers: int, opening: Callable[[], AbstractContextManager[Executor]]
+    ) -> None:
         self.workers = workers
-        self._needs = needs
-        self._pool: Executor | None = None
-        self._opened: AbstractContextManager[Executor | None] | None = None
-        self.renew()
+        self._opening = opening
+        self._opened = ExitStack()
+        self._pool = self._opened.enter_context(opening())
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
         """Have a call made by a worker.
@@ -163,30 +164,17 @@ class Processes(Engine):
         ----------
         call : callable
             Without arguments, fit for pickling.
-
-        Raises
-        ------
-        WorkerLostError
-            When workers were killed: :meth:`renew` first.
         """
-        if self._pool is None:
-            raise WorkerLostError("the worker processes were ended.")
-        try:
-            return self._pool.submit(call)
-        except BrokenProcessPool as exc:
-            raise WorkerLostError("a worker process was killed.") from exc
+        return self._pool.submit(call)
 
     def renew(self) -> None:
         """Start the workers anew: one that is killed takes the others with it."""
         self.close()
-        self._opened = process_pool(self.workers, needs=self._needs)
-        self._pool = self._opened.__enter__()
+        self._pool = self._opened.enter_context(self._opening())
 
     def close(self) -> None:
-        """End the workers; what they are at nobody waits for."""
-        opened, self._opened, self._pool = self._opened, None, None
-        if opened is not None:
-            opened.__exit__(None, None, None)
+        """End the workers, as their pool ends."""
+        self._opened.close()
 
 
 def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
@@ -208,14 +196,14 @@ def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Ca
 def _begun(engine: Engine, call: Callable[[], Result]) -> Future[Result] | None:
     try:
         return engine.submit(call)
-    except WorkerLostError:
+    except BrokenProcessPool:
         return None
 
 
 def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result:
     try:
         return call() if future is None else future.result()
-    except (BrokenProcessPool, WorkerLostError):
+    except BrokenProcessPool:
         return call()
 
 
@@ -276,11 +264,9 @@ def open_engine(
     if count == 1:
         yield Serial()
         return
-    engine = Processes(count, needs=needs)
-    try:
+    opening = partial(spawned_pool, count, begin_worker, needs=needs)
+    with closing(Processes(count, opening)) as engine:
         yield engine
-    finally:
-        engine.close()
 
 
 def done_in_turn(
@@ -344,7 +330,7 @@ class _Place(Generic[Result]):
         if self._future is None:
             return True
         try:
-            return isinstance(self._future.exception(), BrokenProcessPool | WorkerLostError)
+            return isinstance(self._future.exception(), BrokenProcessPool)
         except CancelledError:  # with the others of its pool
             return True
 
@@ -389,7 +375,7 @@ def _is_first_done(engine: Engine, line: deque[_Place[Result]]) -> bool:
         first.begin(engine)
         if not first.is_lost():
             return True
-    except WorkerLostError:
+    except BrokenProcessPool:
         pass
     for place in line:
         place.forget(alone=alone)

@@ -96,8 +96,8 @@ def outcomes(
     Memory does not grow with the number of participants: one a worker is in it, and with
     one worker alone another that is read ahead.
     """
-    if isinstance(engine, Serial) and store is None:
-        yield from _in_turn(asked, people)
+    if isinstance(engine, Serial):
+        yield from _in_turn(asked, people, store)
         return
     tasks = (
         Task(
@@ -131,7 +131,9 @@ def _key(asked: Asked, person_id: str) -> str:
     return task_key(what=f"analyze {person_id}", inputs=inputs, settings=settings)
 
 
-def _in_turn(asked: Asked, people: Sequence[str]) -> Generator[tuple[str, Callable[[], Outcome]]]:
+def _in_turn(
+    asked: Asked, people: Sequence[str], store: TaskStore | None
+) -> Generator[tuple[str, Callable[[], Outcome]]]:
     """Read one participant ahead in a thread, while the one before is analysed."""
     with ThreadPoolExecutor(max_workers=1) as reader:
 
@@ -146,8 +148,10 @@ def _in_turn(asked: Asked, people: Sequence[str]) -> Generator[tuple[str, Callab
             if following is not None:
                 coming = start(following)
             _give_back_memory()
-            call = partial(_outcome, asked, person_id, current.result, inputs[person_id])
-            yield person_id, partial(on_one_thread, call)
+            outcome = partial(_outcome, asked, person_id, current.result, inputs[person_id])
+            call = partial(on_one_thread, outcome)
+            key = partial(_key, asked, person_id)
+            yield person_id, call if store is None else store.kept(key, call)
 
 
 def _read_and_analyzed(asked: Asked, person_id: str) -> Outcome:

@@ -4,12 +4,14 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
+from typing import Any
 
 #: With fewer things to do, processes take as long to start as they save.
 _FEWEST = 4
@@ -55,17 +57,40 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
     if workers == 1:
         yield None
         return
+    with spawned_pool(workers, begin_worker, needs=needs) as pool:
+        yield pool
+
+
+@contextmanager
+def spawned_pool(
+    workers: int, begin: Callable[..., None], *arguments: Any, needs: str
+) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that hear of its end, or of this process's.
+
+    Parameters
+    ----------
+    workers : int
+        How many.
+    begin : callable
+        Called in each of them first: with a connection on which nothing is ever sent, that ends
+        when the pool or this process does, and then with the arguments.
+    *arguments
+        Fit for a spawned process.
+    needs : str
+        Module that they import at once.
+
+    Yields
+    ------
+    concurrent.futures.ProcessPoolExecutor
+        The pool.
+    """
     from jointz.experiment.stop_signals import signals_held  # not on every system
 
-    # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
-    context = multiprocessing.get_context("spawn")
-    # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
+    context = spawn_context()
     until, open_end = context.Pipe(duplex=False)
-    with signals_held():
-        resource_tracker.ensure_running()  # lets them through again when it has started
     with signals_held():  # until the workers know what to do with them
         pool = ProcessPoolExecutor(
-            workers, mp_context=context, initializer=_begin_worker, initargs=(until,)
+            workers, mp_context=context, initializer=begin, initargs=(until, *arguments)
         )
         for _ in range(workers):  # a process is started when there is something to do
             pool.submit(_import, needs)
@@ -77,8 +102,26 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
         until.close()
 
 
-def _begin_worker(until: Connection) -> None:
-    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
+def spawn_context() -> SpawnContext:
+    """Return what starts processes: spawned, not forked.
+
+    A progress display has threads, and a fork would copy their locks.
+    """
+    from jointz.experiment.stop_signals import signals_held
+
+    with signals_held():
+        resource_tracker.ensure_running()  # lets them through again when it has started
+    return multiprocessing.get_context("spawn")
+
+
+def begin_worker(until: Connection) -> None:
+    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal.
+
+    Parameters
+    ----------
+    until : multiprocessing.connection.Connection
+        Ends with the parent.
+    """
     # A process a core: threads besides would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from jointz.experiment.stop_signals import STOP_SIGNALS

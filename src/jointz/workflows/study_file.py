@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from jointz.core.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
+from jointz.io.toml_text import written_table, written_text, written_value
 from jointz.workflows.run_settings import pulses_name, recording_name
 
 _WALKING_UNITS = {
@@ -65,9 +65,9 @@ def study_toml(
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
         "jointz = 1",
-        f"joint = {_text(protocol.joint)}",
+        f"joint = {written_text(protocol.joint)}",
         f'kind = "{"walking" if walking else "bench"}"',
-        f"positive = {_text(protocol.positive)}",
+        f"positive = {written_text(protocol.positive)}",
         'torque_acts_on = "joint"',
     ]
     units = _WALKING_UNITS if walking else _bench_units(devices or {})
@@ -84,7 +84,7 @@ def study_toml(
     if not walking:
         lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
     elif points:
-        lines += ["", "[perturbations]", f"timing_points = {_inline(points)}"]
+        lines += ["", "[perturbations]", f"timing_points = {written_table(points)}"]
     for person in people:
         lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
     for person in people:
@@ -141,14 +141,14 @@ def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
-    lines = [f"id = {_text(person.id)}"]
+    lines = [f"id = {written_text(person.id)}"]
     if person.mass_kg is not None:
         lines.append(f"mass_kg = {person.mass_kg:.2f}")
     if person.height_m is not None:
         lines.append(f"height_m = {person.height_m:.3f}")
     known = calibration.model_dump(exclude_none=True)
     if known:
-        lines.append("calibration = " + _inline(known))
+        lines.append("calibration = " + written_table(known))
     return lines
 
 
@@ -156,17 +156,17 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
     lines = []
     of_kind = Counter(condition.condition for condition in protocol.conditions)
     for condition in protocol.conditions:
-        lines += ["", "[[recordings]]", f"participant = {_text(participant)}"]
+        lines += ["", "[[recordings]]", f"participant = {written_text(participant)}"]
         lines += [f'condition = "{condition.condition}"']
         if (
             condition.session is not None
             or of_kind[condition.condition] > 1
             or protocol.kind == "calibration"  # by it the analysis tells what was done
         ):
-            lines += [f"session = {_text(condition.session or condition.name)}"]
-        lines += [f"file = {_text(recording_name(participant, condition.name))}"]
+            lines += [f"session = {written_text(condition.session or condition.name)}"]
+        lines += [f"file = {written_text(recording_name(participant, condition.name))}"]
         if condition.perturbations is not None and protocol.kind != "bench":
-            lines += [f"perturbations = {_text(pulses_name(participant, condition.name))}"]
+            lines += [f"perturbations = {written_text(pulses_name(participant, condition.name))}"]
     return lines
 
 
@@ -179,24 +179,4 @@ def _timing_points(protocol: Protocol) -> dict[str, float]:
 
 
 def _table(values: Mapping[str, Any]) -> list[str]:
-    return [f"{name} = {_value(value)}" for name, value in values.items()]
-
-
-def _inline(values: Mapping[str, Any]) -> str:
-    return "{ " + ", ".join(f"{_key(name)} = {_value(v)}" for name, v in values.items()) + " }"
-
-
-def _key(name: str) -> str:
-    plain = name.replace("_", "a").replace("-", "a").isalnum() and name.isascii()
-    return name if plain else _text(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return _inline(value)
-    return repr(float(value)) if isinstance(value, int | float) else _text(str(value))
-
-
-def _text(value: str) -> str:
-    """Return a TOML string; JSON's escapes are a part of TOML's."""
-    return json.dumps(value, ensure_ascii=False)
+    return [f"{name} = {written_value(value)}" for name, value in values.items()]

@@ -6,28 +6,24 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, suppress
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing, contextmanager, suppress
 from functools import partial
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from queue import Empty
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 
-from jointz.core.errors import WorkerLostError
 from jointz.experiment.session import Operator
-from jointz.experiment.stop_signals import STOP_SIGNALS, signals_held
-from jointz.workflows.engine import Done, Engine, Task, done_in_turn, open_engine
+from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.workflows.engine import Done, Engine, Processes, Task, done_in_turn, open_engine
 from jointz.workflows.participant_run import run_participant
+from jointz.workflows.process_pool import spawn_context, spawned_pool
 from jointz.workflows.rigs import RigSettings, open_rig
 from jointz.workflows.run_settings import RunSettings
 
 #: Called with participant, condition, strides, pulses done, pulses planned.
 RunProgress = Callable[[str, str, int, int, int], None]
-
-Result = TypeVar("Result")
 
 _POLL_S = 0.1
 _AGAIN_S = 1.0
@@ -101,79 +97,22 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
         with open_engine(scheduler, workers=workers, tasks=workers, needs=__name__) as engine:
             yield engine
         return
-    own = SessionProcesses(workers, tell)
+    # A session that was cut off goes on from its journal.
+    with closing(Processes(workers, partial(_session_pool, workers, tell))) as processes:
+        yield processes
+
+
+@contextmanager
+def _session_pool(workers: int, tell: RunProgress) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that tell how far their sessions are, and are stopped gently."""
+    queue = spawn_context().Queue()
+    over = threading.Event()
+    threading.Thread(target=_pass_on, args=(queue, tell, over), daemon=True).start()
     try:
-        yield own
+        with spawned_pool(workers, _begin_worker, queue, needs=__name__) as pool:
+            yield pool
     finally:
-        own.close()
-
-
-class SessionProcesses(Engine):
-    """Runs sessions in processes of this machine, and stops them gently.
-
-    Parameters
-    ----------
-    workers : int
-        How many at once.
-    tell : callable
-        Told how far each session is.
-    """
-
-    def __init__(self, workers: int, tell: RunProgress) -> None:
-        self.workers = workers
-        self._tell = tell
-        self._opened = ExitStack()
-        self._pool = self._open()
-
-    def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a session run.
-
-        Parameters
-        ----------
-        call : callable
-            Without arguments, fit for pickling.
-
-        Raises
-        ------
-        WorkerLostError
-            When a worker was killed.
-        """
-        try:
-            return self._pool.submit(_with_care, call)
-        except BrokenProcessPool as exc:
-            raise WorkerLostError("a worker process was killed.") from exc
-
-    def renew(self) -> None:
-        """Start workers again; a session that was cut off goes on from its journal."""
-        self.close()
-        self._pool = self._open()
-
-    def close(self) -> None:
-        """Stop what runs, and wait until it has stopped."""
-        self._opened.close()
-
-    def _open(self) -> ProcessPoolExecutor:
-        # Spawned, not forked: a progress display has threads, and a fork would copy their locks.
-        context = multiprocessing.get_context("spawn")
-        # Nothing is ever sent: workers see the end of this pipe when we close it, or are gone.
-        until, open_end = context.Pipe(duplex=False)
-        self._opened = stack = ExitStack()
-        stack.callback(until.close)
-        with signals_held():
-            resource_tracker.ensure_running()  # lets them through again when it has started
-        with signals_held():  # until the workers know what to do with them
-            queue = context.Queue()
-            pool = ProcessPoolExecutor(
-                self.workers, mp_context=context, initializer=_begin_worker, initargs=(queue, until)
-            )
-            over = threading.Event()
-            threading.Thread(
-                target=_pass_on, args=(queue, self._tell, over), daemon=True, name="progress"
-            ).start()
-            stack.callback(over.set)
-            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-            stack.callback(open_end.close)
-        return pool
+        over.set()
 
 
 def _pass_on(queue: Any, tell: RunProgress, over: threading.Event) -> None:
@@ -182,7 +121,7 @@ def _pass_on(queue: Any, tell: RunProgress, over: threading.Event) -> None:
             tell(*queue.get(timeout=_POLL_S))
 
 
-def _begin_worker(queue: Any, until: Connection) -> None:
+def _begin_worker(until: Connection, queue: Any) -> None:
     """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
     queue.cancel_join_thread()  # progress that nobody reads any more must not keep us
     _WORKER.update(queue=queue, until=until, busy=threading.Lock())
@@ -213,18 +152,25 @@ def _stop_with_parent() -> None:
         os._exit(1)
 
 
-def _with_care(call: Callable[[], Result]) -> Result:
+@contextmanager
+def _stopped_gently() -> Iterator[None]:
+    """Have what is done here interrupted when the parent ends; a cluster's workers have none."""
+    if not _WORKER:
+        yield
+        return
     with _WORKER["busy"]:
         if _WORKER["until"].poll():
             raise KeyboardInterrupt
-        return call()
+        yield
 
 
 def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
-    one = open_rig(rig, number)
-    queue = _WORKER.get("queue")  # a cluster's workers have none
-    tell = _silent if queue is None else (lambda *told: queue.put(told))
-    return run_participant(one, settings, operator=_Silent(), progress=_named(tell, one.wearer.id))
+    with _stopped_gently():
+        one = open_rig(rig, number)
+        queue = _WORKER.get("queue")  # a cluster's workers have none
+        tell = _silent if queue is None else (lambda *told: queue.put(told))
+        progress = _named(tell, one.wearer.id)
+        return run_participant(one, settings, operator=_Silent(), progress=progress)
 
 
 class _Silent:

@@ -103,10 +103,9 @@ def decided_parameters(
         at the bound is no small one or that of the prior; failed where a value is below zero by
         more than its error explains.
     """
-    moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
     rows = [
         _row(name, m, decision, natural=getattr(decision.natural, name))
-        for name, m in zip(PARAMETERS, moments, strict=True)
+        for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True)
     ]
     return (*rows, *per_mass(rows, decision.mass_kg))
 
@@ -125,9 +124,8 @@ def error_budget(
     decision : Decision
         Calibration.
     """
-    moments = (posterior.stiffness(i), posterior.damping(i), _exponential(posterior.log_inertia(i)))
     budget = {}
-    for name, m in zip(PARAMETERS, moments, strict=True):
+    for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True):
         entry = getattr(decision.known, f"intrinsic_{name}")
         budget[name] = {
             **{source: float(np.sqrt(max(v, 0.0))) for source, v in m.sources.items()},
@@ -150,14 +148,19 @@ def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> n
         Calibration: errors of the gains are common to K, B and J, those of the intrinsic
         impedance are not.
     """
-    inertia = float(np.exp(posterior.log_inertia(i).mean))
-    scale = np.array([1.0, 1.0, inertia])
-    values = np.array([posterior.stiffness(i).mean, posterior.damping(i).mean, inertia])
+    values = np.array([moments.mean for moments in _moments(i, posterior)])
+    scale = np.array([1.0, 1.0, values[2]])  # the posterior's is of the logarithm of J
     entries = [getattr(decision.known, f"intrinsic_{name}") for name in PARAMETERS]
     intrinsic = [0.0 if entry is None else entry.sd**2 for entry in entries]
     gains = decision.gain_sd**2 * np.outer(values, values)
     own = posterior.impedance_covariance(i) * np.outer(scale, scale)
     return np.asarray(own + gains + np.diag(intrinsic))
+
+
+def _moments(i: int, posterior: JointPosterior) -> tuple[Moments, Moments, Moments]:
+    """Return K, B and J of a timing point."""
+    inertia = _exponential(posterior.log_inertia(i))
+    return posterior.stiffness(i), posterior.damping(i), inertia
 
 
 def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> ParameterEstimate:
