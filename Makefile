@@ -10,16 +10,17 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
 
+# JOINTZ_REQUIRE: a test that would skip for want of one of these fails.
 test: $(VENV)/.installed-test browser
-	$(BIN)/python -m pytest -m "not slow" tests benchmarks --benchmark-disable
+	JOINTZ_REQUIRE="dask duckdb pyarrow nicegui" $(BIN)/python -m pytest -m "not slow" tests benchmarks --benchmark-disable
 
 test-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -m slow
 
 # The drivers on the real opensourceleg and flexsea, and the main jobs on the numpy and pandas
-# that these need. JOINTZ_REQUIRE_OSL: a test that would skip for want of a library fails.
+# that these need.
 test-osl: .venv-osl/.installed-osl
-	JOINTZ_REQUIRE_OSL=1 .venv-osl/bin/python -m pytest tests/unit/devices -k "opensourceleg or dephy"
+	JOINTZ_REQUIRE="opensourceleg flexsea" .venv-osl/bin/python -m pytest tests/unit/devices -k "opensourceleg or dephy"
 	rm -rf build/osl
 	mkdir -p build/osl
 	.venv-osl/bin/jointz --help >build/osl/help.txt
@@ -36,9 +37,12 @@ test-bare:
 	cd build/bare && ../../.venv-bare/bin/jointz demo --quick --quiet
 	cd build/bare && ../../.venv-bare/bin/jointz run walking --participants 1 --seed 1 --out study --quiet
 	cd build/bare && ../../.venv-bare/bin/jointz analyze study --out results --resamples 100 --quiet
-	cd build/bare && for page in "console walking --out console" "explore results"; do \
-		status=0; ../../.venv-bare/bin/jointz $$page 2>said.txt || status=$$?; \
-		if [ $$status != 2 ] || ! grep -qF 'pip install "jointz[app]"' said.txt; then \
+	cd build/bare && for asked in "app console walking --out console" "app explore results" \
+			"scale collect results results --out catalog.parquet" \
+			"scale analyze study --out other --scheduler local"; do \
+		page=$${asked#* } extra=$${asked%% *} status=0; \
+		../../.venv-bare/bin/jointz $$page 2>said.txt || status=$$?; \
+		if [ $$status != 2 ] || ! grep -qF "pip install \"jointz[$$extra]\"" said.txt; then \
 			echo "jointz $$page: expected status 2 and the command that installs the extra; got $$status and:" >&2; \
 			cat said.txt >&2; exit 1; \
 		fi; \

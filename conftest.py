@@ -1,6 +1,8 @@
 """Fixtures that tests and benchmarks share."""
 
-from collections.abc import Callable
+import os
+import re
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pandas as pd
@@ -73,6 +75,34 @@ def write_csv_study(
         lines += ["[[recordings]]", f'participant = "{entry.participant}"']
         lines += [f'condition = "{entry.condition}"', f'file = "{file}"']
     (folder / "study.toml").write_text("\n".join(lines) + "\n")
+
+
+#: Libraries, with blanks between: a test that would skip because one is absent fails.
+_REQUIRED = os.environ.get("JOINTZ_REQUIRE", "").split()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Fail a test that skips for want of a library that must be there."""
+    report = yield
+    _no_skip(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Fail a module that skips for want of a library that must be there."""
+    report = yield
+    _no_skip(report)
+    return report
+
+
+def _no_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    told = str(report.longrepr)
+    for name in _REQUIRED if report.skipped else ():
+        if re.search(rf"could not import '{name}\b|\b{name} is not installed", told):
+            report.outcome = "failed"
+            report.longrepr = f"JOINTZ_REQUIRE names {name}, and {told}"
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-pytest.importorskip("nicegui", reason='the console needs the extra: pip install "jointz[app]"')
+pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
 
 from jointz.experiment.journal import read_journal  # noqa: E402 - after the skips

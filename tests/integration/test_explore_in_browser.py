@@ -14,7 +14,7 @@ from jointz.report.wording import DASH
 from jointz.workflows.analysis import analyze
 from jointz.workflows.results_folder import write_results
 
-pytest.importorskip("nicegui", reason="the extra app is not installed")
+pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")

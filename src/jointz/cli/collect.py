@@ -20,6 +20,7 @@ from jointz.cli.options import Debug, Json, Quiet
 
 if TYPE_CHECKING:
     from jointz.core.catalog_query import CatalogFilter, QueryResult
+    from jointz.core.collection_findings import CatalogBuild
 
 collect = typer.Typer(
     no_args_is_help=True,
@@ -146,12 +147,39 @@ def build(
     del debug
     from jointz.workflows.collection import build_catalog
 
-    made = build_catalog(folder, out=out)
+    _told(build_catalog(folder, out=out), as_json=as_json, quiet=quiet)
+
+
+def _told(made: "CatalogBuild", *, as_json: bool, quiet: bool) -> None:
     if as_json:
         emit_json({"status": "ok" if made.entries else "nothing_stands"} | made.to_dict())
     elif not quiet:
         emit(made.summary())
     raise typer.Exit(EXIT_OK if made.entries else EXIT_NOTHING_STANDS)
+
+
+@collect.command("results")
+def results_catalog(
+    results: Annotated[
+        list[Path],
+        typer.Argument(help="Results folders of jointz analyze, or folders that hold such."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The catalog, or the folder it goes to.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Make a catalog of your own results folders, to be asked by jointz collect query.
+
+    No page of metadata is needed, and nothing is pooled. Folders that cannot be read are named
+    and skipped. Exit status: 0 a catalog was made, 1 no folder stands, 2 there is none.
+
+    Example: jointz collect results results --out catalog.parquet
+    """
+    del debug
+    from jointz.workflows.results_catalog import build_results_catalog
+
+    _told(build_results_catalog(results, out=out), as_json=as_json, quiet=quiet)
 
 
 @collect.command("query")

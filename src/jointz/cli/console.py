@@ -20,6 +20,9 @@ EXIT_NOTHING_STANDS = 1
 EXIT_BAD_INPUT = 2
 EXIT_DEVICE = 3
 
+#: Tasks of minutes need a long view for the time left.
+_RATE_OVER_S = 600.0
+
 
 def emit(text: str = "") -> None:
     """Print a line of results.
@@ -103,7 +106,7 @@ def _is_terminal(stream: TextIO | None) -> bool:
 
 @contextmanager
 def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
-    """Give a progress callback that draws a bar on a terminal's stderr.
+    """Give a progress callback that draws a bar on a terminal's stderr: rate, time, time left.
 
     Parameters
     ----------
@@ -119,21 +122,38 @@ def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
         TextColumn("{task.description:<24}"),
         BarColumn(),
         TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+        TextColumn("{task.fields[rate]}"),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1)
+    console = Console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, speed_estimate_period=_RATE_OVER_S
+    ) as bar:
+        task = bar.add_task("starting", total=1, rate="")
 
         def update(done: int, total: int, what: str) -> None:
-            bar.update(task, completed=done, total=total, description=what)
+            rate = _rate(done, bar.tasks[0].elapsed)
+            bar.update(task, completed=done, total=total, description=what, rate=rate)
 
         yield update
+
+
+def _rate(done: int, seconds: float | None) -> str:
+    return f"{60.0 * done / seconds:.3g}/min" if done and seconds else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -208,9 +208,36 @@ def columns_of(entry: EntryFolder, file: str) -> tuple[str, ...]:
 
 
 def _table(entry: EntryFolder, file: str, kind: str) -> tuple[pd.DataFrame, str, int]:
+    return read_values(entry.path(file), kind)
+
+
+def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
+    """Read a table of values.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    kind : str
+        ``estimates``, ``covariance`` or ``printed``.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        In the columns of its kind.
+    sha256 : str
+        Hash of the file.
+    first_row : int
+        Row of the file that holds the first values.
+
+    Raises
+    ------
+    DataError
+        When it is missing, damaged, or has not those columns.
+    """
     columns = _TABLES[kind]
     table = read_table(
-        entry.path(file),
+        path,
         numeric=[name for name in columns if name not in _LABELS],
         labels=[name for name in columns if name in _LABELS],
         files=FilesSpec(),

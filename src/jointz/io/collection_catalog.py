@@ -17,8 +17,10 @@ from jointz.core.whole_file import whole_file
 
 #: Name of the file in a collection's folder.
 CATALOG_FILE = "catalog.parquet"
+#: Says, under ``of``, that a catalog is one of results folders, not of a collection's entries.
+RESULTS = "results"
 _KEY = b"jointz"
-_SORTED_BY = ["values", "joint", "parameter", "timing_point", "study", "condition", "participant"]
+_SORTED_BY = ["values", "joint", "parameter", "timing_point", "entry", "condition", "participant"]
 #: A query reads the groups whose smallest and largest values may fit: small ones leave more out.
 _ROWS_PER_GROUP = 8_192
 _EXACT = ("joint", "parameter", "condition", "activity", "method")
@@ -132,7 +134,7 @@ def read_catalog(file: Path, where: CatalogFilter) -> pd.DataFrame:
     file : pathlib.Path
         The catalog.
     where : CatalogFilter
-        What is wanted; ``entry`` in ids of studies.
+        What is wanted; ``entry`` in folders.
 
     Returns
     -------
@@ -156,7 +158,7 @@ def count_rows(file: Path, where: CatalogFilter) -> int:
     file : pathlib.Path
         The catalog.
     where : CatalogFilter
-        What is wanted; ``entry`` in ids of studies.
+        What is wanted; ``entry`` in folders.
 
     Raises
     ------
@@ -186,7 +188,7 @@ def _conditions(where: CatalogFilter) -> tuple[list[str], list[Any]]:
     values: list[Any] = [where.kind]
     for column in _EXACT:
         _one_of(column, getattr(where, column), conditions, values)
-    _one_of("study", where.entry, conditions, values)
+    _one_of("entry", where.entry, conditions, values)
     if where.speed_m_s is not None:
         conditions.append("walking_speed_m_s BETWEEN ? AND ?")
         values += where.speed_m_s

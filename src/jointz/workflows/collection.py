@@ -1,7 +1,7 @@
 """Collections of studies: entries to ``catalog.parquet``, and questions to it."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -111,12 +111,20 @@ def query_catalog(catalog: Path, where: CatalogFilter | None = None) -> QueryRes
     check_filter(asked)
     about = catalog_about(file)  # a file of another schema, or of somebody else, says so
     # One column is asked faster than two of which either may hold a name.
-    ids = {name: entry["study"] for name, entry in about["entries"].items()}
-    wanted = replace(asked, entry=tuple(ids.get(name, name) for name in asked.entry))
+    wanted = replace(asked, entry=_folders(about["entries"], asked.entry))
     table = read_catalog(file, wanted)
     cited = table[["study", "cite"]].drop_duplicates().astype(str)
-    cites = dict(cited.itertuples(index=False, name=None))
+    cites = {study: cite for study, cite in cited.itertuples(index=False, name=None) if cite}
     return QueryResult(table, asked, count_rows(file, _other_kind(wanted)), cites)
+
+
+def _folders(entries: Mapping[str, Mapping[str, Any]], asked: Sequence[str]) -> tuple[str, ...]:
+    """Return the folders of what is asked for by folder or by the id of a study."""
+    of_study = {
+        wanted: [name for name, entry in entries.items() if entry["study"] == wanted]
+        for wanted in asked
+    }
+    return tuple(name for wanted in asked for name in of_study[wanted] or [wanted])
 
 
 def catalog_file(catalog: Path) -> Path:
@@ -182,7 +190,7 @@ def catalog_rows(checked: CheckedEntry) -> pd.DataFrame:
 
 def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
     spec, condition = entry.spec, tables.condition
-    rows = _with_covariance(tables)
+    rows = with_covariance(tables.rows, tables.covariance)
     rows = rows.assign(
         **_of_entry(entry),
         condition=condition.name, activity=condition.activity,
@@ -192,12 +200,25 @@ def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
     rows = rows.assign(**_of_people(spec, rows["participant"]))
     if spec.kind == "estimates":
         rows = rows.assign(statistic="individual", source="", sd=np.nan, n=1.0)
-    for column, kind in CATALOG_COLUMNS.items():
-        if column not in rows:  # a printed value has no interval and no pulses
-            rows[column] = "" if kind == "text" else np.nan
     if spec.kind == "printed":
-        rows["method"] = spec.method.name
-    return rows[list(CATALOG_COLUMNS)]
+        rows = rows.assign(method=spec.method.name)
+    return in_catalog_columns(rows)
+
+
+def in_catalog_columns(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows in the columns of a catalog, empty where they say nothing.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        With some of the columns: a printed value has no interval and no pulses.
+    """
+    empty = {
+        column: "" if kind == "text" else np.nan
+        for column, kind in CATALOG_COLUMNS.items()
+        if column not in rows
+    }
+    return rows.assign(**empty)[list(CATALOG_COLUMNS)]
 
 
 def _of_people(spec: Entry, participants: pd.Series) -> dict[str, np.ndarray]:
@@ -245,19 +266,25 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def _with_covariance(tables: ConditionTables) -> pd.DataFrame:
+def with_covariance(rows: pd.DataFrame, covariance: pd.DataFrame | None) -> pd.DataFrame:
     """Return the values with their covariances beside them, NaN where there are none.
 
+    Parameters
+    ----------
+    rows, covariance : pandas.DataFrame
+        In the columns of ``estimates.csv`` and of ``covariance.csv``.
+
+    Notes
+    -----
     The covariance of an inertia that all timing points share stands at each of them in its file,
     and with K and B of each in the catalog; the row of the inertia has its variance alone.
     """
-    rows = tables.rows
-    if tables.covariance is None:
+    if covariance is None:
         return rows.assign(**dict.fromkeys(COVARIANCES, np.nan))
-    made = rows.merge(tables.covariance, on=_CELL, how="left", validate="many_to_one")
+    made = rows.merge(covariance, on=_CELL, how="left", validate="many_to_one")
     shared = (made["parameter"] == "inertia") & (made["timing_point"] == _SHARED)
     if shared.any():
-        told = tables.covariance[tables.covariance["parameter"] == "inertia"]
+        told = covariance[covariance["parameter"] == "inertia"]
         variance = told.groupby("participant")["with_inertia"].first()
         known = made.loc[shared, "participant"].map(variance)
         made.loc[shared, "with_inertia"] = made.loc[shared, "with_inertia"].fillna(known)

@@ -9,7 +9,7 @@ from jointz.core.catalog_query import CatalogFilter
 from jointz.core.collection_pool import DEFAULT_BY, CollectionPool
 from jointz.core.errors import DataError
 from jointz.core.provenance import now, own_version
-from jointz.io.collection_catalog import CATALOG_FILE, catalog_about
+from jointz.io.collection_catalog import CATALOG_FILE, RESULTS, catalog_about
 from jointz.io.registry import file_sha256
 from jointz.report.coverage_page import CoverageTables, render_coverage
 from jointz.workflows.collection import catalog_file, query_catalog
@@ -68,6 +68,11 @@ def pool_collection(
     DataError
         When there is no catalog, nothing is found, or it cannot be pooled so.
     """
+    if catalog_about(catalog_file(catalog)).get("of") == RESULTS:
+        raise DataError(
+            f"{catalog}: a catalog of results folders. Who was in them, at which speed, nobody "
+            "said: make an entry of each that is to be pooled (jointz collect entry)."
+        )
     both = [
         query_catalog(catalog, replace(where, kind=kind)).table for kind in ("estimates", "printed")
     ]

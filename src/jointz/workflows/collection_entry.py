@@ -78,7 +78,12 @@ def make_entry(
             f"id of the study: expected lower case letters, digits, '.', '-' and '_', as in "
             f"our-knees; found {study_id!r}. Choose one: --id."
         )
-    provenance = _provenance(results)
+    provenance = read_provenance(results)
+    if provenance["study"]["kind"] == "bench":
+        raise DataError(
+            f"{results}: results of a bench study. Its participants are loads; a collection holds "
+            "people. Name results of a walking study."
+        )
     files = [name for name in (_ESTIMATES, _COVARIANCE) if (results / name).is_file()]
     with new_folder(out, marker=ENTRY_FILE, overwrite=False) as folder:
         for name in files:
@@ -93,20 +98,27 @@ def make_entry(
     return out / ENTRY_FILE
 
 
-def _provenance(results: Path) -> dict[str, Any]:
+def read_provenance(results: Path) -> dict[str, Any]:
+    """Return what a results folder says of its making.
+
+    Parameters
+    ----------
+    results : pathlib.Path
+        Folder that ``jointz analyze`` made.
+
+    Raises
+    ------
+    DataError
+        When it is none.
+    """
     try:
         content = json.loads((results / _PROVENANCE).read_text(encoding="utf-8"))
-        kind = content["study"]["kind"]
+        told = content["study"]["kind"] and content["study"]["participants"]
         there = (results / _ESTIMATES).is_file()
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise _no_results(results) from exc
-    if not there:
+    if not there or not told:
         raise _no_results(results)
-    if kind == "bench":
-        raise DataError(
-            f"{results}: results of a bench study. Its participants are loads; a collection holds "
-            "people. Name results of a walking study."
-        )
     return dict(content)
 
 
@@ -137,7 +149,7 @@ def _content(
             "settings": {name: settings[name] for name in _SETTINGS if name in settings},
         },
         "software": {"name": "jointz", "version": provenance.get("jointz")},
-        "participants": [_person(spec, person) for person in spec["participants"]],
+        "participants": [described_person(spec, person) for person in spec["participants"]],
         "conditions": [{"activity": spec["kind"], "estimates": _ESTIMATES}],
     }
 
@@ -161,7 +173,14 @@ def _side(spec: Mapping[str, Any]) -> dict[str, str]:
     return {"side": "both" if len(sides) > 1 else sides.pop()}
 
 
-def _person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, Any]:
+def described_person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a study says of a participant: id, side, mass, height, group.
+
+    Parameters
+    ----------
+    spec, person : mapping
+        The study, and the participant, as provenance holds them.
+    """
     of_person = [r for r in spec["recordings"] if r["participant"] == person["id"]]
     sides = {recording.get("side") for recording in of_person}
     known = {key: person.get(key) for key in ("id", "mass_kg", "height_m", "group")}

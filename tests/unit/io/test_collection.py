@@ -149,8 +149,8 @@ def catalog(tmp_path):
         (CatalogFilter(phase_pct=(0, 10)), 2),
         (CatalogFilter(phase_pct=(90, 10)), 4),
         (CatalogFilter(speed_m_s=(0.5, 0.7)), 3),
-        (CatalogFilter(entry=("a",)), 3),
-        (CatalogFilter(entry=("b", "a")), 6),
+        (CatalogFilter(entry=("folder-a",)), 3),
+        (CatalogFilter(entry=("folder-b", "folder-a")), 6),
         (CatalogFilter(joint=("knee", "hip"), parameter=("stiffness",)), 6),
         (CatalogFilter(condition=("level' OR '1' = '1",)), 0),
     ],
@@ -161,7 +161,7 @@ def test_a_filter_finds_what_it_asks_for(catalog, where, found):
 
 
 def test_a_catalog_comes_back_as_it_was_written(catalog):
-    table = read_catalog(catalog, CatalogFilter(entry=("a",)))
+    table = read_catalog(catalog, CatalogFilter(entry=("folder-a",)))
 
     assert list(table.columns) == list(CATALOG_COLUMNS)
     assert sorted(table["value"]) == [5.0, 60.0, 95.0]

@@ -1,0 +1,94 @@
+"""A catalog of results folders."""
+
+import json
+import shutil
+
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.catalog_query import CatalogFilter
+from jointz.core.errors import DataError
+from jointz.workflows.collection import query_catalog
+from jointz.workflows.collection_coverage import PoolRules, pool_collection
+from jointz.workflows.results_catalog import build_results_catalog
+from jointz.workflows.results_folder import write_results
+
+pytest.importorskip("duckdb")
+
+
+@pytest.fixture(scope="module")
+def results(small_study_source, tmp_path_factory):
+    root = tmp_path_factory.mktemp("results")
+    for name, method in (("ours", "recommended"), ("theirs", "dissertation")):
+        analysis = jointz.analyze(small_study_source, method=method, resamples=20)
+        write_results(analysis, root / "deep" / name)
+    return root
+
+
+def test_every_estimate_of_every_folder_stands_in_it(results, tmp_path):
+    made = build_results_catalog([results], out=results)
+
+    assert made.entries == ("deep/ours", "deep/theirs")
+    assert (made.people, made.skipped) == (2, ())  # one study, analysed twice
+    table = query_catalog(results).to_frame()
+    assert len(table) == made.rows
+    assert table["study"].unique().size == 1
+    for name in made.entries:
+        written = pd.read_csv(results / name / "estimates.csv")
+        found = query_catalog(results, CatalogFilter(entry=(name,))).to_frame()
+        keys = ["participant", "parameter", "timing_point"]
+        both = found.merge(written, on=keys, suffixes=("", "_csv"), validate="one_to_one")
+        assert len(both) == len(written)
+        pd.testing.assert_series_equal(both["value"], both["value_csv"], check_names=False)
+        assert set(found["method"]) == set(written["method"])
+    assert query_catalog(results).summary().count("cite") == 0
+    covariance = pd.read_csv(results / "deep" / "ours" / "covariance.csv").dropna()
+    cell = covariance.iloc[0]
+    row = table[
+        (table["entry"] == "deep/ours")
+        & (table["participant"] == cell["participant"])
+        & (table["timing_point"] == cell["timing_point"])
+        & (table["parameter"] == cell["parameter"])
+    ]
+    assert row["with_stiffness"].item() == cell["with_stiffness"]
+
+
+def test_masses_come_from_the_study(results):
+    build_results_catalog([results], out=results / "one.parquet")
+
+    told = json.loads((results / "deep" / "ours" / "provenance.json").read_text())["study"]
+    table = query_catalog(results / "one.parquet").to_frame()
+    masses = table.groupby("participant")["mass_kg"].first().to_dict()
+    assert masses == {person["id"]: person["mass_kg"] for person in told["participants"]}
+    assert set(table["activity"]) == {"walking"}
+
+
+def test_broken_folders_are_named_and_skipped(results, tmp_path):
+    for name in ("fine", "cut", "strange", "without"):
+        shutil.copytree(results / "deep" / "ours", tmp_path / name)
+    (tmp_path / "cut" / "estimates.csv").write_text("participant,timing_point\nS01,LRE\n")
+    (tmp_path / "strange" / "provenance.json").write_text(
+        json.dumps({"study": {"kind": "walking", "participants": [{"name": "S01"}]}})
+    )
+    (tmp_path / "without" / "provenance.json").write_text("{")
+
+    made = build_results_catalog([tmp_path], out=tmp_path)
+
+    assert made.entries == ("fine",)
+    assert made.skipped_entries == ("cut", "strange", "without")
+    assert "no column" in made.summary()
+
+
+def test_nothing_that_is_no_result_makes_a_catalog(results, tmp_path):
+    with pytest.raises(DataError, match="no results folder of jointz analyze"):
+        build_results_catalog([tmp_path, tmp_path / "nowhere"], out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_it_is_not_pooled(results, tmp_path):
+    file = tmp_path / "own.parquet"
+    build_results_catalog([results / "deep" / "ours"], out=file)
+
+    with pytest.raises(DataError, match="make an entry of each"):
+        pool_collection(file, where=CatalogFilter(), rules=PoolRules())
