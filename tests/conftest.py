@@ -4,8 +4,11 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,6 +63,35 @@ def small_study(small_study_source: Path, tmp_path: Path) -> StudyFolder:
     root = tmp_path / "study"
     shutil.copytree(small_study_source, root)
     return StudyFolder(root)
+
+
+@contextmanager
+def _dask_cluster(folder: Path, *preloads: str) -> Iterator[str]:
+    file = folder / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    common = ["--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(file)]
+    scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", *common]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", *common]
+    running = [subprocess.Popen(scheduler, **quiet)]
+    while not file.exists():
+        time.sleep(0.1)
+    for preload in preloads or ("", ""):
+        words = [*worker, "--preload", preload] if preload else worker
+        running.append(subprocess.Popen(words, **quiet))
+    yield json.loads(file.read_text())["address"]
+    for process in running:
+        process.terminate()
+    for process in running:
+        process.wait()
+
+
+@pytest.fixture(scope="session")
+def dask_cluster() -> Callable[..., AbstractContextManager[str]]:
+    """Return what starts a scheduler and workers by hand, as a lab would, and gives its address.
+
+    Two workers, or one for each file or text of Python that a worker is to run first, "" for none.
+    """
+    return _dask_cluster
 
 
 @dataclass

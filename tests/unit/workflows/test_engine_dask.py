@@ -1,7 +1,10 @@
 """Tasks on a Dask cluster: started here, or a lab's own."""
 
+import os
+import random
+import signal
 import subprocess
-import sys
+import threading
 import time
 from functools import partial
 
@@ -16,26 +19,9 @@ pytestmark = pytest.mark.filterwarnings("default")  # its own, about loops and s
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    """Start a scheduler and two workers by hand, as a lab would."""
-    folder = tmp_path_factory.mktemp("cluster")
-    file = folder / "scheduler.json"
-    start = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    scheduler = [*start, "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-dashboard"]
-    worker += ["--nthreads", "1", "--scheduler-file", str(file), "--host", "127.0.0.1"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
-    running = [subprocess.Popen([*scheduler, "--host", "127.0.0.1"], **quiet)]
-    while not file.exists():
-        time.sleep(0.1)
-    running += [subprocess.Popen(worker, **quiet) for _ in range(2)]
-    import json
-
-    yield json.loads(file.read_text())["address"]
-    for process in running:
-        process.terminate()
-    for process in running:
-        process.wait()
+def address(dask_cluster, tmp_path_factory):
+    with dask_cluster(tmp_path_factory.mktemp("cluster")) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +76,36 @@ def test_a_cluster_of_this_machine():
         [done] = done_in_turn(engine, [Task("one", partial(divmod, 7, 2))])
         assert done.result() == (3, 1)
         assert engine.workers == 1
+
+
+@pytest.mark.slow
+def test_workers_killed_at_random_cost_little(tmp_path):
+    rng = random.Random(4)
+    kills, count = 10, 300
+    killed = []
+
+    def kill(of):
+        while len(killed) < kills:
+            time.sleep(rng.uniform(1.0, 3.0))
+            words = ["pgrep", "-P", str(of), "-f", "spawn_main"]
+            found = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+            if found:
+                killed.append(rng.choice(found.split()))
+                os.kill(int(killed[-1]), signal.SIGKILL)
+
+    def task(k):
+        return Task(str(k), partial(subprocess.run, ["sh", "-c", noted(k)], check=True))
+
+    def noted(k):
+        return f"echo >> '{tmp_path}/{k}.begun'; sleep 0.1"
+
+    with open_engine("local", workers=2, tasks=count, needs="subprocess") as engine:
+        killer = threading.Thread(target=kill, args=(os.getpid(),), daemon=True)
+        killer.start()
+        done = list(done_in_turn(engine, [task(k) for k in range(count)]))
+        killer.join()
+
+    assert [d.result().args[-1] for d in done] == [noted(k) for k in range(count)]
+    begun = sum(file.read_text().count("\n") for file in tmp_path.glob("*.begun"))
+    # A cluster keeps results on its workers until they are fetched: those go with the worker.
+    assert begun - count <= 4 * len(killed)
