@@ -67,8 +67,11 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "Pages: docs/_build/html/index.html"
 
-benchmark: $(VENV)/.installed-test
-	$(BIN)/python -m pytest benchmarks -q -s
+# All benchmarks beside the peers that can be had here, and docs/benchmarks.md. For hours: the
+# machine should do nothing else. ARGUMENTS=--keep goes on with what was measured.
+benchmark: .venv-peers/.installed-peers browser
+	-$(MAKE) .venv-osl/.installed-osl
+	.venv-peers/bin/python -m benchmarks.gather $(ARGUMENTS)
 
 # Every method on simulated people whose truth is known; what is done is kept in .accuracy-cache.
 accuracy: $(VENV)/.installed
@@ -103,9 +106,20 @@ $(VENV)/.installed-check: $(VENV)/.installed-test
 		exit 1; }
 	touch $@
 
+# Who the benchmarks stand beside, in an environment of its own: none of them is a dependency, and
+# spm1d is under the GPL. Who cannot be installed here is named on the page.
+.venv-peers/.installed-peers: pyproject.toml $(CONSTRAINTS)
+	test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-timeout pytest-benchmark playwright
+	for peer in mujoco statsmodels spm1d; do \
+		.venv-peers/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) $$peer || \
+		echo "benchmark: $$peer cannot be installed here, and is left out." >&2; \
+	done
+	touch $@
+
 $(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --requirement docs/requirements.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) .venv-osl .venv-bare build dist
+	rm -rf $(VENV) .venv-osl .venv-peers .venv-bare build dist

@@ -1,10 +1,11 @@
 """Many people and many fits on every engine: same numbers, efficiency, memory, scheduler's share.
 
-Run as ``python -m benchmarks.scale people`` or ``python -m benchmarks.scale fits``. Every
-measurement is a process of its own, started here: its memory is that of a client that did nothing
-else. People walk 300 pulses on the direct path of the rig and are estimated by ``recommended``;
-only the estimates are kept. Fits are Monte-Carlo repetitions of one least-squares fit, many to a
-task.
+Run as ``python -m benchmarks.scale people`` or ``python -m benchmarks.scale fits``; for the growth
+of time and memory, with ``people --counts 1 10 100 1000 --engines processes``. ``--out FILE``
+writes JSON too. Every measurement is a process of its own, started here: its memory is that of a
+client that did nothing else, and beside it that of its largest worker. People walk 300 pulses on
+the direct path of the rig and are estimated by ``recommended``; only the estimates are kept. Fits
+are Monte-Carlo repetitions of one least-squares fit, many to a task.
 """
 
 import argparse
@@ -16,17 +17,21 @@ import sys
 import time
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.accuracy.people import simulate
 from benchmarks.accuracy.rows import all_rows
 from benchmarks.accuracy.runs import estimate
+from benchmarks.figures import write_json
 
+from jointz.core.provenance import software
 from jointz.identify.series.joint import identify_joint
 from jointz.sim.joint import respond
 from jointz.workflows.engine import Task, done_in_turn, open_engine
 
+ENGINES = ("serial", "processes", "dask")
 _ROW = "nominal-lag-0.5ms"
 _SEED = 77_000
 _RATE_HZ, _SECONDS = 500.0, 4.0
@@ -74,7 +79,7 @@ def fits(first: int, count: int) -> dict[str, Any]:
 
 
 def client(what: str, count: int, *, workers: int, scheduler: str | None) -> dict[str, Any]:
-    """Do it in this process, and return a hash of all numbers, times and memory.
+    """Do it in this process; return a hash of all numbers, times, and memory when all have ended.
 
     Parameters
     ----------
@@ -100,9 +105,16 @@ def client(what: str, count: int, *, workers: int, scheduler: str | None) -> dic
         "digest": digest.hexdigest()[:16],
         "wall_s": wall_s,
         "busy_s": busy_s,
+        "workers": workers,
         "idle_share": 1.0 - busy_s / (workers * wall_s),
-        "client_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "client_mb": _peak_mb(resource.RUSAGE_SELF),
+        "worker_mb": _peak_mb(resource.RUSAGE_CHILDREN) if workers > 1 else None,
     }
+
+
+def _peak_mb(whose: int) -> float:
+    """Return the most memory this process had, or the one of its ended children that had most."""
+    return resource.getrusage(whose).ru_maxrss / 1024.0
 
 
 def _tasks(what: str, count: int) -> list[Task[dict[str, Any]]]:
@@ -129,13 +141,30 @@ def measured(what: str, count: int, engine: str) -> dict[str, Any]:
     words = [sys.executable, "-m", "benchmarks.scale", "client", what, str(count), engine]
     done = subprocess.run(words, stdout=subprocess.PIPE, check=True, text=True)
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    worker_mb = "   -" if found["worker_mb"] is None else f"{found['worker_mb']:4.0f}"
     print(
-        f"{what:6} {count:>7} {engine:<10} {found['wall_s']:8.1f} s  idle "
-        f"{100 * found['idle_share']:5.1f} %  client {found['client_mb']:4.0f} MB  "
-        f"{found['digest']}",
+        f"{what:6} {count:>7} {engine:<10} {found['wall_s']:8.1f} s "
+        f"{found['wall_s'] / count:8.3g} s each  idle {100 * found['idle_share']:5.1f} %  "
+        f"client {found['client_mb']:4.0f} MB  largest worker {worker_mb} MB  {found['digest']}",
         flush=True,
     )
-    return found
+    return {"what": what, "count": count, "engine": engine, **found}
+
+
+def compare(found: Sequence[dict[str, Any]]) -> None:
+    """Print whether engines agree, and how well they share the work out.
+
+    Parameters
+    ----------
+    found : sequence of dict
+        What :func:`measured` returned for the engines, for one count.
+    """
+    print("same numbers:", len({one["digest"] for one in found}) == 1)
+    alone = next((one for one in found if one["engine"] == "serial"), None)
+    for one in found:
+        if alone and one is not alone:
+            share = alone["wall_s"] / one["workers"] / one["wall_s"]
+            print(f"efficiency {one['engine']}: {share:.2f}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -150,7 +179,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("what", choices=("people", "fits", "client"))
     parser.add_argument("rest", nargs="*", help=argparse.SUPPRESS)
     parser.add_argument("--counts", type=int, nargs="+", default=None)
-    parser.add_argument("--engines", nargs="+", default=["serial", "processes", "dask"])
+    parser.add_argument("--engines", nargs="+", default=ENGINES, choices=ENGINES)
+    parser.add_argument("--out", type=Path, help="file of JSON")
     given = parser.parse_args(arguments)
     if given.what == "client":
         what, count, engine = given.rest
@@ -158,12 +188,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scheduler = "local" if engine == "dask" else None
         print(json.dumps(client(what, int(count), workers=workers, scheduler=scheduler)))
         return
+    every = []
     for count in given.counts or ([100] if given.what == "people" else [100_000]):
-        found = {engine: measured(given.what, count, engine) for engine in given.engines}
-        print("same numbers:", len({one["digest"] for one in found.values()}) == 1)
-        if "serial" in found:
-            for engine, one in list(found.items())[1:]:
-                print(f"efficiency {engine}: {found['serial']['wall_s'] / 2 / one['wall_s']:.2f}")
+        found = [measured(given.what, count, engine) for engine in given.engines]
+        if len(found) > 1:
+            compare(found)
+        every += found
+    if given.out:
+        write_json({"versions": software(), "measured": every}, given.out)
 
 
 if __name__ == "__main__":

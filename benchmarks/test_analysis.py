@@ -17,6 +17,7 @@ from pathlib import Path
 from time import perf_counter
 
 import pytest
+from benchmarks.figures import Figures, Peer, at_most, of_package
 
 #: How long the analysis may take, in times of reading the same files with pandas.
 MOST_READS = 3.0
@@ -65,12 +66,9 @@ def run(code: str, *arguments: object) -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def studies(
-    request: pytest.FixtureRequest,
-    tmp_path_factory: pytest.TempPathFactory,
-    csv_study: Callable[..., None],
+    quick: bool, tmp_path_factory: pytest.TempPathFactory, csv_study: Callable[..., None]
 ) -> Path:
     """A study of ten participants and one of the first of them."""
-    quick = request.config.getoption("benchmark_disable")
     root = tmp_path_factory.mktemp("benchmark")
     people, pulses, rate_hz = (2, 3, 500.0) if quick else (10, 50, 1000.0)
     for name, count in (("many", people), ("one", 1)):
@@ -81,9 +79,8 @@ def studies(
 
 
 def test_whole_analysis_beside_reading_the_files(
-    studies: Path, request: pytest.FixtureRequest
+    studies: Path, quick: bool, figures: Figures
 ) -> None:
-    quick = request.config.getoption("benchmark_disable")
     files = sorted((studies / "many" / "study").glob("*.csv"))
     out = studies / "results"
     run(_ANALYZE, studies / "one" / "study", out)  # compiles, and warms the page cache
@@ -106,10 +103,17 @@ def test_whole_analysis_beside_reading_the_files(
     print(
         f"one participant           {one[0]:6.1f} s {one[1]:6.0f} MB  growth {peak_mb / one[1]:.2f}"
     )
+    what = f"`jointz analyze`, {len(files) // 2} participants, {size_mb:.0f} MB of csv"
     for name, seconds in (("read_csv(name)", read_s), ("read_csv(open file)", slow_read_s)):
+        peer = of_package(name, "pandas")
+        figures.beside(f"{what}: time", peer, (ours_s, seconds), "s", asked=at_most(MOST_READS))
         ratio = ours_s / seconds
         verdict = "met" if ratio <= MOST_READS else "not met"
         print(f"pandas {name:<19}{seconds:6.1f} s            ratio {ratio:.2f} ({verdict})")
+    growth = (peak_mb, one[1])
+    figures.beside(
+        f"{what}: memory", Peer("one participant"), growth, "MB", asked=at_most(MOST_GROWTH)
+    )
     if quick:
         return
     assert peak_mb / one[1] <= MOST_GROWTH

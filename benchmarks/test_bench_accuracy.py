@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-import pytest
+from benchmarks.figures import Figures, Peer, at_most
 from scipy.linalg import expm
 
 from jointz.identify.bench.pulse_likelihood import NoiseLevels, fit_pulse
@@ -114,8 +114,7 @@ def fits(case: Case, n_seeds: int) -> np.ndarray:
     return np.array(rows)
 
 
-def test_ratio_to_the_cramer_rao_bound(request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_ratio_to_the_cramer_rao_bound(quick: bool, figures: Figures) -> None:
     print(
         f"\n{'record':<10}{'window':>8}{'case':>6}   bound K % / B / B % / J % / lag us, RMSE/bound"
     )
@@ -133,12 +132,18 @@ def test_ratio_to_the_cramer_rao_bound(request: pytest.FixtureRequest) -> None:
         )
         worst = max(worst, float(np.max(ratio)))
     print(f"largest ratio {worst:.3f}")
+    figures.beside(
+        f"RMSE of K, B, J and lag of single pulses on the bench, worst of {len(CASES)} cases",
+        Peer("Cramer-Rao bound"),
+        (worst, 1.0),
+        "",
+        asked=at_most(NEEDED_RATIO),
+    )
     if not quick:
         assert worst <= NEEDED_RATIO
 
 
-def test_speed_of_a_whole_study(request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_speed_of_a_whole_study(quick: bool, figures: Figures) -> None:
     n = QUICK if quick else N_PULSES
     case = Case(1, 0.25, "response")
     fits(case, 2)  # compiles before the clock runs
@@ -146,6 +151,7 @@ def test_speed_of_a_whole_study(request: pytest.FixtureRequest) -> None:
     values = fits(case, n)
     seconds = perf_counter() - start
     print(f"\n{n} pulses in {seconds:.2f} s on one core")
+    figures.alone(f"{n} single pulses on one core", seconds, "s", asked=at_most(NEEDED_SECONDS))
     assert np.isfinite(values).all()
     if not quick:
         assert seconds <= NEEDED_SECONDS

@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
+from benchmarks.figures import Figures, at_least, of_package
 from scipy.optimize import lsq_linear
 
 from jointz.kernels.bounded_lsq import bootstrap_fits
@@ -86,11 +87,10 @@ def take_turns(weights: np.ndarray, trials: np.ndarray, sizes: Sizes) -> tuple[f
     return min(ours), min(peer)
 
 
-def test_ratio_to_lsq_linear(request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_ratio_to_lsq_linear(quick: bool, figures: Figures) -> None:
     sizes = QUICK if quick else FULL
     weights = resample_weights(N_TRIALS, sizes.n_resamples, np.random.default_rng(1))
-    figures = {}
+    times = {}
     with one_blas_thread():
         for case, (stiffness, _) in CASES.items():
             trials = make_trials(stiffness)
@@ -100,21 +100,25 @@ def test_ratio_to_lsq_linear(request: pytest.FixtureRequest) -> None:
             np.testing.assert_allclose(
                 few.bounded, peer_fits(weights[: sizes.n_peer], trials), rtol=1e-3, atol=1e-3
             )
-            figures[case] = take_turns(weights, trials, sizes)
+            times[case] = take_turns(weights, trials, sizes)
     print(f"\n{'case':<18}{'jointz':>12}{'lsq_linear':>13}{'ratio':>8}{'million fits/s':>16}")
-    for case, (ours, peer) in figures.items():
+    lsq = of_package("lsq_linear", "scipy")
+    for case, (ours, peer) in times.items():
         row = f"{ours * 1e6:>9.2f} us{peer * 1e6:>10.1f} us{peer / ours:>8.0f}{1e-6 / ours:>16.2f}"
         print(f"{case:<18}{row}")
+        what, both = f"bounded fit of a resample, {case}", (ours * 1e6, peer * 1e6)
+        figures.beside(what, lsq, both, "us", asked=at_least(CASES[case][1]))
+        asked = at_least(1e-6 * NEEDED_FITS_PER_S)
+        figures.alone(f"bounded fits, {case}", 1e-6 / ours, "million/s", asked=asked)
     if quick:
         return
-    for case, (ours, peer) in figures.items():
+    for case, (ours, peer) in times.items():
         assert peer / ours >= CASES[case][1], case
         assert 1.0 / ours >= NEEDED_FITS_PER_S, case
 
 
 @pytest.mark.parametrize("case", list(CASES))
-def test_bootstrap_fits(benchmark, request: pytest.FixtureRequest, case: str) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_bootstrap_fits(benchmark, quick: bool, case: str) -> None:
     n_resamples = (QUICK if quick else FULL).n_resamples
     trials = make_trials(CASES[case][0])
     weights = resample_weights(N_TRIALS, n_resamples, np.random.default_rng(1))
@@ -124,8 +128,7 @@ def test_bootstrap_fits(benchmark, request: pytest.FixtureRequest, case: str) ->
 
 
 @pytest.mark.parametrize("case", list(CASES))
-def test_peer_fits(benchmark, request: pytest.FixtureRequest, case: str) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_peer_fits(benchmark, quick: bool, case: str) -> None:
     n_resamples = (QUICK if quick else FULL).n_peer
     trials = make_trials(CASES[case][0])
     weights = resample_weights(N_TRIALS, n_resamples, np.random.default_rng(1))

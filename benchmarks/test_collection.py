@@ -12,6 +12,7 @@ from time import perf_counter
 
 import pytest
 from benchmarks.collection_entries import JOINTS, write_entry
+from benchmarks.figures import Figures, at_most
 
 from jointz.core.catalog_query import CatalogFilter
 
@@ -33,11 +34,8 @@ QUERIES = {
 
 
 @pytest.fixture(scope="module")
-def collection(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, int]:
+def collection(quick: bool, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     """The folder of a collection, and how many entries it has."""
-    quick = request.config.getoption("benchmark_disable")
     labs, people = (16, 3) if quick else (50, 200)
     root = tmp_path_factory.mktemp("collection")
     joints = list(JOINTS)[:3]
@@ -50,11 +48,10 @@ def collection(
 
 
 def test_building_and_asking_a_collection(
-    collection: tuple[Path, int], request: pytest.FixtureRequest
+    collection: tuple[Path, int], quick: bool, figures: Figures
 ) -> None:
     from jointz.workflows.collection import build_catalog, query_catalog
 
-    quick = request.config.getoption("benchmark_disable")
     root, labs = collection
     start = perf_counter()
     made = build_catalog(root)
@@ -62,6 +59,8 @@ def test_building_and_asking_a_collection(
     size_mb = (root / "catalog.parquet").stat().st_size / 1e6
     print(f"\n{labs} labs, {made.people} people, {made.rows} rows, {size_mb:.1f} MB")
     print(f"build                     {build_s:8.2f} s   (at most {MOST_BUILD_S:g} s)")
+    size = f"{labs} labs, {made.people:,} people"
+    figures.alone(f"catalog of {size}: build", build_s, "s", asked=at_most(MOST_BUILD_S))
     assert made.skipped_entries == (BROKEN,)
     assert len(made.entries) == labs - 1
 
@@ -74,6 +73,8 @@ def test_building_and_asking_a_collection(
             times.append(perf_counter() - start)
         median_s = statistics.median(times)
         print(f"query {name:<23}{1e3 * median_s:5.1f} ms, {len(found.table)} rows")
+        what, asked = f"catalog of {size}: query of {name}, median", at_most(1e3 * MOST_QUERY_S)
+        figures.alone(what, 1e3 * median_s, "ms", asked=asked)
         assert len(found.table) > 0
         if not quick:
             assert median_s <= MOST_QUERY_S

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.figures import Peer, at_most
 from scipy.stats import mannwhitneyu
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
@@ -144,8 +145,7 @@ def one_stop(made: Running) -> tuple[float, float, bool] | None:
     return to_stop, to_stop + float(zero - asked["host_ns"]) * 1e-6, before["pulse"][-1] > 0
 
 
-def test_a_stop_takes_the_torque_away_soon(tmp_path, request):
-    quick = request.config.getoption("--benchmark-disable")
+def test_a_stop_takes_the_torque_away_soon(tmp_path, quick, figures):
     with running(tmp_path) as made:
         found = [one_stop(made) for _ in range(1 if quick else CLICKS)]
     done = [one for one in found if one is not None]
@@ -153,12 +153,16 @@ def test_a_stop_takes_the_torque_away_soon(tmp_path, request):
         f"\n{len(done)} presses on stop, {len(found) - len(done)} lost to trips of a busy machine"
     )
     if not done:
+        figures.left_out("a press on stop", "every one was lost to a trip: the machine was busy")
         return
     to_stop, to_zero, in_pulse = (np.array(column) for column in zip(*done, strict=True))
     told("press to stop, ms", to_stop)
     told("press to zero torque, ms: all", to_zero)
     told("  in a pulse, which fades", to_zero[in_pulse])
     told("  outside pulses", to_zero[~in_pulse])
+    figures.alone("press on stop to the stop, median", np.median(to_stop), "ms")
+    what = "press on stop to zero torque, median"
+    figures.alone(what, np.median(to_zero), "ms", asked=at_most(AIM_MS))
     if not quick:
         print(f"  aim {AIM_MS:g} ms: {'met' if np.median(to_zero) <= AIM_MS else 'missed'}")
 
@@ -198,8 +202,7 @@ def pair(made: Running, seconds: float) -> dict[str, dict[str, float] | None]:
     return found
 
 
-def test_the_loop_does_not_feel_the_page(tmp_path, request):
-    quick = request.config.getoption("--benchmark-disable")
+def test_the_loop_does_not_feel_the_page(tmp_path, quick, figures):
     wanted, pairs, tripped = 1 if quick else BLOCKS, [], 0
     with running(tmp_path) as made:
         while len(pairs) < wanted and tripped < MOST_TRIPS:
@@ -211,10 +214,18 @@ def test_the_loop_does_not_feel_the_page(tmp_path, request):
         made.page.goto(made.address)
         made.is_in("running", "tripped")
     print(f"\nthe loop at 500 Hz, {len(pairs)} pairs of blocks; {tripped} left out for a trip")
+    if not pairs:
+        figures.left_out("the loop with the page open", "the machine was busy: every block tripped")
     for name in pairs[0]["with"] if pairs else ():
         columns = {kind: np.array([one[kind][name] for one in pairs]) for kind in pairs[0]}
         for kind, values in columns.items():
             told(f"{name} {kind}", values)
+        said = ""
         if len(pairs) > 1:
             p = mannwhitneyu(columns["with"], columns["without"]).pvalue
-            print(f"  {'told apart' if p < 0.05 else 'cannot be told apart'}, p = {p:.2f}")
+            said = f"{'told apart' if p < 0.05 else 'cannot be told apart'}, p = {p:.2f}"
+            print(f"  {said}")
+        what, unit = name.split(", ") if ", " in name else (name, "")
+        medians = (np.median(columns["with"]), np.median(columns["without"]))
+        peer = Peer("without the page")
+        figures.beside(f"loop at 500 Hz, page open: {what}", peer, medians, unit, note=said)

@@ -11,6 +11,7 @@ from time import perf_counter_ns
 
 import numpy as np
 import pytest
+from benchmarks.figures import Figures, at_most, of_package
 
 from jointz.core.clock import RealClock
 from jointz.experiment.loop import ControlLoop, undisturbed
@@ -51,7 +52,7 @@ def peer(rate_hz: int, ticks: int, *, phase: bool) -> np.ndarray:
     return stamps
 
 
-def figures(blocks: list[np.ndarray], rate_hz: int) -> dict[str, float]:
+def timing(blocks: list[np.ndarray], rate_hz: int) -> dict[str, float]:
     period_ns = 1e9 / rate_hz
     steps = np.concatenate([np.diff(b[1:]) for b in blocks])
     error_us = np.abs(steps - period_ns) / 1e3
@@ -67,18 +68,35 @@ def sides() -> dict[str, Callable[[int, int], np.ndarray]]:
     return made
 
 
+def hand_over(found: dict[str, dict[str, float]], rate_hz: int, figures: Figures) -> None:
+    """Give the figures of all loops to the page."""
+    mine, what = found["jointz"], f"control loop at {rate_hz} Hz"
+    off_pct = 100 * abs(mine["rate"])
+    figures.alone(f"{what}: mean rate off by", off_pct, "%", asked=at_most(100 * RATE_TOLERANCE))
+    others = [name for name in found if name != "jointz"]
+    for q in (f"p{q:g}" for q in QUANTILES):
+        error = f"{what}: period error, {q}"
+        if not others:
+            figures.alone(error, mine[q], "us")
+        for name in others:
+            peer = of_package(f"SoftRealtimeLoop, {name.split(', ')[1]}", "opensourceleg")
+            figures.beside(error, peer, (mine[q], found[name][q]), "us")
+    if SoftRealtimeLoop is None:
+        figures.left_out(f"{what} beside opensourceleg's", "opensourceleg is not installed")
+
+
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
-def test_the_loop_keeps_its_rate(rate_hz: int, request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("--benchmark-disable")
+def test_the_loop_keeps_its_rate(rate_hz: int, quick: bool, figures: Figures) -> None:
     blocks: dict[str, list[np.ndarray]] = {name: [] for name in sides()}
     for _ in range(1 if quick else BLOCKS):
         for name, run in sides().items():
             blocks[name].append(run(rate_hz, 20 if quick else TICKS))
-    found = {name: figures(of, rate_hz) for name, of in blocks.items()}
+    found = {name: timing(of, rate_hz) for name, of in blocks.items()}
     print(f"\n{rate_hz} Hz: mean rate and size of the period error, us")
     for name, row in found.items():
         errors = "  ".join(f"p{q:g} {row[f'p{q:g}']:8.1f}" for q in QUANTILES)
         print(f"  {name:<17} rate {100 * row['rate']:+7.3f} %  {errors}")
+    hand_over(found, rate_hz, figures)
     if quick:
         return
     assert abs(found["jointz"]["rate"]) < RATE_TOLERANCE

@@ -6,6 +6,7 @@ With ``--benchmark-disable`` each runs once.
 
 import numpy as np
 import pytest
+from benchmarks.figures import Figures, at_most
 from scipy.signal import butter, sosfilt
 
 from jointz.identify.actuators.bandwidth import identify_bandwidth
@@ -31,21 +32,28 @@ def record() -> dict[str, np.ndarray]:
     }
 
 
+def within_budget(benchmark, what: str, figures: Figures, *, quick: bool) -> None:
+    if not benchmark.enabled:
+        return
+    median_s, asked = benchmark.stats["median"], at_most(1e3 * BUDGET_S)
+    figures.alone(f"{what} of 30 s at 1 kHz, median", 1e3 * median_s, "ms", asked=asked)
+    assert quick or median_s < BUDGET_S
+
+
 @pytest.mark.parametrize("identify", [identify_frequency_response, identify_impulse_response])
-def test_time_of_a_joint(benchmark, record, identify):
+def test_time_of_a_joint(benchmark, record, identify, quick, figures):
     fit = benchmark(identify, **record, rate_hz=RATE)
 
     assert fit.parameter("stiffness").value == pytest.approx(80.0, rel=0.01)
-    if benchmark.enabled:
-        assert benchmark.stats["median"] < BUDGET_S
+    what = identify.__name__.removeprefix("identify_").replace("_", " ")
+    within_budget(benchmark, what, figures, quick=quick)
 
 
-def test_time_of_a_bandwidth(benchmark, record):
+def test_time_of_a_bandwidth(benchmark, record, quick, figures):
     command = record["torque"]
     torque = sosfilt(butter(2, 17.0, fs=RATE, output="sos"), command)
 
     fit = benchmark(identify_bandwidth, command=command, torque=torque, rate_hz=RATE)
 
     assert fit.bandwidth_hz == pytest.approx(17.0, rel=0.02)
-    if benchmark.enabled:
-        assert benchmark.stats["median"] < BUDGET_S
+    within_budget(benchmark, "bandwidth", figures, quick=quick)

@@ -11,7 +11,7 @@ it only our figure is shown. With ``--benchmark-disable`` all runs once and shor
 from collections.abc import Callable
 from time import perf_counter
 
-import pytest
+from benchmarks.figures import Figures, at_least, of_package
 
 from jointz.core.clock import VirtualClock
 from jointz.sim.rig import simulated_rig
@@ -72,8 +72,7 @@ def make_peer() -> Callable[[int], float] | None:
     return peer
 
 
-def test_a_step_of_the_physics(request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_a_step_of_the_physics(quick: bool, figures: Figures) -> None:
     turns, n_samples = (1, 200) if quick else (N_TURNS, N_SAMPLES)
     peer = make_peer()
     ours(200)  # compiles
@@ -83,7 +82,13 @@ def test_a_step_of_the_physics(request: pytest.FixtureRequest) -> None:
         if peer is not None:
             theirs.append(peer(n_samples))
     print(f"\njointz  {1e6 * min(mine):6.3f} us a step of the physics, reads included")
-    if peer is not None:
+    what = "step of the rig's physics, reads included"
+    if peer is None:
+        figures.alone(what, 1e6 * min(mine), "us")
+        figures.left_out(f"{what}, beside MuJoCo's", "mujoco is not installed")
+    else:
+        both = (1e6 * min(mine), 1e6 * min(theirs))
+        figures.beside(what, of_package("mj_step", "mujoco"), both, "us", asked=at_least(1.0))
         ratio = min(theirs) / min(mine)
         print(f"MuJoCo  {1e6 * min(theirs):6.3f} us a step: ours is {ratio:.1f} times as fast")
         assert quick or ratio > 1.0

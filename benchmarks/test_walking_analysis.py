@@ -15,6 +15,7 @@ from pathlib import Path
 from time import perf_counter
 
 import pytest
+from benchmarks.figures import Figures, Peer, at_most
 
 from jointz.io.protocols import load_protocol
 from jointz.workflows.run import run as run_experiment
@@ -46,9 +47,8 @@ def seconds(command: list[str], study: Path, out: Path) -> float:
 
 
 @pytest.fixture(scope="module")
-def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def study(quick: bool, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study of ten people by the walking protocol."""
-    quick = request.config.getoption("benchmark_disable")
     protocol = load_protocol("walking")
     if quick:
         few = [
@@ -73,8 +73,7 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     ).study
 
 
-def test_the_command_beside_one_process(study: Path, request: pytest.FixtureRequest) -> None:
-    quick = request.config.getoption("benchmark_disable")
+def test_the_command_beside_one_process(study: Path, quick: bool, figures: Figures) -> None:
     out = study.parent / "results"
     alone = [sys.executable, "-c", _IN_ONE_PROCESS]
     seconds(_COMMAND, study, out)  # compiles, and warms the page cache
@@ -88,5 +87,12 @@ def test_the_command_beside_one_process(study: Path, request: pytest.FixtureRequ
     print(f"\nwhole processes, report included, {cores} core(s)")
     print(f"jointz analyze  {command_s:6.1f} s, {ASKED_S:g} asked ({verdict})")
     print(f"in one process  {alone_s:6.1f} s, ratio {command_s / alone_s:.2f}")
+    what = "`jointz analyze`, 1 walker, few pulses"
+    if not quick:
+        what = f"`jointz analyze`, {PEOPLE} walkers with 300 pulses each"
+    figures.alone(what, command_s, "s", asked=at_most(ASKED_S))
+    if cores > 1:
+        asked, peer = at_most(MOST_OF_ONE_PROCESS), Peer("one process")
+        figures.beside(what, peer, (command_s, alone_s), "s", asked=asked)
     if not quick and cores > 1:
         assert command_s <= MOST_OF_ONE_PROCESS * alone_s

@@ -1,0 +1,228 @@
+"""What benchmarks measured becomes one page: figures, ratios, what was asked, growth."""
+
+import copy
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from benchmarks import gather, machine
+from benchmarks.figures import Figure, Figures, Peer, at_least, at_most, of_package, write_json
+from benchmarks.page import broken, missed, page_of
+
+ROOT = Path(__file__).parents[3]
+VERSIONS = {"jointz": "0.1.0", "python": "3.11.7", "packages": {"numpy": "2.4.6"}}
+
+
+def measured(count: int, engine: str = "processes", **others: object) -> dict[str, object]:
+    """A measurement of ``benchmarks.scale`` where each participant takes two seconds."""
+    workers = 1 if engine == "serial" else 2
+    found = {"what": "people", "count": count, "engine": engine, "workers": workers,
+             "wall_s": 2.0 * count / workers, "busy_s": 2.0 * count, "idle_share": 0.05,
+             "client_mb": 240.0, "worker_mb": 540.0, "digest": f"abc{count}"}  # fmt: skip
+    return found | others
+
+
+def part(name: str, found: dict[str, object] | None, **others: object) -> dict[str, object]:
+    """A part as it is kept."""
+    of = {"cpu": "Some CPU", "cores": 2, "memory_gb": 16.0, "system": "Linux, x86_64"}
+    made = {"schema": "jointz.benchmarks/1", "part": name, "machine": of, "commit": "0123456789ab",
+            "date": "2026-11-22T10:00:00+00:00", "load": 0.1, "threads": "1", "seconds": 90.0,
+            "found": found}  # fmt: skip
+    return made | others
+
+
+@pytest.fixture
+def taken() -> Figures:
+    figures = Figures()
+    lsq = Peer("lsq_linear", "scipy 1.17.1")
+    figures.beside("bounded fit", lsq, (2.0, 125.0), "us", asked=at_least(50.0))
+    figures.beside("whole analysis", Peer("read_csv", "pandas 3.1.1"), (9.0, 2.5), "s",
+                   asked=at_most(3.0))  # fmt: skip
+    figures.beside("memory", Peer("one participant"), (330.0, 300.0), "MB", asked=at_most(1.2))
+    figures.beside("missed slots", Peer("without the page"), (0.0, 0.5), "", note="p = 0.42")
+    figures.alone("query", 12.34, "ms", asked=at_most(50.0))
+    figures.left_out("physics, beside MuJoCo's", "mujoco is not installed")
+    figures.timed("benchmarks/test_x.py::test_y[a]",
+                  {"min": 0.001, "median": 0.0025, "iqr": 0.0002, "rounds": 1234})  # fmt: skip
+    figures.failed("benchmarks/test_analysis.py::test_whole_analysis")
+    return figures
+
+
+@pytest.fixture
+def parts(taken: Figures) -> list[dict[str, object]]:
+    growth = [measured(n, client_mb=mb) for n, mb in ((1, 240.0), (10, 240.0), (1000, 252.0))]
+    growth[0]["wall_s"] = 2.0
+    engines = [measured(100, "serial", worker_mb=None), measured(100, wall_s=104.0)]
+    found = json.loads(json.dumps(taken.to_dict() | {"versions": VERSIONS}))
+    return [
+        part("tests", found),
+        part("growth", {"versions": VERSIONS, "measured": growth}),
+        part("engines", {"versions": VERSIONS, "measured": engines}),
+        part("fits", None, why="its process ended with status 1"),
+    ]
+
+
+def rows(page: str) -> dict[str, list[str]]:
+    """The cells of every table's rows, by the first of them."""
+    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    return {line[0]: line[1:] for line in lines}
+
+
+def test_ratios_stand_beside_what_was_asked(parts):
+    found = rows(page_of(parts, image="", quick=False))
+
+    assert found["bounded fit"] == ["2 us", "lsq_linear (scipy 1.17.1)", "125 us", "62.5",
+                                    "peer / ours", "at least 50", "yes"]  # fmt: skip
+    assert found["whole analysis"] == ["9 s", "read_csv (pandas 3.1.1)", "2.5 s", "3.6",
+                                       "ours / peer", "at most 3", "**no**"]  # fmt: skip
+    assert found["memory"] == ["330 MB", "one participant", "300 MB", "1.1",
+                               "ours / peer", "at most 1.2", "yes"]  # fmt: skip
+    assert found["query"] == ["12.3 ms", "at most 50 ms", "yes"]
+    assert found["`test_x.py::test_y[a]`"] == ["2.5", "1", "0.2", "1,234"]
+
+
+def test_by_zero_there_is_no_ratio_and_a_limit_holds_all_the_same(parts):
+    assert rows(page_of(parts, image="", quick=False))["missed slots (p = 0.42)"] == [
+        "0", "without the page", "0.5", "-", "peer / ours", "-", "-"]  # fmt: skip
+    assert Figure("w", 0.0, "", Peer("p"), 0.0, at_most(1.0)).met is True
+    assert Figure("w", 0.5, "", Peer("p"), 0.0, at_most(1.0)).met is False
+
+
+def test_growth_is_told_in_a_table_and_in_words(parts):
+    page = page_of(parts, image="images/growth.svg", quick=False)
+
+    assert rows(page)["1,000"] == ["1,000", "1", "2", "5.0", "252", "540"]
+    assert rows(page)["1"] == ["2", "2", "2", "5.0", "240", "540"]
+    assert ("From 10 participants to 1,000, 100 times as many, time grows 100 times and the "
+            "client's memory 1.05 times.") in page  # fmt: skip
+    assert "](images/growth.svg)" in page
+
+
+def test_engines_have_an_efficiency(parts):
+    page = page_of(parts, image="", quick=False)
+
+    assert "| 100 | serial | 1 | 200 | - | 5.0 | 240 | - | `abc100` |" in page
+    assert "| 100 | processes | 2 | 104 | 0.96 | 5.0 | 240 | 540 | `abc100` |" in page
+
+
+def test_machine_versions_and_what_is_missing_are_named(parts):
+    page = page_of(parts, image="", quick=False)
+
+    assert "Some CPU, 2 core(s), 16 GB of memory, Linux, x86_64; 1 thread(s)" in page
+    assert rows(page)["tests"] == ["2026-11-22", "`0123456789ab`", "1.5"]
+    assert "- tests, growth, engines: Python 3.11.7, jointz 0.1.0, numpy 2.4.6.\n" in page
+    assert "- physics, beside MuJoCo's: mujoco is not installed\n" in page
+    assert "- part `fits`: its process ended with status 1\n" in page
+    assert "- `test_analysis.py::test_whole_analysis`\n" in page
+    assert "{warning}" not in page
+
+
+def test_little_work_is_not_judged(parts):
+    page = page_of(parts, image="", quick=True)
+
+    assert "{warning}" in page
+    assert rows(page)["query"] == ["12.3 ms", "-", "-"]
+
+
+def test_what_is_not_met_and_what_broke_is_listed(parts):
+    spoilt = copy.deepcopy(parts)
+    spoilt[2]["found"]["measured"][1]["digest"] = "other"
+
+    assert missed(parts) == [
+        "whole analysis: ours / peer 3.6 beside read_csv (pandas 3.1.1), at most 3 asked",
+    ]
+    assert broken(parts) == [
+        "fits: its process ended with status 1",
+        "test_analysis.py::test_whole_analysis: did not pass",
+    ]
+    assert "engines: engines differ" in broken(spoilt)
+
+
+def test_nothing_measured_is_a_page_too():
+    assert "Nothing has been measured yet." in page_of([], image="", quick=False)
+
+
+def test_the_page_and_its_figure_are_written(parts, tmp_path):
+    gather.write_page(parts, tmp_path / "docs" / "benchmarks.md", quick=False)
+
+    drawn = (tmp_path / "docs" / "images" / "benchmarks-growth.svg").read_text()
+    assert ElementTree.fromstring(drawn).tag.endswith("svg")
+    assert "](images/benchmarks-growth.svg)" in (tmp_path / "docs" / "benchmarks.md").read_text()
+
+
+def test_what_a_part_writes_is_kept_and_taken_again_on_the_same_machine_only(tmp_path, monkeypatch):
+    code = "import json, sys; json.dump({'measured': [1]}, open(sys.argv[1], 'w'))"
+    one = gather.Part("growth", (sys.executable, "-c", code))
+
+    made = gather.run_part(one, tmp_path, load=0.1)
+
+    assert made["found"] == {"measured": [1]}
+    assert made["machine"] == machine.machine()
+    assert gather.kept_part(one, tmp_path) == made
+    assert [file.name for file in tmp_path.iterdir()] == ["growth.json"]
+    monkeypatch.setattr(gather, "machine", lambda: {"cpu": "another"})
+    assert gather.kept_part(one, tmp_path) is None
+
+
+def test_a_part_that_breaks_leaves_no_older_figures(tmp_path):
+    one = gather.Part("growth", (sys.executable, "-c", "raise SystemExit(3)"))
+    (tmp_path / "growth.json").write_text("{}")
+
+    made = gather.run_part(one, tmp_path, load=0.1)
+
+    assert (made["found"], made["why"]) == (None, "its process ended with status 3")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_environment_with_opensourceleg_takes_the_loop(tmp_path):
+    alone = gather.all_parts(quick=False, osl=None)
+    both = gather.all_parts(quick=False, osl=tmp_path / "python")
+
+    assert [one.name for one in alone] == ["tests", "growth", "engines", "fits"]
+    assert "--ignore=benchmarks/test_loop.py" not in alone[0].command
+    assert "--ignore=benchmarks/test_loop.py" in both[0].command
+    assert both[1].command[0] == str(tmp_path / "python")
+
+
+def test_nothing_names_the_machine():
+    told = json.dumps(machine.machine())
+
+    assert set(json.loads(told)) == {"cpu", "cores", "memory_gb", "system"}
+    assert not re.search(r"/(work|tmp|root|home)\b", told)
+    assert machine.commit(ROOT / "no such folder") == "unknown"
+
+
+BENCHMARK = """
+from benchmarks.figures import at_most
+def test_one(figures, quick):
+    figures.alone("one", 2.0, "s", asked=at_most(1.0))
+    assert quick
+"""
+
+
+@pytest.mark.parametrize(("option", "written"), [("--small", True), ("--benchmark-disable", False)])
+def test_figures_are_written_only_when_measuring(tmp_path, option, written):
+    (tmp_path / "conftest.py").write_text("from benchmarks.conftest import *\n")
+    (tmp_path / "test_one.py").write_text(BENCHMARK)
+    words = [sys.executable, "-m", "pytest", tmp_path, f"--rootdir={tmp_path}", option, "-q",
+             "-p", "no:cacheprovider", "--figures", tmp_path / "figures.json"]  # fmt: skip
+
+    subprocess.run(list(map(str, words)), cwd=ROOT, check=True, capture_output=True)
+
+    assert (tmp_path / "figures.json").is_file() is written
+    if written:
+        (row,) = json.loads((tmp_path / "figures.json").read_text())["figures"]
+        assert (row["what"], row["ours"], row["met"]) == ("one", 2.0, False)
+
+
+def test_figures_come_back_from_their_file(taken, tmp_path):
+    write_json(taken.to_dict(), tmp_path / "new" / "figures.json")
+
+    found = json.loads((tmp_path / "new" / "figures.json").read_text())["figures"]
+
+    assert [Figure.from_dict(row).to_dict() for row in found] == found
+    assert of_package("f", "numpy").version.startswith("numpy ")
