@@ -19,7 +19,7 @@ from benchmarks.accuracy.people import cell_truth, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
 
-from jointz.core.certificate import VirtualEstimate
+from jointz.core.certificate import ALL_POINTS, VirtualEstimate, expected_errors
 from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of
@@ -88,20 +88,26 @@ def scored(estimates: Sequence[VirtualEstimate]) -> dict[str, dict[str, float]]:
     ----------
     estimates : sequence of VirtualEstimate
         Estimates beside their truth.
+
+    Notes
+    -----
+    By the rules of the certificate: a truth that is nearly nothing has no error in %.
     """
-    scores = {}
-    for name in PARAMETERS:
-        mine = [e for e in estimates if e.parameter == name]
-        fine = [e for e in mine if e.value is not None and e.truth > 0.0]
-        errors = np.array([e.value / e.truth - 1.0 for e in fine if e.value is not None])
-        inside = [(e.ci_low or 0.0) <= e.truth <= (e.ci_high or np.inf) for e in fine]
-        scores[name] = {
-            "rmse": 100.0 * float(np.sqrt((errors**2).mean())),
-            "bias": 100.0 * float(errors.mean()),
-            "decided": len(fine) / max(len(mine), 1),
-            "coverage": float(np.mean(inside)),
+    overall = [e for e in expected_errors(estimates) if e.timing_point == ALL_POINTS]
+    return {
+        error.parameter: {
+            "rmse": _number(error.rmse_pct),
+            "bias": _number(error.bias_pct),
+            "decided": 1.0 - error.undecided_pct / 100.0,
+            "coverage": _number(error.coverage),
+            "small": error.n_small / error.n,
         }
-    return scores
+        for error in overall
+    }
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def report(results: Sequence[tuple[str, dict[str, list[VirtualEstimate]]]]) -> dict[str, Any]:
@@ -126,7 +132,7 @@ def report(results: Sequence[tuple[str, dict[str, list[VirtualEstimate]]]]) -> d
                 f"{expected['rmse'] / true['rmse']:.2f} bias {true['bias']:+.1f} / "
                 f"{expected['bias']:+.1f} % coverage {true['coverage']:.2f} / "
                 f"{expected['coverage']:.2f} decided {true['decided']:.2f} / "
-                f"{expected['decided']:.2f}"
+                f"{expected['decided']:.2f} small {expected['small']:.3f}"
             )
         out[name] = both
     return out
