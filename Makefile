@@ -57,14 +57,15 @@ browser:
 	fi
 
 check: $(VENV)/.installed-check
-	$(BIN)/ruff format --check src tests benchmarks conftest.py
-	$(BIN)/ruff check src tests benchmarks conftest.py
+	$(BIN)/ruff format --check src tests benchmarks examples docs/*.py docs/from_matlab conftest.py
+	$(BIN)/ruff check src tests benchmarks examples docs/*.py docs/from_matlab conftest.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell src tests benchmarks docs examples README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
 
 docs: $(VENV)/.installed-docs
-	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	$(BIN)/python docs/check_site.py docs/_build/html
 	@echo "Pages: docs/_build/html/index.html"
 
 # All benchmarks beside the peers that can be had here, and docs/benchmarks.md. For hours: the
@@ -90,7 +91,7 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark playwright
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark playwright ezc3d
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-check: $(VENV)/.installed-test
@@ -117,9 +118,9 @@ $(VENV)/.installed-check: $(VENV)/.installed-test
 	done
 	touch $@
 
-$(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/bin/python
+$(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --requirement docs/requirements.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) .venv-osl .venv-peers .venv-bare build dist
+	rm -rf $(VENV) .venv-osl .venv-peers .venv-bare build dist docs/_build docs/api docs/gallery docs/traps

@@ -41,7 +41,7 @@ class ParquetReader:
         DataError
             When pyarrow is missing, the file is damaged, or a column is not there.
         """
-        arrow = _arrow(path)
+        arrow = arrow_for(path)
         try:
             with arrow.parquet.ParquetFile(path) as file:
                 schema = file.schema_arrow
@@ -54,11 +54,11 @@ class ParquetReader:
             raise damaged(path, exc) from exc
         columns = {}
         for c in map(str, request.numeric):
-            columns[c] = number_column(path, c, _numbers(arrow, table.column(c)))
+            columns[c] = number_column(path, c, arrow_numbers(arrow, table.column(c)))
         for c in map(str, request.labels):
             texts = np.array(table.column(c).to_pylist(), dtype=object)
             columns[c] = label_column(path, c, texts)
-        units = {n: unit for n in columns if (unit := _unit(schema.field(n)))}
+        units = {n: unit for n in columns if (unit := field_unit(schema.field(n)))}
         return RawTable(columns, units, file_sha256(path))
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
@@ -71,7 +71,7 @@ class ParquetReader:
         files : FilesSpec
             Not used: a parquet file describes itself.
         """
-        arrow = _arrow(path)
+        arrow = arrow_for(path)
         try:
             return list(arrow.parquet.read_schema(path).names)
         except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
@@ -105,7 +105,19 @@ def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Pat
     return True
 
 
-def _arrow(path: Path) -> Any:
+def arrow_for(path: Path) -> Any:
+    """Return pyarrow, with its parquet module loaded.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file it is needed for, for the message.
+
+    Raises
+    ------
+    DataError
+        When it is not installed.
+    """
     try:
         import pyarrow as pa
         import pyarrow.parquet
@@ -117,7 +129,16 @@ def _arrow(path: Path) -> Any:
     return pa
 
 
-def _numbers(arrow: Any, column: Any) -> np.ndarray:
+def arrow_numbers(arrow: Any, column: Any) -> np.ndarray:
+    """Return a column of numbers or booleans as float64, null as NaN; others as they are.
+
+    Parameters
+    ----------
+    arrow : module
+        pyarrow.
+    column : pyarrow.ChunkedArray
+        The column.
+    """
     kind = arrow.types
     plain = kind.is_integer(column.type) or kind.is_boolean(column.type)
     if plain or kind.is_floating(column.type) or kind.is_decimal(column.type):
@@ -126,6 +147,13 @@ def _numbers(arrow: Any, column: Any) -> np.ndarray:
     return values
 
 
-def _unit(field: Any) -> str:
+def field_unit(field: Any) -> str:
+    """Return the unit that a field's metadata state, else "".
+
+    Parameters
+    ----------
+    field : pyarrow.Field
+        The field.
+    """
     metadata = field.metadata or {}
     return next((metadata[k].decode() for k in _UNIT_KEYS if k in metadata), "")

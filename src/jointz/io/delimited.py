@@ -29,6 +29,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.registry import (
     RawTable,
     TableRequest,
+    damaged,
     label_column,
     missing_columns,
     register_reader,
@@ -39,7 +40,10 @@ _BLOCK_BYTES = 1 << 18
 _TAIL_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
 _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is called cut
-_MISSING = ("", "NA", "NaN", "nan", "NAN", "-nan")
+#: Cells that stand for a sample that is missing.
+MISSING_TEXT = ("", "NA", "NaN", "nan", "NAN", "-nan")
+#: The same as pandas is to take them: some programs write a blank after every number.
+_MISSING_CELLS = [*MISSING_TEXT, *(f"{word} " for word in MISSING_TEXT)]
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)
 _DIGITS = re.compile(r"[+-]?\d+(?:\.(?P<decimals>\d+))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _OTHER_DECIMAL = str.maketrans(".,", ",.")
@@ -134,6 +138,51 @@ class DelimitedReader:
 
 
 # --- the first lines --------------------------------------------------------------------------
+
+
+def is_number(cell: str, decimal: str = ".") -> bool:
+    """Return whether a cell holds a number.
+
+    Parameters
+    ----------
+    cell : str
+        What stands there.
+    decimal : str
+        The decimal sign.
+
+    Examples
+    --------
+    >>> is_number("1,5", ","), is_number("1.5", ","), is_number("S01")
+    (True, False, False)
+    """
+    own = cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
+    return bool(_NUMBER.fullmatch(own))
+
+
+def decompressed_text(path: Path, n_lines: int) -> list[str]:
+    """Return the first lines of a text file, without their ends.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, plain or gzip.
+    n_lines : int
+        At most so many.
+
+    Raises
+    ------
+    DataError
+        When it is missing, cut off, or no text.
+    """
+    try:
+        with _decompression_errors(path), _open_bytes(path) as stream:
+            lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
+    except OSError as exc:
+        raise damaged(path, exc) from exc
+    found = [line for line in lines if line]
+    if not found:
+        raise DataError(f"{path.name}: holds nothing. Export it again.", path=str(path))
+    return [text.rstrip("\r\n") for text in _decoded(path, found)]
 
 
 def _layout(path: Path, files: FilesSpec) -> _Layout:
@@ -307,8 +356,8 @@ def _missing_of(
     layout: _Layout, numeric: list[int], labels: list[int]
 ) -> list[str] | dict[int, list[str]]:
     if not layout.as_written:
-        return list(_MISSING)
-    return {k: list(_MISSING) for k in numeric} | {k: [""] for k in labels}
+        return _MISSING_CELLS
+    return dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
 
 
 def _pandas_may_open(layout: _Layout) -> bool:
@@ -406,7 +455,7 @@ def _refuse_cut_number(layout: _Layout, scan: _Scan, n_rows: int) -> None:
     if scan.terminated or not scan.last_lines:
         return
     *before, last = (line.rpartition(layout.delimiter)[2].strip() for line in scan.last_lines)
-    if last in _MISSING[1:] or (layout.as_written and not last):
+    if last in MISSING_TEXT[1:] or (layout.as_written and not last):
         return
     customs = {_n_digits(cell, layout.decimal) for cell in before}
     custom = customs.pop() if len(customs) == 1 and len(before) >= _ROWS_FOR_A_CUSTOM else (0, 0)
@@ -478,7 +527,7 @@ def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> Dat
 def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
     swapped = cell.translate(_OTHER_DECIMAL)
     own, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
-    if cell in _MISSING or _NUMBER.fullmatch(own):
+    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(own):
         return
     hint = "Correct the cell or leave it empty."
     if _NUMBER.fullmatch(other):

@@ -65,13 +65,13 @@ class MatlabReader:
         """
         names = [str(c) for c in request.columns]
         tops = {name.partition(".")[0] for name in names}
-        content, has_objects = _load(path, tops)
-        found = {name: _at(content, name.split(".")) for name in names}
+        content, has_objects = load_variables(path, tops)
+        found = {name: value_at(content, name.split(".")) for name in names}
         missing = [name for name, value in found.items() if value is None]
         if missing:
-            everything, has_objects = _load(path, None)
+            everything, has_objects = load_variables(path, None)
             hint = _OBJECT_HINT if has_objects else ""
-            raise missing_columns(path, missing, list(_series_names(everything)), hint)
+            raise missing_columns(path, missing, list(series_names(everything)), hint)
         columns = {}
         for c in map(str, request.numeric):
             columns[c] = number_column(path, c, _series(path, c, found[c]))
@@ -92,8 +92,21 @@ class MatlabReader:
         return None
 
 
-def _load(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
-    """Return the variables, and whether there are MATLAB objects among them."""
+def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
+    """Return the variables, and whether there are MATLAB objects among them.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    variables : set of str or None
+        Names of those wanted; None for all.
+
+    Raises
+    ------
+    DataError
+        When the file is damaged.
+    """
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
@@ -130,8 +143,16 @@ def _check_checksum(content: bytes) -> None:
             raise EOFError("a compressed variable is cut off")
 
 
-def _at(value: Any, parts: list[str]) -> Any:
-    """Follow a dotted name; None where it leads nowhere."""
+def value_at(value: Any, parts: list[str]) -> Any:
+    """Follow a dotted name; None where it leads nowhere.
+
+    Parameters
+    ----------
+    value : Any
+        Variables, or a struct.
+    parts : list of str
+        The name, taken apart at its dots.
+    """
     for part in parts:
         if isinstance(value, Mapping):
             value = value.get(part)
@@ -177,10 +198,19 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, list) and any(isinstance(v, str) for v in value)
 
 
-def _series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted names of what may be a series of samples.
+
+    Parameters
+    ----------
+    content : mapping
+        Variables, or the fields of a struct.
+    prefix : str
+        Name of the struct with a dot.
+    """
     for name, value in content.items():
         if isinstance(value, Mapping):
-            yield from _series_names(value, f"{prefix}{name}.")
+            yield from series_names(value, f"{prefix}{name}.")
         elif isinstance(value, np.ndarray) and value.ndim == 2:
             yield from (f"{prefix}{name}.{i + 1}" for i in range(value.shape[1]))
         elif value is not None:

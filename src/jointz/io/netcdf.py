@@ -72,7 +72,7 @@ class NetcdfReader:
         files : FilesSpec
             Not used: a netCDF file describes itself.
         """
-        with _opened(path) as file:
+        with opened_netcdf(path) as file:
             return _walk(file, "")
 
 
@@ -162,15 +162,44 @@ def _variables(path: Path, names: list[str]) -> dict[str, xr.DataArray]:
 
 
 def _load(path: Path, group: str, only: list[str] | None = None) -> xr.Dataset:
-    with _opened(path) as file:
-        store = xr.backends.H5NetCDFStore(file[group] if group else file)
-        dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
-        return (dataset if only is None else dataset[only]).load()
+    with opened_netcdf(path) as file:
+        return load_group(file[group] if group else file, only)
+
+
+def load_group(group: Any, only: list[str] | None = None) -> xr.Dataset:
+    """Return the variables of one group in memory, unpacked, times as numbers.
+
+    Parameters
+    ----------
+    group : h5netcdf.Group
+        A group of an opened file, or the file.
+    only : list of str, optional
+        Names of the variables wanted.
+    """
+    store = xr.backends.H5NetCDFStore(group)
+    dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
+    return (dataset if only is None else dataset[only]).load()
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open by h5py, so that a file h5netcdf gives up on is closed all the same."""
+def opened_netcdf(path: Path) -> Iterator[Any]:
+    """Open by h5py, so that a file h5netcdf gives up on is closed all the same.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Yields
+    ------
+    h5netcdf.File
+        The file.
+
+    Raises
+    ------
+    DataError
+        When it is damaged, or of the classic format.
+    """
     import h5netcdf
     import h5py
 

@@ -52,7 +52,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     spec = study.spec
     path = data_file(study.root, entry.file)
     columns = {name: channel.column for name, channel in spec.channels.items()}
-    needed = needed_channels(columns, entry.condition)
+    needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
     table = read_table(

@@ -27,6 +27,7 @@ _HOMES: Mapping[str, str] = {
     ".parquet": "jointz.io.columnar",
     ".nc": "jointz.io.netcdf",
     ".mat": "jointz.io.matlab",
+    **dict.fromkeys((".c3d", ".xdf", ".mot", ".sto", ".xlsx"), "jointz.io.acquisition_tables"),
 }
 _MOST_NAMES = 40
 _FLOAT_TEXT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?")

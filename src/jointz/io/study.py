@@ -106,7 +106,9 @@ def data_file(root: Path, file: str) -> Path:
     return root / _VARIABLE.sub(value, file)
 
 
-def needed_channels(names: Iterable[str], condition: str | None) -> list[str]:
+def needed_channels(
+    names: Iterable[str], condition: str | None, *, moments_only: bool = False
+) -> list[str]:
     """Return the channels that the file of a recording must hold.
 
     Parameters
@@ -116,12 +118,14 @@ def needed_channels(names: Iterable[str], condition: str | None) -> list[str]:
     condition : str or None
         Condition of the recording, None where a column of the file holds it.
         Without a device only kinematics and contact are expected.
+    moments_only : bool
+        Nobody of the study wore a device: its torque is a moment, and every file holds it.
     """
+    kept = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
     return [
         name
         for name in names
-        if not (name == "condition" and condition)
-        and (condition != "no_device" or name in _ALWAYS_THERE)
+        if not (name == "condition" and condition) and (condition != "no_device" or name in kept)
     ]
 
 
@@ -341,9 +345,11 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
         for name, channel in _table(raw, "channels").items()
         if isinstance(channel, Mapping) and "column" in channel
     }
+    conditions = {_condition_of(entry) for entry in _entries(raw, "recordings")}
+    moments_only = raw.get("kind") == "walking" and conditions == {"no_device"}
     checked: set[tuple[str, ...]] = set()
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
-        needed = needed_channels(columns, _condition_of(entry) or None)
+        needed = needed_channels(columns, _condition_of(entry) or None, moments_only=moments_only)
         for key in ("file", "perturbations"):
             name = entry.get(key)
             if not isinstance(name, str) or (name, *needed) in checked:

@@ -1,0 +1,212 @@
+"""What a file of any format holds: groups of signals, each with its own clock, and events.
+
+A study's recording (:mod:`jointz.core.recording`) has one clock and SI units; a file of a
+laboratory has what its maker put there: markers at 100 Hz, analog channels at 1000 Hz, units as
+they were typed. An acquisition says what stands there, and changes nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """One column of samples, as it stands in the file.
+
+    Parameters
+    ----------
+    name : str
+        As the file spells it; unique in its group.
+    values : (n,) array
+        float64, NaN where a sample is missing; or str objects, "" where one is missing.
+    unit : str
+        As the file states it, "" where it states none.
+    description : str
+        What the file says of it.
+    """
+
+    name: str
+    values: np.ndarray
+    unit: str = ""
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Check shape and kind.
+
+        Raises
+        ------
+        ValueError
+            When it is not one column of float64 or of str objects.
+        """
+        if self.values.ndim != 1 or self.values.dtype.kind not in "fO":
+            message = f"signal '{self.name}': expected one column of float64 or of str objects"
+            raise ValueError(message)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it holds text."""
+        return self.values.dtype.kind == "O"
+
+    def equals(self, other: "Signal") -> bool:
+        """Return whether another says the same, sample for sample; NaN equals NaN.
+
+        Parameters
+        ----------
+        other : Signal
+            The other.
+        """
+        same_words = (self.name, self.unit, self.description) == (
+            other.name,
+            other.unit,
+            other.description,
+        )
+        if not same_words or self.is_text != other.is_text:
+            return False
+        return np.array_equal(self.values, other.values, equal_nan=not self.is_text)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalGroup:
+    """Signals that were sampled together.
+
+    Parameters
+    ----------
+    name : str
+        Unique in its acquisition, such as ``points`` or ``analogs``; "" for the only group.
+    signals : tuple of Signal
+        All of one length.
+    rate_hz : float or None
+        Of a uniform clock; None where ``time_s`` holds the stamps or nothing is known.
+    start_s : float
+        Time of the first sample on a uniform clock.
+    time_s : (n,) float64 array or None
+        Time stamps, where the file has them.
+    """
+
+    name: str
+    signals: tuple[Signal, ...]
+    rate_hz: float | None = None
+    start_s: float = 0.0
+    time_s: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Check that lengths and names go together.
+
+        Raises
+        ------
+        ValueError
+            When signals and stamps differ in length, names repeat, or there are two clocks.
+        """
+        lengths = {len(signal.values) for signal in self.signals}
+        if self.time_s is not None:
+            lengths.add(len(self.time_s))
+        if len(lengths) > 1:
+            raise ValueError(f"group '{self.name}': signals of different length: {lengths}")
+        names = [signal.name for signal in self.signals]
+        if len(set(names)) < len(names):
+            repeated = sorted({name for name in names if names.count(name) > 1})
+            raise ValueError(f"group '{self.name}': more than one signal named {repeated}")
+        if self.rate_hz is not None and self.time_s is not None:
+            raise ValueError(f"group '{self.name}': a rate and time stamps; expected one of them")
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each signal."""
+        if self.time_s is not None:
+            return len(self.time_s)
+        return len(self.signals[0].values) if self.signals else 0
+
+    def times_s(self) -> np.ndarray | None:
+        """Return the time of every sample, None where the file has no clock."""
+        if self.time_s is not None or self.rate_hz is None:
+            return self.time_s
+        return self.start_s + np.arange(self.n_samples) / self.rate_hz
+
+    def equals(self, other: "SignalGroup") -> bool:
+        """Return whether another holds the same, sample for sample.
+
+        Parameters
+        ----------
+        other : SignalGroup
+            The other.
+        """
+        same_clock = (self.name, self.rate_hz, self.start_s) == (
+            other.name,
+            other.rate_hz,
+            other.start_s,
+        )
+        mine, theirs = self.time_s, other.time_s
+        if not same_clock or (mine is None) != (theirs is None):
+            return False
+        if mine is not None and theirs is not None and not np.array_equal(mine, theirs):
+            return False
+        return len(self.signals) == len(other.signals) and all(
+            a.equals(b) for a, b in zip(self.signals, other.signals, strict=True)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at a time.
+
+    Parameters
+    ----------
+    time_s : float
+        On the clock of the file.
+    label : str
+        What.
+    duration_s : float
+        How long; 0 for a moment.
+    """
+
+    time_s: float
+    label: str
+    duration_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Acquisition:
+    """All that a file holds.
+
+    Parameters
+    ----------
+    groups : tuple of SignalGroup
+        In the order of the file.
+    events : tuple of Event
+        In order of time.
+    metadata : mapping of str to str
+        What else the file says, by dotted names: ``subject.name``, ``device.serial``.
+    """
+
+    groups: tuple[SignalGroup, ...]
+    events: tuple[Event, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that the groups' names differ.
+
+        Raises
+        ------
+        ValueError
+            When two groups have one name.
+        """
+        names = [group.name for group in self.groups]
+        if len(set(names)) < len(names):
+            raise ValueError(f"more than one group of one name: {names}")
+
+    def equals(self, other: "Acquisition") -> bool:
+        """Return whether another holds the same, sample for sample.
+
+        Parameters
+        ----------
+        other : Acquisition
+            The other.
+        """
+        return (
+            len(self.groups) == len(other.groups)
+            and all(a.equals(b) for a, b in zip(self.groups, other.groups, strict=True))
+            and self.events == other.events
+            and dict(self.metadata) == dict(other.metadata)
+        )

@@ -1,0 +1,258 @@
+"""Names, tables and sidecars of BIDS folders, read with an eye for damage."""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.errors import DataError
+
+#: What BIDS writes where there is no value.
+NOTHING = "n/a"
+_ENTITY = re.compile(r"([a-zA-Z]+)-([a-zA-Z0-9+]+)")
+_NOT_LABEL = re.compile(r"[^A-Za-z0-9]")
+
+
+def label_of(text: str) -> str:
+    """Return a text as a label: letters and digits alone.
+
+    Parameters
+    ----------
+    text : str
+        Such as the id of a participant.
+
+    Examples
+    --------
+    >>> label_of("S_01 left")
+    'S01left'
+    """
+    return _NOT_LABEL.sub("", text)
+
+
+def entities_of(name: str) -> dict[str, str]:
+    """Return the entities of a file's name, in their order.
+
+    Parameters
+    ----------
+    name : str
+        The name; suffix and ending are no entities.
+
+    Examples
+    --------
+    >>> entities_of("sub-S01_task-walking_tracksys-knee_motion.tsv")
+    {'sub': 'S01', 'task': 'walking', 'tracksys': 'knee'}
+    """
+    parts = name.split(".")[0].split("_")
+    found = [_ENTITY.fullmatch(part) for part in parts]
+    return {match[1]: match[2] for match in found if match}
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a sidecar.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read or holds no object.
+    """
+    try:
+        content = json.loads(_text(path))
+    except (ValueError, RecursionError) as exc:
+        if isinstance(exc, DataError):
+            raise
+        raise _bad(path, f"not readable as JSON ({exc}). Correct it, or copy it again.") from exc
+    if not isinstance(content, dict):
+        raise _bad(path, f"expected an object {{...}}, found {type(content).__name__}. Correct it.")
+    return content
+
+
+def read_tsv(path: Path, required: Sequence[str]) -> list[dict[str, str]]:
+    """Read a table with a header: a mapping a row, ``""`` for ``n/a``.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    required : sequence of str
+        Columns that must be there.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read, a column is missing or a row has another width.
+    """
+    lines = _lines(path)
+    names = [name.strip() for name in lines[0].split("\t")]
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise _bad(
+            path,
+            f"expected the column(s) {', '.join(missing)}, found {', '.join(names)}. Correct the "
+            "header.",
+        )
+    if len(set(names)) < len(names):
+        raise _bad(path, "row 1: a name stands over more than one column. Rename one.")
+    rows = []
+    for row, line in enumerate(lines[1:], start=2):
+        cells = line.split("\t")
+        if len(cells) != len(names):
+            raise _wrong_width(path, row, len(cells), len(names))
+        values = ("" if cell.strip() == NOTHING else cell.strip() for cell in cells)
+        rows.append(dict(zip(names, values, strict=True)))
+    return rows
+
+
+def read_samples(path: Path, n_columns: int) -> np.ndarray:
+    """Read a table of numbers without a header, ``n/a`` as NaN.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    n_columns : int
+        How many columns it must have.
+
+    Returns
+    -------
+    (n_samples, n_columns) float64 array
+        The numbers, bit for bit as they were written.
+
+    Raises
+    ------
+    DataError
+        Naming row and column where it is not such a table.
+    """
+    rows = []
+    for row, line in enumerate(_lines(path), start=1):
+        cells = line.split("\t")
+        if len(cells) != n_columns:
+            raise _wrong_width(path, row, len(cells), n_columns)
+        try:
+            rows.append([math.nan if cell == NOTHING else float(cell) for cell in cells])
+        except ValueError:
+            raise _no_number(path, row, cells) from None
+    samples = np.array(rows, dtype=np.float64)
+    endless = np.argwhere(np.isinf(samples))
+    if endless.size:
+        row, column = (int(k) + 1 for k in endless[0])
+        raise _bad(path, "expected a number or n/a, found infinity. Correct the cell.", row, column)
+    return samples
+
+
+def number(path: Path, content: Mapping[str, Any], key: str) -> float:
+    """Return a positive number of a sidecar.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The sidecar, for the message.
+    content : mapping
+        What it holds.
+    key : str
+        The key.
+
+    Raises
+    ------
+    DataError
+        When it is missing or no positive number.
+    """
+    value = content.get(key)
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    if not good or not math.isfinite(float(value or 0)) or float(value or 0) <= 0:
+        raise _bad(path, f"key '{key}': expected a number above 0, found {value!r}. Correct it.")
+    return float(value)  # type: ignore[arg-type]  # it is a number, see above
+
+
+def cell_number(path: Path, row: int, name: str, cell: str, *, default: float) -> float:
+    """Return the number of a cell, a default where it is empty.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The table, for the message.
+    row : int
+        Its row, from 1.
+    name : str
+        The column.
+    cell : str
+        What stands there.
+    default : float
+        For an empty cell; NaN where it must not be empty.
+
+    Raises
+    ------
+    DataError
+        When it is no finite number.
+    """
+    try:
+        value = float(cell) if cell else default
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise _bad(
+            path,
+            f"column '{name}': expected a number, found '{cell or NOTHING}'. Correct the cell.",
+            row,
+        )
+    return value
+
+
+def _lines(path: Path) -> list[str]:
+    text = _text(path).replace("\r\n", "\n")
+    if not text.strip():
+        raise _bad(path, "holds nothing. Copy it again.")
+    if not text.endswith("\n"):
+        last = text.count("\n") + 1
+        raise _bad(
+            path,
+            "the last line does not end: the file may be cut off. Copy it again, or add the end "
+            "of the line where it is whole.",
+            last,
+        )
+    return text[:-1].split("\n")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        raise _bad(path, f"expected UTF-8 text ({exc.reason}). Save it as UTF-8.") from exc
+    except OSError as exc:
+        why = exc.strerror or exc
+        raise _bad(path, f"cannot be read ({why}). Bring the file, or correct its name.") from exc
+
+
+def _wrong_width(path: Path, row: int, found: int, expected: int) -> DataError:
+    return _bad(
+        path,
+        f"expected {expected} values between tabs, found {found}. Correct the row, or copy the "
+        "file again.",
+        row,
+    )
+
+
+def _no_number(path: Path, row: int, cells: Sequence[str]) -> DataError:
+    for column, cell in enumerate(cells, start=1):
+        try:
+            float(cell if cell != NOTHING else "0")
+        except ValueError:
+            shown = cell[:40]
+            message = f"expected a number or n/a, found '{shown}'. Correct the cell."
+            return _bad(path, message, row, column)
+    return _bad(path, "cannot be read. Correct the row.", row)
+
+
+def _bad(path: Path, message: str, row: int | None = None, column: int | None = None) -> DataError:
+    where = path.name
+    where += f", row {row}" if row is not None else ""
+    where += f", column {column}" if column is not None else ""
+    return DataError(f"{where}: {message}", path=str(path), row=row)

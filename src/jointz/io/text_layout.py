@@ -1,0 +1,234 @@
+"""How a text file seems to be laid out, found from its first lines.
+
+Nothing is read by what is found here: it is proposed, as ``[files]`` of a study, to whoever
+inspects a file, and :mod:`jointz.io.delimited` still refuses what does not fit it.
+"""
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.delimited import MISSING_TEXT, decompressed_text, is_number
+
+_LINES = 400
+_IN_A_ROW = 3  # rows of one shape that are called the table
+_DELIMITERS = (",", ";", "\t", " ")
+_BRACKETED = re.compile(r"^[\[(].*[\])]$")
+_UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
+#: Words that stand in a row of units and nowhere else.
+_UNIT_WORDS = frozenset(
+    [
+        *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
+        *(
+            "n.m",
+            "mnm",
+            "nmm",
+            "n",
+            "m",
+            "mm",
+            "cm",
+            "a",
+            "ma",
+            "v",
+            "mv",
+            "volts",
+            "n/a",
+            "-",
+            "1",
+        ),
+        *("%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TextLayout:
+    """The layout of a text file as it was found.
+
+    Parameters
+    ----------
+    files : FilesSpec
+        As under ``[files]`` of a study.
+    names : tuple of str
+        What the file calls its columns, "" for a column that it does not name.
+    units : tuple of str
+        A row of units under the names; empty where there is none.
+    notes : tuple of str
+        What had to be decided.
+    """
+
+    files: FilesSpec
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What a study calls the columns: their names, or their numbers from 1."""
+        if self.files.header:
+            return self.names
+        return tuple(str(k) for k in range(1, len(self.names) + 1))
+
+
+def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayout:
+    """Find out how a text file is laid out.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    given : mapping, optional
+        Fields of ``[files]`` that are known; only the others are looked for.
+
+    Returns
+    -------
+    TextLayout
+        The layout under which most cells are numbers.
+
+    Raises
+    ------
+    DataError
+        When the file is not text, or holds no table of numbers.
+    """
+    known = dict(given or {})
+    lines = decompressed_text(path, _LINES)
+    best = max(
+        (_Found.of(lines, *signs) for signs in _signs(known)),
+        key=lambda found: found.score,  # the first of equals
+    )
+    if best.start is None and not {"skip_rows", "header"} & set(known):
+        raise DataError(
+            f"{path.name}: no table of numbers in its first {len(lines)} lines. Give its layout "
+            "(--delimiter, --decimal, --skip-rows, --no-header), or another file.",
+            path=str(path),
+        )
+    return _layout(best, known)
+
+
+def _signs(known: Mapping[str, Any]) -> list[tuple[str, str]]:
+    delimiters = [known["delimiter"]] if known.get("delimiter") else list(_DELIMITERS)
+    decimals = [known["decimal"]] if known.get("decimal") else [".", ","]
+    return [(d, sign) for d, sign in product(delimiters, decimals) if d != sign]
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The table that two signs make of the lines."""
+
+    delimiter: str
+    decimal: str
+    rows: tuple[tuple[str, ...], ...]
+    start: int | None
+
+    @classmethod
+    def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Found":
+        rows = tuple(_cells(line, delimiter) for line in lines)
+        return cls(delimiter, decimal, rows, _first_row(rows, decimal))
+
+    def spec(self, skip_rows: int, *, header: bool = True) -> FilesSpec:
+        """Return the layout with these signs."""
+        signs = {"delimiter": self.delimiter, "decimal": self.decimal}
+        return FilesSpec.model_validate({**signs, "skip_rows": skip_rows, "header": header})
+
+    @property
+    def score(self) -> tuple[bool, bool, float, int]:
+        """A table at all; more than one column; share of numbers; columns."""
+        if self.start is None:
+            return (False, False, 0.0, 0)
+        cells = [cell for row in self.rows[self.start :] for cell in row]
+        numbers = sum(is_number(cell, self.decimal) for cell in cells)
+        width = len(self.rows[self.start])
+        return (True, width > 1, round(numbers / max(len(cells), 1), 3), width)
+
+
+def _cells(line: str, delimiter: str) -> tuple[str, ...]:
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a quote that never ends, or a cell longer than csv allows
+        return (line,)
+    return tuple(cell.strip() for cell in cells)
+
+
+def _first_row(rows: Sequence[tuple[str, ...]], decimal: str) -> int | None:
+    """Return the first of some rows of one width in which a number stands."""
+    like = [len(row) if _is_sample(row, decimal) else 0 for row in rows]
+    wanted = min(_IN_A_ROW, sum(bool(row and any(row)) for row in rows[-_IN_A_ROW:]), len(rows))
+    for k, width in enumerate(like):
+        run = like[k : k + max(wanted, 1)]
+        if width and all(other == width for other in run):
+            return k
+    return None
+
+
+def _is_sample(row: tuple[str, ...], decimal: str) -> bool:
+    """Whether at least half of what stands in a row are numbers."""
+    written = [cell for cell in row if cell not in MISSING_TEXT]
+    numbers = sum(is_number(cell, decimal) for cell in written)
+    return bool(numbers) and 2 * numbers >= len(written)
+
+
+def _layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
+    if "skip_rows" in known or "header" in known:
+        return _told_layout(found, known)
+    start = found.start or 0
+    width = len(found.rows[start])
+    above = found.rows[start - 1] if start else ()
+    if start >= 2 and _is_units(above) and len(found.rows[start - 2]) == len(above) == width:
+        files = found.spec(start, header=False)
+        note = (
+            f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
+            "are given by number."
+        )
+        return TextLayout(files, found.rows[start - 2], _bare(above), (note,))
+    if not start or not any(above) or len(above) > width + 1 or len(above) < max(width - 1, 2):
+        note = "the columns have no names: they are given by number, from 1."
+        files = found.spec(start, header=False)
+        return TextLayout(files, ("",) * width, (), (note,))
+    if len(above) != width or len(set(above)) < width:
+        return _numbered(found, above, width)
+    files = found.spec(start - 1)
+    note = f"{start - 1} row(s) stand above the names and are skipped."
+    return TextLayout(files, above, (), (note,) if start > 1 else ())
+
+
+def _numbered(found: _Found, above: tuple[str, ...], width: int) -> TextLayout:
+    """Return a layout of columns by number: the names above them do not tell them apart."""
+    start = found.start or 0
+    files = found.spec(start, header=False)
+    names = (above + ("",) * width)[:width]
+    why = f"row {start} names {len(above)} column(s), {width} stand under it"
+    if len(above) == width:
+        why = f"row {start} gives one name to several columns"
+    return TextLayout(files, names, (), (f"{why}: columns are given by number, from 1.",))
+
+
+def _told_layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
+    skip_rows, header = int(known.get("skip_rows") or 0), bool(known.get("header", True))
+    files = found.spec(skip_rows, header=header)
+    row = found.rows[skip_rows] if skip_rows < len(found.rows) else ()
+    return TextLayout(files, row if header else ("",) * len(row))
+
+
+def _is_units(row: tuple[str, ...]) -> bool:
+    """Whether a row holds units: each is short, and most are known or stand in brackets."""
+    written = [cell for cell in row if cell]
+    bare = _bare(tuple(written))
+    likely = [
+        bool(_BRACKETED.match(cell)) or name.casefold() in _UNIT_WORDS
+        for cell, name in zip(written, bare, strict=True)
+    ]
+    return (
+        bool(written)
+        and all(_UNIT_LIKE.fullmatch(name) for name in bare if name)
+        and 2 * sum(likely) > len(likely)
+    )
+
+
+def _bare(row: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(cell.strip("[]() ") for cell in row)

@@ -1,0 +1,178 @@
+"""Workbooks (.xlsx) as laboratories record into them, through openpyxl (``jointz[formats]``).
+
+What jointz writes is a sheet a group (names, units, samples) and a last sheet ``jointz`` with
+what cells have no place for: rates, kinds, descriptions, events, metadata.
+"""
+
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+from jointz.core.acquisition import Acquisition, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.column_names import READING
+from jointz.io.formats import register_format
+from jointz.io.losses import has_infinity, has_text, listed, lost_signals, words_of
+from jointz.io.registry import damaged
+from jointz.io.workbook_layout import OWN_SHEET, fits, own_acquisition, put_acquisition
+from jointz.io.workbook_tables import Sheet, groups_of
+
+#: What a damaged workbook makes zipfile, the XML parser and openpyxl raise.
+_LIBRARY_ERRORS = (
+    *(OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, SyntaxError),
+    *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError, AssertionError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
+_MOST_ROWS, _MOST_COLUMNS = 1_048_576, 16_384
+
+
+@register_format(".xlsx")
+class WorkbookFormat:
+    """Reads the tables of all visible sheets; writes a sheet a group."""
+
+    name = "workbook .xlsx"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return a group a sheet, or a group a column of time; formulas by their values.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            The file.
+        files : FilesSpec
+            Not used.
+
+        Raises
+        ------
+        DataError
+            When openpyxl is missing, the file is damaged, or a cell is not what it should be.
+        """
+        sheets, hidden = _sheets(path)
+        if sheets and sheets[-1].title == OWN_SHEET:
+            try:
+                return own_acquisition(sheets)
+            except (KeyError, ValueError, TypeError, IndexError) as exc:
+                if isinstance(exc, DataError):
+                    raise
+                raise damaged(path, exc) from exc
+        groups: list[SignalGroup] = []
+        metadata: dict[str, str] = {}
+        for sheet in sheets:
+            found, told = groups_of(sheet)
+            groups += found
+            metadata |= told
+        if hidden:
+            metadata[f"{READING}hidden_sheets"] = f"not read: {', '.join(hidden)}"
+        if not groups:
+            titles = ", ".join(sheet.title for sheet in sheets) or "none visible"
+            raise DataError(
+                f"{path.name}: expected a row of names with numbers under it, found none on its "
+                f"sheets ({titles}). Put names over the columns.",
+                path=str(path),
+            )
+        return Acquisition(tuple(groups), (), metadata)
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Say what cells cannot hold: infinite numbers, control characters, too many rows.
+
+        Parameters
+        ----------
+        content : Acquisition
+            What is to be written.
+        """
+        lost = []
+        for group in content.groups:
+            lost += lost_signals(group, "infinite numbers", has_infinity)
+            lost += lost_signals(
+                group,
+                "text with control characters, or over 32767 letters",
+                lambda s: has_text(s, fits),
+            )
+            if group.n_samples > _MOST_ROWS - 2 or len(group.signals) > _MOST_COLUMNS - 1:
+                lost.append(
+                    f"Group '{group.name}' has {group.n_samples} samples of {len(group.signals)} "
+                    f"signals; a sheet ends at {_MOST_ROWS} rows and {_MOST_COLUMNS} columns."
+                )
+        odd = [repr(word[:40]) for word in words_of(content) if not fits(word)]
+        if odd:
+            lost.append(f"It cannot hold as they are (control characters): {listed(odd)}.")
+        return lost
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write a sheet a group, and the sheet ``jointz``.
+
+        Parameters
+        ----------
+        content : Acquisition
+            What to write.
+        path : pathlib.Path
+            The file.
+
+        Raises
+        ------
+        DataError
+            When openpyxl is missing.
+        WriteError
+            When the file cannot be written.
+        """
+        book = _openpyxl(path).Workbook(write_only=True)
+        put_acquisition(book, content, most_rows=_MOST_ROWS - 2)
+        with whole_file(path, "Make room or name another place.") as partial:
+            book.save(partial)
+
+
+def _openpyxl(path: Path) -> Any:
+    try:
+        import openpyxl
+    except ImportError as exc:
+        raise DataError(
+            f'{path.name}: workbooks need openpyxl. Install it: pip install "jointz[formats]".',
+            path=str(path),
+        ) from exc
+    return openpyxl
+
+
+def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
+    """Return the visible sheets, and the titles of the hidden ones."""
+    openpyxl = _openpyxl(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # styles and extensions it does not know
+            with path.open("rb") as stream:
+                values = openpyxl.load_workbook(stream, data_only=True)
+            with path.open("rb") as stream:
+                formulas = openpyxl.load_workbook(stream)
+            visible = [s for s in values.worksheets if s.sheet_state == "visible"]
+            titles = {sheet.title for sheet in visible}
+            hidden = [s.title for s in values.worksheets if s.title not in titles]
+            return [_sheet(path, s, formulas[s.title]) for s in visible], hidden
+    except _LIBRARY_ERRORS as exc:
+        if isinstance(exc, DataError):
+            raise
+        raise damaged(path, exc) from exc
+
+
+def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
+    rows = list(values.iter_rows(min_row=1, min_col=1, values_only=True))
+    while rows and all(cell is None for cell in rows[-1]):
+        rows.pop()
+    open_formulas = {
+        (cell.row - 1, cell.column - 1)
+        for row in formulas.iter_rows(min_row=1, min_col=1, max_row=len(rows) or 1)
+        for cell in row
+        if cell.data_type == "f" and values.cell(cell.row, cell.column).value is None
+    }
+    last = max((row for row, _ in open_formulas), default=-1)
+    width = max([len(row) for row in rows] + [k + 1 for _, k in open_formulas] + [1])
+    rows += [()] * (last + 1 - len(rows))
+    merged = tuple(
+        (r.min_row - 1, r.min_col - 1, r.max_row - 1, r.max_col - 1)
+        for r in values.merged_cells.ranges
+    )
+    rows = [tuple(row) + (None,) * (width - len(row)) for row in rows]
+    return Sheet(path.name, values.title, rows, frozenset(open_formulas), merged)

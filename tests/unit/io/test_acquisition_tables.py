@@ -1,0 +1,172 @@
+"""Columns of a study out of files that hold groups of signals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jointz
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.errors import DataError, StudyError
+from jointz.core.study import FilesSpec
+from jointz.io.formats import write_acquisition
+from jointz.io.recordings import read_recording
+from jointz.io.registry import RawTable, list_columns, read_table
+
+PLAIN = FilesSpec()
+N = 40
+ANGLE_DEG = np.arange(N) / 8.0
+TORQUE_NM = np.arange(N) / 16.0 - 1.0
+
+
+def knee() -> Acquisition:
+    """Markers at 50 Hz from 2 s on, and channels at 200 Hz, as a C3D file holds both."""
+    marker = [Signal(f"LKNE.{axis}", np.arange(10.0), "mm") for axis in "xyz"]
+    both = [Signal("LKNE.x", np.ones(N), "V")]
+    channels = [Signal("knee", ANGLE_DEG, "deg"), Signal("motor", TORQUE_NM, "Nm"), *both]
+    return Acquisition(
+        (
+            SignalGroup("points", tuple(marker), 50.0, 2.0),
+            SignalGroup("analogs", tuple(channels), 200.0, 2.0),
+        )
+    )
+
+
+@pytest.fixture
+def c3d(tmp_path: Path) -> Path:
+    path = tmp_path / "walk.c3d"
+    assert write_acquisition(knee(), path) == []
+    return path
+
+
+def columns(path: Path, *names: str, labels: tuple[str, ...] = ()) -> RawTable:
+    return read_table(path, numeric=names, labels=labels, files=PLAIN)
+
+
+def test_a_signal_is_found_by_its_name_where_it_is_the_only_one(c3d: Path) -> None:
+    table = columns(c3d, "knee", "motor")
+    assert np.array_equal(table.columns["knee"], ANGLE_DEG)
+    assert np.array_equal(table.columns["motor"], TORQUE_NM)
+    assert table.units == {"knee": "deg", "motor": "Nm"}
+
+
+def test_a_signal_of_two_groups_is_found_by_its_group(c3d: Path) -> None:
+    assert columns(c3d, "analogs/LKNE.x").units == {"analogs/LKNE.x": "V"}
+    assert columns(c3d, "points/LKNE.x").columns["points/LKNE.x"].size == 10
+    with pytest.raises(DataError, match=r"name points/LKNE\.x or analogs/LKNE\.x"):
+        columns(c3d, "LKNE.x")
+
+
+def test_time_is_the_clock_of_the_group_that_is_read(c3d: Path) -> None:
+    table = columns(c3d, "time", "knee")
+    np.testing.assert_allclose(table.columns["time"], 2.0 + np.arange(N) / 200, rtol=0, atol=1e-12)
+    assert table.units["time"] == "s"
+    table = columns(c3d, "points/time", "LKNE.y")
+    assert table.columns["points/time"][-1] == pytest.approx(2.18)
+
+
+def test_the_columns_are_listed_by_every_name_the_clear_ones_first(c3d: Path) -> None:
+    assert list_columns(c3d, PLAIN) == [
+        "time",
+        "points/time",
+        "points/LKNE.x",
+        "LKNE.y",
+        "LKNE.z",
+        "analogs/time",
+        "knee",
+        "motor",
+        "analogs/LKNE.x",
+        "points/LKNE.y",
+        "points/LKNE.z",
+        "analogs/knee",
+        "analogs/motor",
+    ]
+    assert columns(c3d, "analogs/knee").units == {"analogs/knee": "deg"}
+
+
+def test_columns_of_two_rates_are_refused_with_both(c3d: Path) -> None:
+    with pytest.raises(DataError) as caught:
+        columns(c3d, "knee", "LKNE.y")
+    assert "knee: 40 samples at 200 Hz from 2 s (group 'analogs')" in str(caught.value)
+    assert "LKNE.y: 10 samples at 50 Hz from 2 s (group 'points')" in str(caught.value)
+    assert "jointz interpolates nothing" in str(caught.value)
+
+
+def test_groups_of_one_clock_may_be_read_together(tmp_path: Path) -> None:
+    path = tmp_path / "two.xdf"
+    pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
+    stamps = np.array([1.0, 1.5, 2.5])
+    groups = [
+        SignalGroup(name, (Signal(name, np.arange(3.0)),), time_s=stamps + shift)
+        for name, shift in (("a", 0.0), ("b", 0.0), ("late", 0.25))
+    ]
+    assert write_acquisition(Acquisition(tuple(groups)), path) == []
+    assert set(columns(path, "a", "b").columns) == {"a", "b"}
+    with pytest.raises(DataError, match="a: 3 samples at time stamps of its own"):
+        columns(path, "a", "late")
+
+
+def test_a_missing_column_is_named_with_those_there_are(c3d: Path) -> None:
+    with pytest.raises(DataError, match=r"no column 'kneee'.*Did you mean 'knee'"):
+        columns(c3d, "kneee")
+    with pytest.raises(DataError, match=r"'LKNE' is a point: name"):
+        read_lkne_without_twin(c3d)
+
+
+def read_lkne_without_twin(c3d: Path) -> None:
+    path = c3d.with_name("points.c3d")
+    write_acquisition(Acquisition(knee().groups[:1]), path)
+    columns(path, "LKNE")
+
+
+def test_text_is_a_label_and_no_number(tmp_path: Path) -> None:
+    pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
+    path = tmp_path / "words.xdf"
+    words = Signal("task", np.array(["walk", "", "1.0"], dtype=object))
+    content = Acquisition((SignalGroup("marks", (words,), rate_hz=10.0),))
+    assert write_acquisition(content, path) == []
+    assert columns(path, labels=("task",)).columns["task"].tolist() == ["walk", "", "1"]
+    with pytest.raises(DataError, match="expected numbers, found text"):
+        columns(path, "task")
+
+
+def test_a_damaged_file_is_named(c3d: Path) -> None:
+    c3d.write_bytes(c3d.read_bytes()[:-40])
+    with pytest.raises(DataError, match=r"walk\.c3d.*cut off"):
+        columns(c3d, "knee")
+
+
+STUDY = """\
+jointz = 1
+joint = "knee"
+kind = "walking"
+positive = "flexion"
+torque_acts_on = "device"
+[channels.time]
+column = "time"
+unit = "s"
+[channels.angle]
+column = "knee"
+unit = "deg"
+[channels.torque]
+column = "motor"
+[[participants]]
+id = "S01"
+[[recordings]]
+participant = "S01"
+condition = "unperturbed"
+file = "walk.c3d"
+"""
+
+
+def test_a_study_of_a_c3d_file_opens_and_gives_si_units(c3d: Path) -> None:
+    study_file = c3d.with_name("study.toml")
+    study_file.write_text(STUDY, encoding="utf-8")
+    study = jointz.open_study(c3d.parent)
+    (recording,) = read_recording(study, study.spec.recordings[0])
+    np.testing.assert_allclose(recording["angle"], np.deg2rad(ANGLE_DEG), rtol=1e-15)
+    np.testing.assert_allclose(recording["torque"], -TORQUE_NM, rtol=0)
+    np.testing.assert_allclose(recording["time"], 2.0 + np.arange(N) / 200, rtol=0, atol=1e-12)
+    study_file.write_text(STUDY.replace('"knee"\nunit', '"ankle"\nunit'), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"walk\.c3d has no column 'ankle' for channel 'angle'"):
+        jointz.open_study(c3d.parent)

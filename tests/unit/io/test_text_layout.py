@@ -1,0 +1,128 @@
+"""Layouts of text files as laboratories have them, found from their first lines."""
+
+import gzip
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointz.core.errors import DataError
+from jointz.io.registry import read_table
+from jointz.io.text_layout import find_layout
+
+ROWS = [[0.0, 12.5, -3.25], [0.01, 12.75, -3.0], [0.02, 13.0, -2.75], [0.03, 13.5, -2.5]]
+NAMES = ["time", "angle", "torque"]
+
+
+def table(*, delimiter=",", decimal=".", head=(), names=NAMES, rows=ROWS) -> str:
+    cells = [[str(v).replace(".", decimal) for v in row] for row in rows]
+    lines = [delimiter.join(line) for line in [*([names] if names else []), *cells]]
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def layout_of(folder: Path, text: str, name="a.csv", **known):
+    (folder / name).write_text(text, encoding="utf-8")
+    return find_layout(folder / name, known)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("n_head", [0, 1, 6])
+def test_signs_and_lines_above_the_names_are_found(delimiter, decimal, n_head, tmp_path):
+    if delimiter == decimal:
+        pytest.skip("one sign for two things")
+    head = ["Motion lab, trial 3", "", "operator; N.N.", "# rate 100", "x,y", "end of header"]
+    text = table(delimiter=delimiter, decimal=decimal, head=head[:n_head])
+
+    found = layout_of(tmp_path, text)
+
+    files = found.files
+    assert (files.delimiter, files.decimal, files.skip_rows) == (delimiter, decimal, n_head)
+    assert found.columns == tuple(NAMES)
+    read = read_table(tmp_path / "a.csv", numeric=NAMES, files=files)
+    assert read.columns["torque"].tolist() == [row[2] for row in ROWS]
+
+
+def test_without_names_columns_are_given_by_number(tmp_path):
+    found = layout_of(tmp_path, table(names=None))
+
+    assert not found.files.header
+    assert found.columns == ("1", "2", "3")
+    assert "no names" in found.notes[0]
+
+
+@pytest.mark.parametrize("units", [["s", "deg", "Nm"], ["[s]", "[deg]", "[N*m]"], ["(s)", "", "V"]])
+def test_a_row_of_units_is_told_from_names_and_numbers(units, tmp_path):
+    text = table(head=[",".join(NAMES)], names=units)
+
+    found = layout_of(tmp_path, text)
+
+    assert found.names == tuple(NAMES)
+    assert found.units == tuple(u.strip("[]()") for u in units)
+    assert (found.files.skip_rows, found.files.header) == (2, False)
+
+
+def test_a_column_without_a_name_does_not_make_the_file_unreadable(tmp_path):
+    found = layout_of(tmp_path, table(names=NAMES[:2]))
+
+    assert found.columns == ("1", "2", "3")
+    assert found.names == ("time", "angle", "")
+    assert "names 2 column(s), 3 stand under it" in found.notes[0]
+
+
+def test_one_name_for_two_columns_gives_numbers(tmp_path):
+    found = layout_of(tmp_path, table(names=["time", "angle", "angle"]))
+
+    assert found.columns == ("1", "2", "3")
+    assert "one name to several columns" in found.notes[0]
+
+
+def test_a_column_of_text_does_not_hide_the_table(tmp_path):
+    text = "phase,angle,torque\n" + "".join(f"ENP,{k}.5,1.5\n" for k in range(5))
+
+    assert layout_of(tmp_path, text).columns == ("phase", "angle", "torque")
+
+
+def test_gzip_is_looked_into(tmp_path):
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(table(delimiter=";").encode()))
+
+    assert find_layout(tmp_path / "a.csv.gz").files.delimiter == ";"
+
+
+def test_what_is_known_is_kept(tmp_path):
+    text = table(delimiter=";", decimal=",")
+
+    found = layout_of(tmp_path, text, skip_rows=1, header=False)
+
+    assert found.columns == ("1", "2", "3")
+    assert found.files.decimal == ","
+
+
+@pytest.mark.parametrize("text", ["only words\nand more\n", "\n\n\n"])
+def test_no_table_is_an_error_that_says_what_to_give(text, tmp_path):
+    with pytest.raises(DataError, match=r"a\.csv: no table of numbers .*--delimiter"):
+        layout_of(tmp_path, text)
+
+
+def test_an_empty_and_a_damaged_file_are_errors(tmp_path):
+    with pytest.raises(DataError, match="holds nothing"):
+        layout_of(tmp_path, "")
+    (tmp_path / "b.csv.gz").write_bytes(gzip.compress(table().encode())[:20])
+    with pytest.raises(DataError, match="cut off or damaged"):
+        find_layout(tmp_path / "b.csv.gz")
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_end_in_a_layout_or_an_error(tmp_path_factory, content):
+    file = tmp_path_factory.getbasetemp() / "any.csv"
+    file.write_bytes(content)
+
+    try:
+        found = find_layout(file)
+    except DataError as exc:
+        said = str(exc)
+    else:
+        said = "any.csv" if len(found.columns) == len(found.names) > 0 else "no column"
+
+    assert "any.csv" in said

@@ -1,0 +1,410 @@
+"""XDF: what comes back, what does not fit, damaged files, and a recording over loopback."""
+
+import struct
+import sys
+import time
+import uuid
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.io.formats import format_of, read_acquisition, write_acquisition
+
+pyxdf = pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
+
+XDF = Path("any.xdf")
+LETTERS = st.characters(
+    codec="utf-8", exclude_categories=("Cc", "Cs"), exclude_characters="\ufffe\uffff"
+)
+WORDS = st.text(LETTERS, min_size=1, max_size=8).filter(lambda text: bool(text.strip()))
+TAGS = st.from_regex(r"[a-z_][a-z0-9_-]{0,6}", fullmatch=True)
+NUMBERS = st.floats(width=64, allow_nan=True, allow_infinity=True)
+TIMES = st.floats(-1e6, 1e6, allow_nan=False)
+IN_TMP_PATH = settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@st.composite
+def groups(draw: st.DrawFn, name: str) -> SignalGroup:
+    n = draw(st.integers(0, 6))
+    text = draw(st.booleans())
+    names = draw(st.lists(WORDS, min_size=1, max_size=3, unique=True))
+    clock = draw(st.sampled_from(["uniform", "stamps", "none"]))
+    signals = []
+    for label in names:
+        if text:
+            cells = st.lists(
+                st.text(st.characters(codec="utf-8"), max_size=5), min_size=n, max_size=n
+            )
+            values = np.array([*draw(cells), ""], dtype=object)[:n]
+        else:
+            values = np.array(draw(st.lists(NUMBERS, min_size=n, max_size=n)), dtype=np.float64)
+        unit, note = draw(st.just("") | WORDS), draw(st.just("") | WORDS)
+        signals.append(Signal(label, values, unit, note))
+    stamps = draw(st.lists(TIMES, min_size=n, max_size=n))
+    return SignalGroup(
+        name,
+        tuple(signals),
+        rate_hz=draw(st.floats(1e-3, 1e6)) if clock == "uniform" else None,
+        start_s=draw(TIMES) if clock == "uniform" else 0.0,
+        time_s=np.array(stamps, dtype=np.float64) if clock == "stamps" else None,
+    )
+
+
+@st.composite
+def contents(draw: st.DrawFn) -> Acquisition:
+    names = draw(st.lists(st.just("") | WORDS, max_size=3, unique=True))
+    found = tuple(draw(groups(name)) for name in names if name != "signals")
+    event = st.builds(Event, TIMES, st.text(st.characters(codec="utf-8")), st.floats(0, 9))
+    events = sorted(draw(st.lists(event, max_size=5)), key=lambda e: e.time_s)
+    keys = st.lists(TAGS, min_size=1, max_size=3).map(".".join)
+    metadata = draw(st.dictionaries(keys, WORDS, max_size=4))
+    for group in found:
+        own = {} if not group.name else draw(st.dictionaries(keys, WORDS, max_size=3))
+        metadata |= {f"{group.name}.{key}": text for key, text in own.items()}
+    return Acquisition(found, tuple(events), metadata)
+
+
+@IN_TMP_PATH
+@given(content=contents())
+def test_what_an_xdf_file_can_hold_comes_back_bit_for_bit(
+    content: Acquisition, tmp_path: Path
+) -> None:
+    path = tmp_path / "held.xdf"
+    lost = format_of(path).losses(content)
+    write_acquisition(content, path, lossy=True)
+    back = read_acquisition(path)
+    if lost:  # names that fit no tree, and never a sample
+        assert all("metadata" in sentence for sentence in lost), lost
+        back = replace(back, metadata=content.metadata)
+    assert back.equals(content)
+    for group, twin in zip(content.groups, back.groups, strict=True):
+        for signal, other in zip(group.signals, twin.signals, strict=True):
+            assert signal.is_text or signal.values.tobytes() == other.values.tobytes()
+
+
+def small(**changes: object) -> Acquisition:
+    """A stream of numbers on a clock of 100 Hz, one of markers, events and metadata."""
+    wheel = Signal("speed", np.arange(5) / 3, "rad/s")
+    words = Signal("mark", np.array(["go", "", "stop"], dtype=object))
+    content = Acquisition(
+        (
+            SignalGroup("wheel", (wheel,), rate_hz=100.0, start_s=2.5),
+            SignalGroup("marks", (words,), time_s=np.array([2.5, 2.51, 2.52])),
+        ),
+        (Event(2.5, "go"), Event(2.52, "stop")),
+        {"subject.name": "S01", "wheel.type": "Motor", "wheel.hostname": "rig"},
+    )
+    return replace(content, **changes)  # type: ignore[arg-type]
+
+
+def written(content: Acquisition, path: Path) -> Path:
+    assert write_acquisition(content, path) == []
+    return path
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (Acquisition((SignalGroup("a", (), time_s=np.zeros(2)),)), "no signals"),
+        (Acquisition((SignalGroup("a", (Signal("x", np.zeros(1)),), rate_hz=-1.0),)), "no clock"),
+        (
+            Acquisition(
+                (SignalGroup("a", (Signal("x", np.zeros(1)),), time_s=np.full(1, np.nan)),)
+            ),
+            "its clock is no clock",
+        ),
+        (
+            Acquisition(
+                (
+                    SignalGroup(
+                        "a",
+                        (Signal("x", np.zeros(1)), Signal("t", np.array(["w"], dtype=object))),
+                        rate_hz=5.0,
+                    ),
+                )
+            ),
+            "the texts of group 'a' become group 'a text'",
+        ),
+        (small(metadata={"a name with spaces": "x"}), "metadata: a name with spaces"),
+        (small(metadata={"wheel.channel_count": "7"}), "metadata: wheel.channel_count"),
+        (small(metadata={"subject": "x", "subject.name": "y"}), "metadata: subject"),
+        (small(metadata={"version": "9"}), "metadata: version"),
+        (small(events=(Event(3.0, "b"), Event(1.0, "a"))), "in the order of time"),
+        (small(events=(Event(np.nan, "b"),)), "no finite time"),
+        (small(events=(Event(1.0, "\ud800"),)), "letters that UTF-8 has not"),
+        (
+            Acquisition((SignalGroup("a\x01", (Signal("x", np.zeros(1)),), rate_hz=5.0),)),
+            "Names of groups change",
+        ),
+        (
+            Acquisition((SignalGroup("a", (Signal("x", np.zeros(1), "\x02"),), rate_hz=5.0),)),
+            "Names, units or descriptions change",
+        ),
+        (
+            Acquisition(
+                (SignalGroup("a", (Signal("x", np.array(["\ud800"], dtype=object)),), rate_hz=5.0),)
+            ),
+            "Signal 'x' has letters that UTF-8 has not",
+        ),
+        (
+            Acquisition((SignalGroup("a", (Signal("x", np.zeros(1)),), start_s=4.0),)),
+            "no rate, and its start is left out",
+        ),
+    ],
+)
+def test_what_an_xdf_file_cannot_hold_is_named(
+    content: Acquisition, words: str, tmp_path: Path
+) -> None:
+    (sentence,) = format_of(XDF).losses(content)
+    assert words in sentence
+    path = tmp_path / "lossy.xdf"
+    with pytest.raises(DataError, match="cannot hold all of it"):
+        write_acquisition(content, path)
+    assert write_acquisition(content, path, lossy=True) == [sentence]
+    assert not read_acquisition(path).equals(content)
+
+
+def test_pyxdf_alone_reads_the_same_numbers(tmp_path: Path) -> None:
+    streams, _ = pyxdf.load_xdf(written(small(), tmp_path / "a.xdf"), dejitter_timestamps=False)
+    wheel, marks = streams
+    assert wheel["info"]["type"] == ["Motor"]
+    assert np.array_equal(wheel["time_series"][:, 0], np.arange(5) / 3)
+    np.testing.assert_allclose(wheel["time_stamps"], 2.5 + np.arange(5) / 100, rtol=0, atol=1e-12)
+    assert marks["time_series"] == [["go"], [""], ["stop"]]
+    assert marks["info"]["type"] == ["Markers"]  # for other programs; ours takes it back
+    assert "marks.type" not in read_acquisition(tmp_path / "a.xdf").metadata
+
+
+def test_a_recording_of_more_than_one_chunk_comes_back(tmp_path: Path) -> None:
+    values = np.random.default_rng(3).normal(size=70_000)
+    group = SignalGroup("fast", (Signal("x", values),), rate_hz=1000.0, start_s=1.0)
+    content = Acquisition((group,))
+    assert read_acquisition(written(content, tmp_path / "long.xdf")).equals(content)
+
+
+# A recorder of a few lines, so that files do not come out of the writer that is tested.
+
+
+def chunk(tag: int, body: bytes) -> bytes:
+    return struct.pack("<BIH", 4, len(body) + 2, tag) + body
+
+
+def header(number: int, fmt: str, *, rate: str = "0", more: str = "", channels: int = 1) -> bytes:
+    xml = (
+        f'<?xml version="1.0"?><info><name>s{number % 10}</name><channel_count>{channels}'
+        f"</channel_count><nominal_srate>{rate}</nominal_srate><channel_format>{fmt}"
+        f"</channel_format>{more}</info>"
+    )
+    return chunk(2, struct.pack("<I", number) + xml.encode())
+
+
+def samples(number: int, rows: list[tuple[float | None, bytes]]) -> bytes:
+    body = struct.pack("<IBI", number, 4, len(rows))
+    for stamp, raw in rows:
+        body += b"\0" if stamp is None else struct.pack("<Bd", 8, stamp)
+        body += raw
+    return chunk(3, body)
+
+
+def xdf(*chunks: bytes) -> bytes:
+    return b"XDF:" + chunk(1, b"<info><version>1.0</version></info>") + b"".join(chunks)
+
+
+def read(raw: bytes, tmp_path: Path) -> Acquisition:
+    path = tmp_path / "made.xdf"
+    path.write_bytes(raw)
+    return read_acquisition(path)
+
+
+@pytest.mark.parametrize(
+    ("fmt", "kind"),
+    [("int8", "b"), ("int16", "h"), ("int32", "i"), ("int64", "q"), ("float32", "f")],
+)
+def test_every_format_of_numbers_is_read(fmt: str, kind: str, tmp_path: Path) -> None:
+    rows = [(1.0, struct.pack(f"<2{kind}", 7, -3)), (1.5, struct.pack(f"<2{kind}", 100, 0))]
+    (group,) = read(xdf(header(1, fmt, channels=2), samples(1, rows)), tmp_path).groups  # type: ignore[arg-type]
+    assert [s.values.tolist() for s in group.signals] == [[7, 100], [-3, 0]]
+    assert group.times_s().tolist() == [1.0, 1.5]  # type: ignore[union-attr]
+
+
+def test_whole_numbers_too_large_for_a_float_stay_as_texts(tmp_path: Path) -> None:
+    rows = [(1.0, struct.pack("<q", 2**60 + 1))]
+    (group,) = read(xdf(header(1, "int64"), samples(1, rows)), tmp_path).groups  # type: ignore[arg-type]
+    assert group.signals[0].values.tolist() == [str(2**60 + 1)]
+
+
+def test_only_the_first_stamp_and_a_rate_are_a_uniform_clock(tmp_path: Path) -> None:
+    rows = [(4.0, struct.pack("<d", 1)), (None, struct.pack("<d", 2)), (None, struct.pack("<d", 3))]
+    uniform = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path).groups[0]
+    assert (uniform.rate_hz, uniform.start_s) == (50.0, 4.0)
+    rows[2] = (5.0, struct.pack("<d", 3))
+    stamped = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path)
+    assert stamped.groups[0].times_s().tolist() == [4.0, 4.02, 5.0]  # type: ignore[union-attr]
+    assert stamped.metadata["s1.nominal_srate"] == "50"
+
+
+def test_offsets_of_a_clock_are_put_to_account(tmp_path: Path) -> None:
+    rows = [(t, struct.pack("<d", t)) for t in (10.0, 20.0, 30.0)]
+    offsets = [chunk(4, struct.pack("<Idd", 1, t, 100.0 + 1e-3 * t)) for t in (10.0, 20.0, 30.0)]
+    content = read(xdf(header(1, "double64", rate="0.1"), samples(1, rows), *offsets), tmp_path)  # type: ignore[arg-type]
+    times = content.groups[0].times_s()
+    np.testing.assert_allclose(times, [110.01, 120.02, 130.03], rtol=0, atol=1e-6)
+    assert "corrected by 3 offsets" in content.metadata["reading.s1"]
+
+
+def test_streams_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    one, two = header(1, "int8"), header(11, "int8")
+    assert [g.name for g in read(xdf(one, two), tmp_path).groups] == ["s1 (1)", "s1 (11)"]
+    one = header(1, "int8", more="<source_id>left</source_id>")
+    two = header(11, "int8", more="<source_id>right</source_id>")
+    assert [g.name for g in read(xdf(one, two), tmp_path).groups] == ["s1 (left)", "s1 (right)"]
+
+
+def test_a_recording_that_was_not_closed_says_so(tmp_path: Path) -> None:
+    content = read(xdf(header(1, "int8"), samples(1, [(1.0, b"\1")])), tmp_path)
+    assert "has no footer" in content.metadata["reading.s1"]
+
+
+def test_texts_that_are_no_utf8_are_counted(tmp_path: Path) -> None:
+    content = read(xdf(header(1, "string"), samples(1, [(1.0, b"\1\2a\xb5")])), tmp_path)
+    assert content.events[0].label == "a\ufffd"
+    assert "1 texts are no UTF-8" in content.metadata["reading.s1"]
+
+
+def test_without_pyxdf_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(small(), tmp_path / "a.xdf")
+    monkeypatch.setitem(sys.modules, "pyxdf", None)
+    with pytest.raises(DataError, match=r"pip install 'jointz\[formats\]'"):
+        read_acquisition(path)
+
+
+GOOD = xdf(header(1, "double64"), samples(1, [(1.0, bytes(8)), (2.0, bytes(8))]))
+
+
+@pytest.mark.parametrize(
+    ("raw", "words"),
+    [
+        (b"", "byte 0: expected 'XDF:'"),
+        (b"XDF;" + GOOD[4:], "byte 0: expected 'XDF:'"),
+        (b"XDF:", "expected a file header"),
+        (GOOD[:-1], "expected a chunk of 45 bytes, found 44"),
+        (xdf(b"\3"), "expected a number of 1, 4 or 8 bytes"),
+        (xdf(chunk(9, b"")), "expected a chunk of kind 1 to 6, found kind 9"),
+        (xdf(chunk(5, bytes(16))), "the signature of a boundary"),
+        (xdf(samples(1, [])), "a header of stream 1 before its chunks"),
+        (xdf(header(1, "int8"), header(1, "int8")), "one header of stream 1"),
+        (xdf(header(1, "double32")), "a channel_format among"),
+        (xdf(header(1, "int8", channels=0)), "a channel_count from 1 on"),
+        (xdf(header(1, "int8", rate="fast")), "a nominal_srate from 0 on"),
+        (xdf(chunk(2, b"\1\0\0\0<info>")), "a description in XML"),
+        (xdf(chunk(2, b"\1\0\0\0<other/>")), "expected <info>, found <other>"),
+        (xdf(header(1, "int8"), samples(1, [(1.0, b"")])), "1 more bytes, found 0"),
+        (xdf(header(1, "int8"), samples(1, [(1.0, b"123")])), "the end of the samples"),
+        (xdf(header(1, "int8"), chunk(4, bytes((1, 0, 0, 0, 9)))), "a clock offset of 16 bytes"),
+        (xdf(header(1, "int8"), samples(1, [(np.nan, b"1")])), "sample 1: expected a time stamp"),
+        (
+            xdf(header(1, "double64"), chunk(3, struct.pack("<IBQ", 1, 8, 2**62))),
+            f"expected {2**62} samples, found 0 bytes",
+        ),
+    ],
+)
+def test_damage_is_named_with_its_place(raw: bytes, words: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"made\.xdf") as caught:
+        read(raw, tmp_path)
+    assert words in str(caught.value)
+
+
+def spoiled(raw: bytes, rng: np.random.Generator, kind: int) -> bytes:
+    """Cut a file off, turn bits, blank a block, or swap its first bytes."""
+    spoilt = bytearray(raw)
+    if kind == 0:
+        return raw[: rng.integers(0, len(raw))]
+    if kind == 1:
+        for place in rng.integers(0, len(raw), 4):
+            spoilt[place] ^= 1 << rng.integers(0, 8)
+    elif kind == 2:
+        start = rng.integers(0, len(raw))
+        spoilt[start : start + 64] = bytes(len(spoilt[start : start + 64]))
+    else:
+        spoilt[:4] = rng.bytes(4)
+    return bytes(spoilt)
+
+
+def outcome(path: Path) -> Acquisition | str:
+    """What is read, or what is said instead; any other exception is a failure."""
+    try:
+        return read_acquisition(path)
+    except DataError as exc:
+        return str(exc)
+
+
+def test_200_damaged_files_end_in_an_error_or_in_what_they_still_say(tmp_path: Path) -> None:
+    rng = np.random.default_rng(9)
+    raw = written(small(), tmp_path / "good.xdf").read_bytes()
+    refused, path = 0, tmp_path / "bad.xdf"
+    for i in range(200):
+        spoilt = spoiled(raw, rng, i % 4)
+        path.write_bytes(spoilt)
+        found = outcome(path)
+        if isinstance(found, str):
+            assert path.name in found
+            assert len(found) > 40
+            refused += 1
+        else:  # a letter in a name, a bit in a sample: every group still has its samples
+            whole = [g.n_samples for g in found.groups] == [5, 3]
+            assert whole or any(key.startswith("reading.") for key in found.metadata)
+            assert i % 4 in (0, 1, 2)
+    assert refused >= 150
+
+
+def test_a_recording_over_loopback_opens_with_the_numbers_that_were_sent(tmp_path: Path) -> None:
+    try:
+        import pylsl
+    except (ImportError, RuntimeError) as exc:
+        pytest.skip(f"Lab Streaming Layer does not load: {exc}")
+    source = uuid.uuid4().hex
+    info = pylsl.StreamInfo("knee", "Motor", 2, 200.0, "double64", source)
+    channels = info.desc().append_child("channels")
+    for label, unit in (("angle", "deg"), ("torque", "Nm")):
+        entry = channels.append_child("channel")
+        entry.append_child_value("label", label)
+        entry.append_child_value("unit", unit)
+    outlet = pylsl.StreamOutlet(info)
+    found = pylsl.resolve_byprop("source_id", source, timeout=5.0)
+    if not found:
+        pytest.skip("this machine lets no stream be found over loopback")
+    inlet = pylsl.StreamInlet(found[0])
+    inlet.open_stream(timeout=5.0)
+    sent = [[i / 7, -i / 3] for i in range(50)]
+    base = pylsl.local_clock()
+    for i, row in enumerate(sent):
+        outlet.push_sample(row, base + i / 200)
+    rows: list[tuple[float | None, bytes]] = []
+    for _ in sent:
+        values, stamp = inlet.pull_sample(timeout=5.0)
+        rows.append((stamp, struct.pack("<2d", *values)))
+    offset = inlet.time_correction(timeout=5.0)
+    now = time.monotonic()
+    xml = struct.pack("<I", 7) + inlet.info(timeout=5.0).as_xml().encode()
+    raw = xdf(chunk(2, xml), samples(7, rows), chunk(4, struct.pack("<Idd", 7, now, offset)))
+    content = read(raw, tmp_path)
+    (group,) = content.groups
+    assert [(s.name, s.unit) for s in group.signals] == [("angle", "deg"), ("torque", "Nm")]
+    assert np.array_equal(np.stack([s.values for s in group.signals], axis=1), np.array(sent))
+    stamps = base + np.arange(50) / 200
+    np.testing.assert_allclose(group.times_s(), stamps, rtol=0, atol=5e-3)
+    assert content.metadata["knee.source_id"] == source
+    again = tmp_path / "again.xdf"
+    write_acquisition(content, again)
+    kept = {k: v for k, v in content.metadata.items() if not k.startswith("reading.")}
+    assert read_acquisition(again).equals(replace(content, metadata=kept))
