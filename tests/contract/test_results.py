@@ -49,6 +49,7 @@ from jointz.core.comparison_rows import (
 )
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.inspection import Inspection, SeenChannel, SeenClock
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.paired_runs_fit import PairedRunsFit
 from jointz.core.phase_curve import CurvePoint, ParameterBand, PhaseCurve
@@ -524,7 +525,30 @@ def nothing_pooled() -> CollectionPool:
     return CollectionPool(*tables, by=("joint",))
 
 
+def inspection() -> Inspection:
+    course = (0.0, 1.0, None, -0.5)
+    angle = SeenChannel(
+        "", "2", "knee", "angle", "its name", "deg", "guessed", 100, 1, -1.0, 60.0,
+        outline=course, notes=("saturated?",),
+    )  # fmt: skip
+    phase = SeenChannel("", "3", n=100, n_missing=2, levels=("ENP", "EWP"))
+    clock = SeenClock("", "1", 100, 200.0, 0.0, 0.6, False, 0.2, ((0.1, 0.2),), (50,), 1)
+    return Inspection(
+        "a.csv",
+        {"delimiter": ";", "skip_rows": 6},
+        (angle, phase),
+        (clock, SeenClock("other", "", 7)),
+        2,
+        ("a note",),
+        ("no torque",),
+        ("jointz identify takes it",),
+        "jointz = 1\n",
+    )
+
+
 EXAMPLES: dict[str, Callable[[], Any]] = {
+    "inspection": inspection,
+    "nothing seen": lambda: Inspection("empty.csv"),
     "collection checked": collection_check,
     "nothing found in a collection": lambda: CollectionCheck(("lab-a",), ()),
     "catalog": catalog_build,

@@ -21,9 +21,11 @@ from jointz.cli.console import (
     emit_json,
 )
 from jointz.cli.console_page import console
+from jointz.cli.convert import convert
 from jointz.cli.demo import demo
 from jointz.cli.explore import explore
 from jointz.cli.identify import identify
+from jointz.cli.inspect import inspect
 from jointz.cli.protocols import protocols
 from jointz.cli.reproduce import reproduce
 from jointz.cli.run import STILL_THERE
@@ -50,6 +52,8 @@ app.command("run")(run_experiment)
 app.command("console")(console)
 app.command("stream")(stream_session)
 app.command("calibrate")(calibrate)
+app.command("inspect")(inspect)
+app.command("convert")(convert)
 app.command("analyze")(analyze)
 app.add_typer(identify, name="identify")
 app.command("compare")(compare)

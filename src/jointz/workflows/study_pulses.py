@@ -1,0 +1,73 @@
+"""What goes with a recording to other programs: its pulses, and what is positive."""
+
+import pandas as pd
+import xarray as xr
+
+from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.study import Study
+from jointz.identify.preparation.pulses import (
+    Pulse,
+    pulses_from_angle,
+    pulses_from_command,
+    pulses_from_table,
+    with_measured_amplitudes,
+)
+
+#: Channels that have no direction.
+_NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial", "cycle")
+
+
+def given_pulses(
+    study: Study, recording: xr.Dataset, table: pd.DataFrame | None
+) -> tuple[tuple[Pulse, ...], str]:
+    """Return the pulses of a recording, and why there are none where that is unsaid.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    recording : xarray.Dataset
+        One of its recordings, or a part of one.
+    table : pandas.DataFrame or None
+        The pulse table of its file.
+    """
+    settings = study.spec.perturbations
+    condition = recording.attrs["condition"]
+    if condition == "no_device":
+        return (), ""
+    if table is not None and settings.source in (None, "table"):
+        own = _within(pulses_from_table(table), recording)
+        return with_measured_amplitudes(own, recording), ""
+    if "command" in recording and settings.source in (None, "command"):
+        return pulses_from_command(recording), ""
+    if condition != "perturbed":
+        return (), ""
+    if settings.source == "angle":
+        return pulses_from_angle(recording, cutoff_hz=settings.cutoff_hz), ""
+    return (), (
+        f"{recording.attrs['file']}: its pulses are found by comparison with another recording; "
+        "they are in pulses.csv of jointz analyze, not here."
+    )
+
+
+def positive_direction(study: Study, channel: str) -> str:
+    """Return the direction that is positive, "" for what has none or none that is known.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study, whose recordings were turned into its direction when they were read.
+    channel : str
+        The channel.
+    """
+    spec = study.spec.channels.get(channel)
+    stated = spec is not None and spec.positive is not None
+    if channel in _NO_DIRECTION or not (channel in CHANNEL_UNITS or stated):
+        return ""
+    return study.spec.positive
+
+
+def _within(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[Pulse, ...]:
+    """Return the pulses of a table that fall into a part of its file."""
+    time = recording["time"].to_numpy()
+    return tuple(p for p in pulses if time[0] <= p.onset_s <= time[-1])

@@ -1,0 +1,99 @@
+"""``jointz inspect`` at the command line."""
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.inspection import Inspection
+from jointz.io.study import open_study
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    s = np.arange(1000) / 200.0
+    columns = {
+        "time": s,
+        "knee angle (deg)": 30 * np.sin(2 * np.pi * s),
+        "torque (Nm)": np.cos(2 * np.pi * s),
+        "command (Nm)": 17.0 * (s % 2 > 1.9),
+        "footswitch": (s % 1 < 0.6).astype(int),
+    }
+    pd.DataFrame(columns).to_csv(tmp_path / "S01.csv", index=False)
+    return tmp_path / "S01.csv"
+
+
+def test_it_prints_what_is_there_and_a_study(recording, jointz):
+    outcome = jointz("inspect", recording)
+
+    assert outcome.code == 0
+    assert "-> angle (its name)" in outcome.out
+    assert "[channels.angle]" in outcome.out
+    assert any(block in outcome.out for block in "▁▂▃▄▅▆▇█")
+
+
+def test_json_is_the_result(recording, jointz):
+    found = jointz("inspect", recording, "--json").json
+
+    assert found.pop("status") == "ok"
+    assert found.pop("written") is None
+    again = Inspection.from_dict(found)
+    assert again.channel("angle").column == "knee angle (deg)"
+    assert again.obstacles == ()
+
+
+def test_the_study_is_written_once_and_opens(recording, jointz, tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+
+    assert jointz("inspect", recording, "--toml", folder, "--quiet").out == ""
+    again = jointz("inspect", recording, "--toml", folder)
+
+    assert again.code == 2
+    assert "exists and is kept" in again.err
+    assert jointz("inspect", recording, "--toml", folder, "--overwrite").code == 0
+    (entry,) = open_study(folder).spec.recordings
+    assert entry.file == "../S01.csv"
+
+
+def test_a_figure_is_written(recording, jointz, tmp_path):
+    assert jointz("inspect", recording, "--figure", tmp_path / "a.svg").code == 0
+
+    assert (tmp_path / "a.svg").read_text().startswith("<?xml")
+
+
+def test_a_layout_can_be_given(jointz, tmp_path):
+    (tmp_path / "a.txt").write_text("1|2,5\n2|3,5\n3|4,5\n")
+
+    layout = ("--delimiter", "|", "--decimal", ",", "--no-header", "--skip-rows", "0")
+    found = jointz("inspect", tmp_path / "a.txt", *layout, "--json").json
+
+    assert [c["high"] for c in found["channels"]] == [3.0, 4.5]
+
+
+def test_a_file_that_is_no_recording_is_bad_input(jointz, tmp_path):
+    (tmp_path / "a.csv").write_text("no table here\n")
+
+    outcome = jointz("inspect", tmp_path / "a.csv")
+
+    assert outcome.code == 2
+    assert "a.csv: no table of numbers" in outcome.err
+
+
+def test_the_commands_that_it_advises_take_the_file_as_it_is(jointz, tmp_path, monkeypatch):
+    rng = np.random.default_rng(1)
+    angle = 0.02 * np.convolve(rng.standard_normal(4000), np.hanning(15), "same")
+    velocity = np.gradient(angle) * 500.0
+    torque = 50 * angle + velocity + 0.02 * np.gradient(velocity) * 500.0
+    columns = {"t": np.arange(4000) / 500.0, "angle (rad)": angle, "torque (Nm)": torque}
+    body = pd.DataFrame(columns).to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "a file.csv").write_text("two lines\nof prose\n" + body)
+    monkeypatch.chdir(tmp_path)
+
+    (advice,) = jointz("inspect", "a file.csv", "--json").json["advice"]
+
+    words = shlex.split(advice.removeprefix("Taken as it is by: jointz "))
+    found = jointz(*words, "--json").json
+    assert found["parameters"]["stiffness"]["value"] == pytest.approx(50.0, rel=0.05)

@@ -1,0 +1,218 @@
+"""Files into other formats, studies into one file, and what is refused."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError, OutputError, WriteError
+from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.recordings import read_recording
+from jointz.io.study import open_study
+from jointz.workflows.conversion import convert
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Path:
+    """A csv file with a clock and an angle in degrees."""
+    path = tmp_path / "walk.csv"
+    path.write_text("time_s,knee [deg]\n0,1.5\n0.01,2.5\n0.02,NaN\n")
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.mat", "a.nc", "a.xlsx", "a.parquet", "a.sto", "a.tsv"])
+def test_a_table_goes_into_every_format_with_its_numbers(tmp_path, walk, name):
+    made = convert(walk, tmp_path / name)
+
+    assert made.left_out == ()
+    assert "1 signal of 3 samples, time stamps from 0 to 0.02 s" in made.summary()
+    assert made.to_dict()["target"] == str(tmp_path / name)
+    assert read_acquisition(tmp_path / name).equals(read_acquisition(walk))
+
+
+def rich(path: Path) -> Path:
+    group = SignalGroup("points", (Signal("knee", np.arange(3.0), "deg"),), 100.0)
+    write_acquisition(Acquisition((group,), (Event(0.0, "HS"),)), path)
+    return path
+
+
+def test_what_does_not_fit_is_named_and_left_out_only_with_leave(tmp_path):
+    source = rich(tmp_path / "a.nc")
+
+    with pytest.raises(DataError, match=r"b\.csv: text table cannot hold .*events.*--lossy"):
+        convert(source, tmp_path / "b.csv")
+    assert not (tmp_path / "b.csv").exists()
+
+    made = convert(source, tmp_path / "b.csv", lossy=True)
+    assert made.left_out == ("It has no place for events (1 left out).",)
+    assert (tmp_path / "b.csv").read_text().startswith("time [s],knee [deg]\n0.0,0.0\n")
+
+
+def test_a_file_that_exists_is_kept(tmp_path, walk):
+    (tmp_path / "a.mat").write_bytes(b"mine")
+
+    with pytest.raises(OutputError, match=r"exists.*--overwrite"):
+        convert(walk, tmp_path / "a.mat")
+    assert (tmp_path / "a.mat").read_bytes() == b"mine"
+
+    convert(walk, tmp_path / "a.mat", overwrite=True)
+    assert read_acquisition(tmp_path / "a.mat").groups[0].n_samples == 3
+
+
+def test_a_file_is_never_written_over_itself(walk):
+    with pytest.raises(OutputError, match="is the file to be read"):
+        convert(walk, walk, overwrite=True)
+
+
+def test_targets_that_cannot_be_are_told_before_anything_is_read(tmp_path, walk):
+    with pytest.raises(DataError, match=r"a\.docx: no format"):
+        convert(walk, tmp_path / "a.docx")
+    with pytest.raises(WriteError, match="Make the folder"):
+        convert(walk, tmp_path / "nowhere" / "a.mat")
+    (tmp_path / "a.mat").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        convert(walk, tmp_path / "a.mat")
+
+
+def test_a_folder_that_is_none_of_ours_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"study\.toml.*dataset_description"):
+        convert(tmp_path, tmp_path / "a.mat")
+
+
+def test_a_study_becomes_one_struct_in_si_and_in_its_directions(tmp_path, small_study):
+    small_study.edit_toml('[channels.angle]\ncolumn = "angle"\nunit = "rad"', ANGLE, 1)
+
+    made = convert(small_study.root, tmp_path / "study.mat")
+
+    found = scipy.io.loadmat(tmp_path / "study.mat", simplify_cells=True)["jointz"]
+    assert (found["joint"], found["positive"]) == ("knee", "flexion")
+    assert [person["id"] for person in found["participants"]] == ["S01", "S02"]
+    assert found["study_toml"] == small_study.toml
+    study = open_study(small_study.root)
+    for own, entry in zip(found["recordings"], study.spec.recordings, strict=True):
+        (recording,) = read_recording(study, entry)
+        angle = own["signals"]["angle"]
+        assert (own["participant"], own["condition"]) == (entry.participant, entry.condition)
+        assert (angle["unit"], angle["positive"]) == ("rad", "flexion")
+        np.testing.assert_array_equal(angle["values"], recording["angle"])
+        np.testing.assert_array_equal(own["time"], recording["time"])
+    assert len(made.content) == len(study.spec.recordings)
+
+
+ANGLE = '[channels.angle]\ncolumn = "angle"\nunit = "deg"\npositive = "extension"'
+
+
+def test_the_pulses_of_a_study_go_with_their_recordings(tmp_path, small_study):
+    convert(small_study.root, tmp_path / "study.mat")
+
+    found = scipy.io.loadmat(tmp_path / "study.mat", simplify_cells=True)["jointz"]
+    perturbed = [r for r in found["recordings"] if r["condition"] == "perturbed"]
+    assert perturbed
+    for own in perturbed:
+        pulses = own["pulses"]
+        command = own["signals"]["command"]["values"]
+        at = np.searchsorted(own["time"], pulses["onset_s"])
+        assert len(at) == 6 * 4  # timing points, pulses at each
+        assert (command[at] != 0).all()
+        assert (np.sign(command[at]) == np.sign(pulses["amplitude"])).all()
+
+
+def test_the_struct_of_a_study_is_read_again(tmp_path, small_study):
+    convert(small_study.root, tmp_path / "study.mat")
+
+    content = read_acquisition(tmp_path / "study.mat")
+
+    study = open_study(small_study.root)
+    (recording,) = read_recording(study, study.spec.recordings[0])
+    group = content.groups[0]
+    np.testing.assert_array_equal(group.time_s, recording["time"])
+    names = [signal.name for signal in group.signals]
+    assert names == [str(name) for name in recording.data_vars]
+    assert any(g.name.endswith(".pulses") for g in content.groups)
+    assert content.metadata["positive"] == "flexion"
+
+
+def test_octave_loops_over_the_recordings_of_a_study(tmp_path, small_study):
+    program = shutil.which("octave-cli")
+    if program is None:
+        pytest.skip("GNU Octave is not installed: octave-cli stands in for MATLAB")
+    convert(small_study.root, tmp_path / "study.mat")
+    (tmp_path / "look.m").write_text(
+        """\
+        j = load("study.mat").jointz;
+        for r = j.recordings
+          a = r.signals.angle;
+          printf("%s %s %s %d %.17g\\n", r.participant, r.condition, a.unit, r.n, a.values(end));
+        end
+        """
+    )
+
+    done = subprocess.run(
+        [program, "--no-gui", "--norc", "--quiet", "look.m"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+    study = open_study(small_study.root)
+    expected = []
+    for entry in study.spec.recordings:
+        (recording,) = read_recording(study, entry)
+        last = recording["angle"].to_numpy()[-1]
+        n = recording.sizes["time"]
+        expected.append(f"{entry.participant} {entry.condition} rad {n} {last:.17g}")
+    assert done.stdout.splitlines() == expected, done.stderr
+
+
+def test_a_study_goes_as_bids_and_comes_back_as_one_file(tmp_path, small_study):
+    convert(small_study.root, tmp_path / "bids", to="bids")
+
+    made = convert(tmp_path / "bids", tmp_path / "bids.nc")
+
+    study = open_study(small_study.root)
+    content = read_acquisition(tmp_path / "bids.nc")
+    assert len(content.groups) == len(study.spec.recordings)
+    assert len(made.content) == len(study.spec.recordings)
+    with pytest.raises(DataError, match="made of a study"):
+        convert(tmp_path / "bids.nc", tmp_path / "again", to="bids")
+
+
+def test_a_study_goes_into_no_table(tmp_path, small_study):
+    with pytest.raises(DataError, match=r"\.mat file or a BIDS folder"):
+        convert(small_study.root, tmp_path / "a.csv")
+
+
+def test_the_command_prints_what_it_did(tmp_path, jointz):
+    source = rich(tmp_path / "a.nc")
+
+    shown = jointz("convert", source, tmp_path / "a.mat")
+    assert shown.code == 0
+    assert "points: 1 signal of 3 samples, 100 Hz from 0 s" in shown.out
+
+    refused = jointz("convert", source, tmp_path / "a.csv")
+    assert refused.code == 2
+    assert "events" in refused.err
+
+    lossy = jointz("convert", source, tmp_path / "a.csv", "--lossy", "--json").json
+    assert lossy["status"] == "ok"
+    assert lossy["left_out"] == ["It has no place for events (1 left out)."]
+
+    silent = jointz("convert", source, tmp_path / "a.csv", "--lossy", "--overwrite", "--quiet")
+    assert (silent.code, silent.out) == (0, "")
+
+
+def test_the_layout_of_a_text_file_can_be_told(tmp_path, jointz):
+    (tmp_path / "a.txt").write_text("by hand\nknee;hip\n1,5;2\n2,5;3\n")
+    options = ("--delimiter", ";", "--decimal", ",", "--skip-rows", 1)
+
+    assert jointz("convert", tmp_path / "a.txt", tmp_path / "a.csv", *options).code == 0
+
+    table = pd.read_csv(tmp_path / "a.csv")
+    assert table.to_dict("list") == {"knee": [1.5, 2.5], "hip": [2.0, 3.0]}

@@ -1,0 +1,258 @@
+"""What jointz inspect finds in files as laboratories have them."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.io.formats import write_acquisition
+from jointz.io.recordings import read_recording
+from jointz.io.study import open_study
+from jointz.workflows.inspection import inspect_file
+
+RATE_HZ = 200.0
+
+
+def walking(n=2000, **columns) -> pd.DataFrame:
+    """Strides of 1 s in degrees, with pulses on the command and a footswitch."""
+    s = np.arange(n) / RATE_HZ
+    angle = 30 * (1 - np.cos(2 * np.pi * s)) / 2
+    pulses = 17.0 * ((s % 3 > 2) & (s % 3 < 2.2))
+    rng = np.random.default_rng(3)
+    return pd.DataFrame(
+        {
+            "Time (s)": s,
+            "Knee angle": angle + 0.01 * rng.standard_normal(n),
+            "Torque (Nm)": 3 * np.sin(4 * np.pi * s) + 0.01 * rng.standard_normal(n),
+            "commanded torque (Nm)": pulses,
+            "footswitch": (s % 1 < 0.6).astype(int),
+        }
+    ).assign(**columns)
+
+
+def inspected(folder: Path, frame: pd.DataFrame, name="S07_walk.csv", **options):
+    frame.to_csv(folder / name, index=False, **options)
+    return inspect_file(folder / name)
+
+
+def opened(folder: Path, found):
+    (folder / "study.toml").write_text(found.toml)
+    study = open_study(folder)
+    return study, [r for e in study.spec.recordings for r in read_recording(study, e)]
+
+
+def test_a_plain_recording_of_walking_needs_no_edit(tmp_path):
+    found = inspected(tmp_path, walking())
+
+    assert found.obstacles == ()
+    study, (recording,) = opened(tmp_path, found)
+    assert study.spec.kind == "walking"
+    assert study.spec.participants[0].id == "S07"
+    assert study.spec.recordings[0].condition == "perturbed"
+    assert float(recording["angle"].max()) == pytest.approx(np.deg2rad(30.0), abs=0.01)
+    assert {"contact", "command", "torque"} <= set(recording)
+    assert "the command is not zero 3 time(s)" in found.toml
+
+
+def test_degrees_are_told_from_radians_by_their_range(tmp_path):
+    degrees = inspected(tmp_path, walking()).channel("angle")
+    small = walking()
+    small["Knee angle"] = np.deg2rad(small["Knee angle"])
+    radians = inspected(tmp_path, small).channel("angle")
+
+    assert (degrees.unit, degrees.unit_is) == ("deg", "guessed")
+    assert (radians.unit, radians.unit_is) == ("rad", "guessed")
+
+
+def test_decimal_commas_and_a_header_of_six_lines_need_no_edit(tmp_path):
+    frame = walking()
+    body = frame.to_csv(index=False, sep=";", decimal=",")
+    head = "Lab of gait\nS12; normal\n\nRate: 200 Hz\nfilter, none\n--\n"
+    (tmp_path / "S12.csv").write_text(head + body)
+
+    found = inspect_file(tmp_path / "S12.csv")
+
+    _, (recording,) = opened(tmp_path, found)
+    assert found.layout["skip_rows"] == 6
+    assert recording.sizes["time"] == len(frame)
+
+
+def test_trials_whose_time_begins_again_are_taken_by_their_column(tmp_path):
+    frame = pd.concat([walking(600, trial=k) for k in (1, 2, 3)], ignore_index=True)
+
+    found = inspected(tmp_path, frame)
+
+    assert found.clocks[0].restarts == (600, 1200)
+    assert found.obstacles == ()
+    assert len(opened(tmp_path, found)[1]) == 3
+
+
+def test_time_that_begins_again_without_a_column_of_trials_is_an_obstacle(tmp_path):
+    found = inspected(tmp_path, pd.concat([walking(600)] * 2, ignore_index=True))
+
+    (reason,) = found.obstacles
+    assert "time begins again 1 time(s), first at sample 601" in reason
+    with pytest.raises(DataError, match="time goes back"):
+        opened(tmp_path, found)
+
+
+def test_a_column_of_conditions_gives_its_levels_a_meaning(tmp_path):
+    half = np.repeat(["ENP", "EWP"], 1000)
+
+    found = inspected(tmp_path, walking(condition=half))
+
+    study, recordings = opened(tmp_path, found)
+    levels = study.spec.channels["condition"].model_dump()["values"]
+    assert levels == {"ENP": "unperturbed", "EWP": "perturbed"}
+    assert [r.attrs["condition"] for r in recordings] == ["unperturbed", "perturbed"]
+
+
+def test_gaps_jitter_and_missing_numbers_are_told_with_their_place(tmp_path):
+    frame = walking()
+    frame.loc[500:509, "Torque (Nm)"] = np.nan
+    frame = frame.drop(index=range(1000, 1040)).reset_index(drop=True)
+
+    found = inspected(tmp_path, frame)
+
+    ((before, after),) = found.clocks[0].gaps
+    assert (before, after) == pytest.approx((999 / RATE_HZ, 1040 / RATE_HZ))
+    assert found.channel("torque").n_missing == 10
+    assert any("torque: numbers are missing in 1 place(s)" in note for note in found.notes)
+    assert "1 gap(s), the longest 205 ms at 4.995 s" in found.summary()
+
+
+def test_saturated_constant_and_overflowing_columns_are_told(tmp_path):
+    frame = walking(spare=1.5)
+    frame["Torque (Nm)"] = frame["Torque (Nm)"].clip(upper=2.0)
+    frame["motor current (A)"] = 1e6 * np.sin(np.arange(2000) / 7)
+
+    found = inspected(tmp_path, frame)
+
+    notes = {c.column: " ".join(c.notes) for c in found.channels}
+    assert "saturated?" in notes["Torque (Nm)"]
+    assert notes["spare"] == "constant at 1.5"
+    assert "did the sensor overflow?" in notes["motor current (A)"]
+    assert any("cannot be trusted" in reason for reason in found.obstacles)
+
+
+def test_a_source_that_is_slower_than_the_file_is_told(tmp_path):
+    frame = walking()
+    frame["Torque (Nm)"] = frame["Torque (Nm)"].to_numpy()[np.arange(2000) // 4 * 4]
+
+    notes = inspected(tmp_path, frame).channel("torque").notes
+
+    assert any("gives a new one about every 4.0 samples" in note for note in notes)
+
+
+@pytest.mark.parametrize(("sign", "acts_on"), [(1.0, "joint"), (-1.0, "device")])
+def test_the_side_of_the_torque_is_seen_from_what_it_does(sign, acts_on, tmp_path):
+    rng = np.random.default_rng(1)
+    s = np.arange(6000) / RATE_HZ
+    noise = np.convolve(rng.standard_normal(s.size), np.hanning(21), "same")
+    angle = 0.01 * noise
+    velocity = np.gradient(angle) * RATE_HZ
+    torque = sign * (60 * angle + velocity + 0.02 * np.gradient(velocity) * RATE_HZ)
+    frame = pd.DataFrame({"t": s, "angle_rad": angle, "torque_nm": torque})
+
+    found = inspected(tmp_path, frame, "bench.csv")
+
+    assert f'torque_acts_on = "{acts_on}"' in found.toml
+    assert found.channel("torque").unit == "N*m"
+
+
+def test_without_a_time_column_the_rate_is_asked_for(tmp_path):
+    found = inspected(tmp_path, walking().drop(columns="Time (s)"))
+
+    assert "sample_rate_hz = 1000.0  # guess: no column holds time" in found.toml
+    assert len(opened(tmp_path, found)[1]) == 1
+
+
+def test_a_cell_that_is_no_number_is_named_and_stands_in_the_way(tmp_path):
+    frame = walking().astype({"Torque (Nm)": object})
+    frame.loc[700, "Torque (Nm)"] = "#DIV/0!"
+
+    found = inspected(tmp_path, frame)
+
+    assert found.channel("torque").n_missing == 1
+    (reason,) = found.obstacles
+    assert "row 702, column 'Torque (Nm)': expected a number, found '#DIV/0!'" in reason
+
+
+def test_signals_of_two_rates_are_not_mixed(tmp_path):
+    fast = SignalGroup(
+        "analogs",
+        (
+            Signal("knee angle", np.sin(np.arange(1000) / 50), "rad"),
+            Signal("knee torque", np.cos(np.arange(1000) / 50), "N*m"),
+        ),
+        rate_hz=1000.0,
+    )
+    slow = SignalGroup("points", (Signal("LASI.x", np.arange(100.0), "mm"),), rate_hz=100.0)
+    content = Acquisition((slow, fast), (Event(0.5, "heel strike"),))
+    write_acquisition(content, tmp_path / "a.nc", lossy=True)
+
+    found = inspect_file(tmp_path / "a.nc")
+
+    assert {c.group: c.rate_hz for c in found.clocks} == {"points": 100.0, "analogs": 1000.0}
+    assert found.channel("torque").group == "analogs"
+    assert any("those of 'points' (100 samples) were sampled apart" in n for n in found.notes)
+    assert "sample_rate_hz = 1000.0\n" in found.toml
+
+
+def test_one_side_is_begun_with_where_both_are_there(tmp_path):
+    s = np.arange(400) / RATE_HZ
+    frame = pd.DataFrame({"time": s})
+    for side in ("Left", "Right"):
+        for joint in ("Hip", "Knee"):
+            frame[f"{side}{joint}FlexionAngle"] = np.sin(s)
+            frame[f"{side}{joint}ExtensionMoment"] = np.cos(s)
+
+    found = inspected(tmp_path, frame, "walk.csv")
+
+    assert found.channel("angle").column == "RightKneeFlexionAngle"
+    assert '[channels.torque]\ncolumn = "RightKneeExtensionMoment"' in found.toml
+    assert 'positive = "extension"  # guess: its name says it' in found.toml
+    assert 'side = "right"' in found.toml
+
+
+def test_every_guess_is_marked_with_its_reason(tmp_path):
+    found = inspected(tmp_path, walking())
+
+    marked = [line for line in found.toml.splitlines() if "# guess:" in line]
+    assert len(marked) == found.n_guesses > 5
+    assert all(line.split("# guess:")[1].strip() for line in marked)
+
+
+def test_a_missing_file_is_an_error(tmp_path):
+    with pytest.raises(DataError, match="no such file"):
+        inspect_file(tmp_path / "none.csv")
+
+
+def test_the_file_is_named_from_where_the_study_will_stand(tmp_path):
+    (tmp_path / "data").mkdir()
+    walking().to_csv(tmp_path / "data" / "S01.csv", index=False)
+
+    found = inspect_file(tmp_path / "data" / "S01.csv", study_folder=tmp_path)
+
+    assert 'file = "data/S01.csv"' in found.toml
+    assert len(opened(tmp_path, found)[1]) == 1
+
+
+@pytest.mark.parametrize(("sign", "acts_on"), [(1.0, "joint"), (-1.0, "device")])
+def test_units_and_a_torque_that_opposes_its_command_speak_where_names_do_not(
+    sign, acts_on, tmp_path
+):
+    frame = walking()
+    frame["Torque (Nm)"] += sign * frame["commanded torque (Nm)"]
+    frame["footswitch"] = 0.3 + 4.5 * frame["footswitch"] + 0.01 * np.sin(np.arange(2000))
+    frame.columns = ["t_s", "Knee_deg", "M_sensor_Nm", "M_cmd_Nm", "Heel_V"]
+
+    found = inspected(tmp_path, frame)
+
+    study, _ = opened(tmp_path, found)
+    assert study.spec.torque_acts_on == acts_on
+    assert study.spec.channels["contact"].kind == "voltage"
+    assert found.channel("angle").guess == "its unit and name"
