@@ -35,20 +35,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Source -> (name as people say it, colour).
-_LOOKS: Final[Mapping[str, tuple[str, str]]] = {
-    "noise": ("strides that differ", BLUE),
-    "lag": ("lag and resonance of the sensor", VERMILION),
-    "friction": ("friction model", ORANGE),
-    "cross_talk": ("torque seen as angle", "#c9b458"),
-    "inertia_model": ("inertia over the cycle", GREEN),
-    "drift": ("K and B inside the window", SKY),
-    "reflex": ("answer of the muscles", "#8c6d5a"),
-    "prior": ("prior knowledge", FAINT),
-    "model": ("which model holds", PURPLE),
-    "gain": ("gains of angle and torque", MUTED),
-    "intrinsic": ("impedance of the device", INK),
+#: Source -> (name as people say it, colour, hatch). Eleven colours are too many for a grey print:
+#: neighbours in the stack differ by their hatch.
+_LOOKS: Final[Mapping[str, tuple[str, str, str]]] = {
+    "noise": ("strides that differ", BLUE, ""),
+    "lag": ("lag and resonance of the sensor", VERMILION, "////"),
+    "friction": ("friction model", ORANGE, "||||"),
+    "cross_talk": ("torque seen as angle", "#c9b458", "++"),
+    "inertia_model": ("inertia over the cycle", GREEN, "\\\\\\\\"),
+    "drift": ("K and B inside the window", SKY, ""),
+    "reflex": ("answer of the muscles", "#8c6d5a", "----"),
+    "prior": ("prior knowledge", FAINT, "...."),
+    "model": ("which model holds", PURPLE, "xxxx"),
+    "gain": ("gains of angle and torque", MUTED, "++++"),
+    "intrinsic": ("impedance of the device", INK, "||||"),
 }
+_OTHERS: Final = ("all others", PANEL, "")
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
 #: A source that nowhere reaches this share is drawn with the others of its kind.
 _SMALL: Final = 0.02
@@ -145,13 +147,13 @@ def _draw_bars(axes: "Axes", rows: Sequence[Mapping[str, float]], shown: Sequenc
     for name in (*shown, "other"):
         if name == "other":
             heights = np.array([1.0 if r else 0.0 for r in rows]) - foot
-            colour = PANEL
+            _, colour, hatch = _OTHERS
         else:
             heights = np.array([r.get(name, 0.0) for r in rows])
-            colour = _LOOKS[name][1]
+            _, colour, hatch = _LOOKS[name]
         axes.bar(
             at, 100.0 * heights, bottom=100.0 * foot, width=0.72, color=colour,
-            edgecolor="white", linewidth=0.4,
+            edgecolor="white", linewidth=0.4, hatch=hatch,
         )  # fmt: skip
         foot = foot + heights
 
@@ -186,5 +188,8 @@ def _finish(axes: "Axes", names: Sequence[str], sizes: Sequence[float], *, first
 def _legend(shown: Sequence[str]) -> "list[Artist]":
     from matplotlib.patches import Patch
 
-    looks = [_LOOKS[name] for name in shown]
-    return [Patch(facecolor=c, label=text) for text, c in (*looks, ("all others", PANEL))]
+    looks = [*(_LOOKS[name] for name in shown), _OTHERS]
+    return [
+        Patch(facecolor=colour, label=text, hatch=hatch, edgecolor="white", linewidth=0.4)
+        for text, colour, hatch in looks
+    ]

@@ -48,6 +48,17 @@ _BENCH: Final = (
         "with the deflection are averaged into the three numbers.",
     ),
 )
+_AT_REST: Final = (
+    _VAF_CAVEAT,
+    _WALKING[1],
+    (
+        "The values belong to the posture, the muscles and the displacement they were measured "
+        "with.",
+        "A joint is stiffer where muscles are active and against small displacements, and reflexes "
+        "act from some 40 ms after an onset.",
+    ),
+    _BENCH[2],
+)
 _RECOMMENDED: Final = (
     (
         "The fit is that of the angle.",
@@ -84,6 +95,7 @@ def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
     tuple of (head, text)
         Those of the method that made the estimates.
     """
-    if subjects(analysis).bench:
-        return _BENCH
+    words = subjects(analysis)
+    if words.bench:
+        return _BENCH if words.loads else _AT_REST
     return _RECOMMENDED if any(c.budget for c in analysis.cells) else _WALKING

@@ -1,17 +1,18 @@
-"""All figures of an analysis, as SVG text."""
+"""All figures of an analysis, as SVG text and as PDF."""
 
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.report.budget_figure import draw_budget
 from jointz.report.event_figures import draw_onset_accuracy, draw_strides
-from jointz.report.impedance_figures import draw_impedance_over_gait
+from jointz.report.impedance_figures import draw_impedance_column, draw_impedance_over_gait
 from jointz.report.method_figures import draw_methods
 from jointz.report.response_figures import draw_responses
-from jointz.report.style import figure_style, to_svg
+from jointz.report.style import figure_style, to_pdf, to_svg
 from jointz.report.subjects import subjects
 
 if TYPE_CHECKING:
@@ -26,7 +27,9 @@ _DRAWN: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
     "budget": draw_budget,
     "onset_accuracy": draw_onset_accuracy,
     "strides": draw_strides,
+    "impedance_column": draw_impedance_column,
 }
+Format = TypeVar("Format")
 #: Fonts for what the figures' own cannot write, as a name in Chinese; none of them comes along.
 _OTHER_FONTS: "Final" = (
     "Noto Sans CJK SC",
@@ -40,8 +43,24 @@ _OTHER_FONTS: "Final" = (
     "PingFang SC",
     "Arial Unicode MS",
 )
-#: Names of all figures, in the order of the report.
+#: Names of all figures, in the order of the report; what it does not show comes last.
 FIGURES = tuple(_DRAWN)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure in the formats that it is written in.
+
+    Parameters
+    ----------
+    svg : str
+        One ``<svg>`` element; text is outlines.
+    pdf : bytes
+        The same, with text in embedded TrueType fonts.
+    """
+
+    svg: str
+    pdf: bytes
 
 
 def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
@@ -58,8 +77,8 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Name of the figure -> SVG text, 180 mm wide; a figure without data is
-        not in it.
+        Name of the figure -> SVG text, 180 mm wide, and 85 mm the one called ``column``; a
+        figure without data is not in it.
 
     Examples
     --------
@@ -80,13 +99,43 @@ def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
     name : str
         One of :data:`FIGURES`.
     """
-    loads = {c.participant for c in analysis.cells} if subjects(analysis).bench else ()
+    return _drawn(analysis, name, to_svg)
+
+
+def draw_picture(analysis: StudyAnalysis, name: str) -> Picture | None:
+    """Draw one figure once, and write it in every format; None where there is no data for it.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    name : str
+        One of :data:`FIGURES`.
+    """
+    return _drawn(analysis, name, to_picture)
+
+
+def to_picture(figure: "Figure") -> Picture:
+    """Write a figure in every format; inside :func:`~jointz.report.style.figure_style` only.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    """
+    return Picture(to_svg(figure), to_pdf(figure))
+
+
+def _drawn(
+    analysis: StudyAnalysis, name: str, written: "Callable[[Figure], Format]"
+) -> "Format | None":
+    loads = {c.participant for c in analysis.cells} if subjects(analysis).loads else ()
     # The methods are compared by means, and those over unlike loads mean nothing.
     if name == "methods" and len(loads) > 1:
         return None
     with figure_style(), _any_script():
         figure = _DRAWN[name](analysis)
-        return None if figure is None else to_svg(figure)
+        return None if figure is None else written(figure)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.report.style import (
     BLUE,
+    COLUMN_MM,
     FAINT,
     INK,
     SKY,
@@ -31,10 +32,34 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 _LEFT_MM: Final = 16.0
-_PANEL_MM: Final = 42.0
+_LEGEND_ROW_MM: Final = 4.0
+_MOST_NARROW_TICKS: Final = 8
+#: Where the name of the first phase, which stands left of its band, has room in a column.
+_NARROW_START_PCT: Final = -9.0
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Sizes of the figure for one width of a page."""
+
+    width_mm: float
+    panel_mm: float
+    between_mm: float
+    above_mm: float
+    below_mm: float
+    marks: float = 1.0
+
+    @property
+    def narrow(self) -> bool:
+        """Whether text that stands side by side on a page must be stacked."""
+        return self.width_mm < WIDTH_MM
+
+
+_PAGE: Final = _Layout(WIDTH_MM, 42.0, 16.0, 9.0, -5.0)
+_COLUMN: Final = _Layout(COLUMN_MM, 32.0, 18.5, 10.5, -2.0, marks=0.7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +111,22 @@ def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
     return sorted(by_name, key=lambda name: _mean_onset(by_name[name], default=np.inf))
 
 
+def draw_impedance_column(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw what :func:`draw_impedance_over_gait` does at the width of a single column.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or None
+        None where no estimate stands.
+    """
+    return _draw_impedance(analysis, _COLUMN)
+
+
 def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
     """Draw each person's estimates and the means over people, one panel a parameter.
 
@@ -99,25 +140,34 @@ def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
     matplotlib.figure.Figure or None
         None where no estimate stands.
     """
+    return _draw_impedance(analysis, _PAGE)
+
+
+def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | None":
     parameters = shown_parameters(analysis)
     if not parameters:
         return None
-    pitch = _PANEL_MM + 16.0
-    figure = new_figure(8.0 + pitch * len(parameters))
+    handles = _legend(analysis, parameters)
+    top = layout.above_mm + (len(handles) * _LEGEND_ROW_MM if layout.narrow else _LEGEND_ROW_MM)
+    pitch = layout.panel_mm + layout.between_mm
+    height = top + pitch * len(parameters) + layout.below_mm
+    figure = new_figure(height, width_mm=layout.width_mm)
     for row, parameter in enumerate(parameters):
         axes = place_axes(
             figure,
             _LEFT_MM,
-            13.0 + row * pitch,
-            width_mm=WIDTH_MM - _LEFT_MM - 3.0,
-            height_mm=_PANEL_MM,
+            top + row * pitch,
+            width_mm=layout.width_mm - _LEFT_MM - 3.0,
+            height_mm=layout.panel_mm,
         )
-        _draw_parameter(axes, analysis, parameter)
-    place_legend(figure, _legend(analysis, parameters))
+        _draw_parameter(axes, analysis, parameter, layout)
+    place_legend(figure, handles, columns=1 if layout.narrow else None)
     return figure
 
 
-def _draw_parameter(axes: "Axes", analysis: StudyAnalysis, parameter: str) -> None:
+def _draw_parameter(
+    axes: "Axes", analysis: StudyAnalysis, parameter: str, layout: "_Layout"
+) -> None:
     found = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
     means = _means(analysis, [parameter])
     groups = {c.timing_point for c, p in found if p.stands}
@@ -128,11 +178,27 @@ def _draw_parameter(axes: "Axes", analysis: StudyAnalysis, parameter: str) -> No
         marks = _fan_out(found, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
         mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
-    _draw_marks(axes, marks, colour=SKY, size=2.8, width=0.9)
-    _draw_marks(axes, mean_marks, colour=INK, size=4.0, width=1.8, marker="D")
+    _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
+    mean_size, mean_width = 4.0 * layout.marks, 1.8 * layout.marks
+    _draw_marks(axes, mean_marks, colour=INK, size=mean_size, width=mean_width, marker="D")
     beyond = _fit_height(axes, [*marks, *mean_marks])
     axes.set_ylabel(parameter_label(parameter))
-    panel_heading(axes, parameter_name(parameter), note=_note(found, len(marks), beyond))
+    if layout.narrow:
+        _fit_to_column(axes)
+    note = _note(found, len(marks), beyond)
+    panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
+
+
+def _fit_to_column(axes: "Axes") -> None:
+    """Make room along an axis: names are turned, numbers written half as often."""
+    from matplotlib.ticker import ScalarFormatter
+
+    ticks = axes.get_xticks()
+    if not isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
+        axes.tick_params(axis="x", labelrotation=60 if ticks.size > _MOST_NARROW_TICKS else 0)
+        return
+    axes.set_xticks(ticks[::2])
+    axes.set_xlim(left=min(axes.get_xlim()[0], _NARROW_START_PCT))
 
 
 def _means(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import CellEstimate
 from jointz.report.impedance_figures import shown_parameters, timing_points
+from jointz.report.method_means import mean_over_people, standing
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -97,7 +97,7 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
 
 
 def draw_truth(truth: pd.DataFrame) -> str:
-    """Draw estimates against the truth of a simulated study.
+    """Draw estimates against the truth of a simulated study, as SVG.
 
     Parameters
     ----------
@@ -109,24 +109,41 @@ def draw_truth(truth: pd.DataFrame) -> str:
     str
         SVG text; empty where the table holds no estimate.
     """
+    with figure_style():
+        figure = truth_figure(truth)
+        return "" if figure is None else to_svg(figure)
+
+
+def truth_figure(truth: pd.DataFrame) -> "Figure | None":
+    """Draw estimates against the truth; inside :func:`~jointz.report.style.figure_style` only.
+
+    Parameters
+    ----------
+    truth : pandas.DataFrame
+        As for :func:`draw_truth`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or None
+        None where the table holds no estimate.
+    """
     known = truth.dropna(subset=["truth", "estimate"])
     present = set(known["parameter"])
     parameters = [name for name in PARAMETERS if name in present][:3]
     if not parameters:
-        return ""
-    with figure_style():
-        figure = new_figure(66.0)
-        for column, parameter in enumerate(parameters):
-            axes = place_axes(
-                figure,
-                _LEFT_MM + column * _PITCH_MM,
-                13.0,
-                width_mm=_PITCH_MM - _LEFT_MM - 1.0,
-                height_mm=_PITCH_MM - _LEFT_MM - 4.0,
-            )
-            _draw_truth_panel(axes, known[known["parameter"] == parameter], parameter)
-        place_legend(figure, _truth_legend())
-        return to_svg(figure)
+        return None
+    figure = new_figure(66.0)
+    for column, parameter in enumerate(parameters):
+        axes = place_axes(
+            figure,
+            _LEFT_MM + column * _PITCH_MM,
+            13.0,
+            width_mm=_PITCH_MM - _LEFT_MM - 1.0,
+            height_mm=_PITCH_MM - _LEFT_MM - 4.0,
+        )
+        _draw_truth_panel(axes, known[known["parameter"] == parameter], parameter)
+    place_legend(figure, _truth_legend())
+    return figure
 
 
 def _method_looks(methods: Iterable[str], chosen: str) -> dict[str, tuple[str, str]]:
@@ -147,7 +164,7 @@ def _draw_method_panel(
     names += [SHARED] if any(c.timing_point == SHARED for c in holders) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))
     for i, (method, (colour, marker)) in enumerate(looks.items()):
-        means = [_mean(_standing(by_method[method], parameter, name)) for name in names]
+        means = [mean_over_people(standing(by_method[method], parameter, name)) for name in names]
         at = np.arange(len(names)) + (i - 0.5 * (len(looks) - 1)) * dodge
         _draw_method(axes, at, np.array(means, dtype=float), colour=colour, marker=marker)
     for edge in range(1, len(names)):
@@ -168,29 +185,6 @@ def _draw_method(
         at, value, linestyle="none", marker=marker, markersize=4.0, color=colour,
         markeredgecolor="white", markeredgewidth=0.4,
     )  # fmt: skip
-
-
-def _standing(
-    cells: Iterable[CellEstimate], parameter: str, timing_point: str
-) -> list[ParameterEstimate]:
-    at_point = (c.parameter(parameter) for c in cells if c.timing_point == timing_point)
-    return [p for p in at_point if p is not None and p.stands and p.value is not None]
-
-
-def _mean(estimates: Sequence[ParameterEstimate]) -> tuple[float, float, float]:
-    """Return mean and Student's interval over people, NaN where there is none."""
-    values = np.array([p.value for p in estimates], dtype=float)
-    if values.size == 0:
-        return np.nan, np.nan, np.nan
-    if values.size == 1:
-        low, high = (
-            np.nan if e is None else e for e in (estimates[0].ci_low, estimates[0].ci_high)
-        )
-        return float(values[0]), low, high
-    quantile = stdtrit(values.size - 1, 0.5 + 0.5 * estimates[0].ci_level)
-    half = float(quantile * values.std(ddof=1) / np.sqrt(values.size))
-    mean = float(values.mean())
-    return mean, mean - half, mean + half
 
 
 def _method_legend(looks: Mapping[str, tuple[str, str]], chosen: str) -> "list[Line2D]":

@@ -1,6 +1,8 @@
 """The report of an analysis: one HTML page that needs nothing else."""
 
+import hashlib
 import re
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -20,13 +22,9 @@ from jointz.report.certificate_section import certificate_section
 from jointz.report.effects_section import effects_section
 from jointz.report.impedance_figures import timing_points
 from jointz.report.method_differences import differences_section
-from jointz.report.prose import (
-    captions,
-    fitted_signals,
-    methods_paragraph,
-    pulse_counts,
-    summary_paragraph,
-)
+from jointz.report.methods_text import methods_text
+from jointz.report.prose import captions, fitted_signals, pulse_counts, summary_paragraph
+from jointz.report.quasi_stiffness_section import quasi_stiffness_section
 from jointz.report.run_section import run_section
 from jointz.report.subjects import subjects
 from jointz.report.truth_section import truth_section
@@ -96,7 +94,8 @@ def render_report(
     Returns
     -------
     str
-        HTML that needs no network, no fonts and no script.
+        HTML that needs no network and no fonts. Its one script copies the methods on a button; its
+        policy lets a browser run no other and fetch nothing.
 
     Examples
     --------
@@ -115,6 +114,7 @@ def render_report(
     parameters = _parameters(analysis)
     columns = _columns(parameters)
     words = subjects(analysis)
+    script = Markup(environment.get_template("copy.js.j2").render())
     return environment.get_template("report.html.j2").render(
         title=title,
         words=words,
@@ -134,7 +134,7 @@ def render_report(
         names=_names(analysis.provenance),
         onsets=analysis.statistics.get("onset_accuracy", ()),
         recordings=_recordings(analysis),
-        methods=methods_paragraph(analysis),
+        methods=methods_text(analysis, simulated=truth is not None),
         caveats=caveats(analysis),
         effects=effects_section(analysis.statistics),
         packages=_packages(analysis.provenance),
@@ -144,9 +144,13 @@ def render_report(
         differences=differences_section(analysis),
         behind=behind_section(analysis),
         certificate=certificate_section(analysis.certificate),
+        quasi_stiffness=quasi_stiffness_section(analysis),
         fitted=fitted_signals(analysis),
         run=None if run is None else run_section(run),
         dash=DASH,
+        sizes=any(i.get("size_bytes") is not None for i in analysis.provenance.get("inputs") or ()),
+        script=script,
+        script_hash=_script_hash(script),
     )
 
 
@@ -174,6 +178,11 @@ def inline_svg(svg: str, name: str, label: str) -> Markup:
     text = _SVG_SIZE.sub(r"\1", text, count=1)
     attributes = Markup('<svg role="img" aria-label="{}" class="figure"').format(label)
     return Markup(text.replace("<svg", attributes, 1))
+
+
+def _script_hash(script: str) -> str:
+    """Return what a Content-Security-Policy calls a script by."""
+    return f"sha256-{b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
 def _parameters(analysis: StudyAnalysis) -> list[str]:

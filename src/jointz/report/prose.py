@@ -1,4 +1,4 @@
-"""Sentences of the report: summary, methods to paste, captions and caveats."""
+"""Sentences of the report: summary and captions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -21,50 +21,6 @@ _PHASE_NAMES: Final = (
     "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
 )
 
-_BASELINES: Final[Mapping[str, str]] = {
-    "unperturbed_mean": (
-        "the mean unperturbed cycle, aligned in time at heel strike, was subtracted from each "
-        "response"
-    ),
-    "pre_pulse": "the value before each pulse was subtracted from its response",
-    "matched_strides": (
-        "the mean of the unperturbed strides most like the perturbed one was subtracted from each "
-        "response"
-    ),
-    "predicted": (
-        "the unperturbed motion and torque, predicted from what went before each pulse, were "
-        "subtracted from its response"
-    ),
-}
-
-_BOUNDED: Final = ", fitted to the average response by least squares with K, B and J not negative"
-_FITS: Final = dict.fromkeys(("dissertation", "pre_pulse", "matched_strides"), _BOUNDED)
-
-#: Method that explains all timing points of a walker together.
-RECOMMENDED: Final = "recommended"
-#: Method that uses whole trials, and what it does.
-FULL_RECORD: Final = "full_record"
-_WHOLE_TRIALS: Final = (
-    "Whole trials were used: nothing was cut out and no unperturbed motion subtracted. The torque "
-    "was modelled as K·angle + B·velocity + J·acceleration with a friction torque of constant size "
-    "against the motion and an offset for each trial, recorded with a lag (a delay, a first-order "
-    "filter or both). All were fitted together by least squares, the noise of the angle taken out "
-    "of the sums of squares. Angle and torque passed the same Gaussian low-pass (standard "
-    "deviation 40 Hz, or a tenth of the sampling rate where that is less), and samples where "
-    "friction may have held the load were left out."
-)
-
-_PREDICTED: Final = (
-    "Angle and torque were used as sampled, without a filter. What each pulse would have met "
-    "without it was predicted from the half second before its onset and the stride times by ridge "
-    "regression, learned at virtual onsets in the unperturbed strides of the same recording, and "
-    "subtracted. The average angle of each timing point{window} was fitted as that of a joint "
-    "with stiffness, damping and inertia that the measured torque drives, seen through a sensor "
-    "with a delay and a first-order lag or behind tissue that resonates. All timing points of a "
-    "participant were fitted together, weighted with the covariance of what the prediction misses "
-    "at virtual onsets; stiffness and damping may change inside the window and inertia may differ "
-    "between timing points. Models were weighted by their evidence (Laplace's approximation)."
-)
 # Said of a torque that was not fitted.
 _DRIVEN: Final = "; the measured torque drives it and has no fit"
 
@@ -84,7 +40,7 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
     points = {c.timing_point for c in analysis.cells if c.timing_point != SHARED}
     used, left_out = pulse_counts(analysis)
     total = sum(len(c.parameters) for c in analysis.cells)
-    joint = None if words.bench else analysis.settings.get("joint")
+    joint = None if words.loads else analysis.settings.get("joint")
     who = f"{words.counted(len(people))} ({_range(people)})"
     place = _place(analysis, len(points))
     sentences = [
@@ -95,72 +51,9 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
         f"{format_count(total, 'estimate')} {'stands' if analysis.n_standing == 1 else 'stand'}"
         f"{_not_standing(analysis)}.",
     ]
-    if words.bench and len(people) > 1:
+    if words.loads and len(people) > 1:
         sentences.append(NO_MEANS_ON_A_BENCH)
     return " ".join([*sentences, *_extremes(analysis.population)])
-
-
-def methods_paragraph(analysis: StudyAnalysis) -> str:
-    """Write a methods section from the settings, ready to paste into a paper.
-
-    Only what the settings say is written; what they do not hold is left out.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
-    settings = analysis.settings
-    version = analysis.provenance.get("jointz")
-    what = (
-        "loads on a bench" if subjects(analysis).bench else f"the {settings.get('joint', 'joint')}"
-    )
-    sentences = [
-        f"Mechanical impedance of {what} was estimated with jointz"
-        f"{f' {version}' if version else ''}{_method_in_brackets(settings)}."
-    ]
-    used_methods = _used_methods(analysis)
-    if FULL_RECORD in used_methods:
-        sentences.append(_WHOLE_TRIALS)
-    if used_methods != [FULL_RECORD]:
-        others = [m for m in used_methods if m != FULL_RECORD]
-        if FULL_RECORD in used_methods:
-            other = _quoted(method_name(others[0]))
-            sentences.append(f"Other cases were estimated by the method {other}.")
-        sentences += _response_sentences(settings, others[0] if others else None)
-    if settings.get("positive"):
-        sentences.append(f"Angle and torque are positive in {settings['positive']}.")
-    sentences += _interval_sentences(analysis)
-    used, left_out = pulse_counts(analysis)
-    unit = "were used" if used_methods != [FULL_RECORD] else "lie in the trials used"
-    sentences.append(f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} {unit}.")
-    return " ".join(sentences)
-
-
-def _used_methods(analysis: StudyAnalysis) -> list[str]:
-    """Return the methods that the estimates were made by: a case may have needed another."""
-    own = list(dict.fromkeys(c.method for c in analysis.cells if c.method))
-    chosen = analysis.settings.get("method")
-    return own or ([str(chosen)] if chosen else [])
-
-
-def _response_sentences(settings: Mapping[str, Any], method: str | None) -> list[str]:
-    """Say how responses to pulses were cut, filtered and fitted."""
-    if method == RECOMMENDED:
-        return [_PREDICTED.format(window=_window(settings))]
-    sentences = [
-        "The torque response was modelled as K·angle + B·velocity + J·acceleration"
-        f"{_window(settings)}{_FITS.get(str(method), '')}."
-    ]
-    if settings.get("cutoff_hz"):
-        sentences.append(
-            f"Angle and torque passed the same low-pass filter ({settings['cutoff_hz']:g} Hz)."
-        )
-    baseline = settings.get("baseline")
-    if baseline and baseline != "none":
-        text = _BASELINES.get(baseline, f"the baseline {_quoted(baseline)} was subtracted")
-        sentences.append(f"{text[0].upper()}{text[1:]}.")
-    return sentences
 
 
 def interval_methods(analysis: StudyAnalysis) -> list[str]:
@@ -272,7 +165,7 @@ def fitted_signals(analysis: StudyAnalysis) -> str:
 def _other_marks(analysis: StudyAnalysis) -> str:
     text = ""
     if any(m.n_participants > 1 for m in analysis.population):
-        text += f" Diamonds: means over participants with {_mean_interval(analysis)}."
+        text += f" Diamonds: means over participants with {mean_interval(analysis)}."
     if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
         text += (
             " Open triangles: estimates at their bound, hanging from the upper limit of a "
@@ -320,29 +213,16 @@ def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
     return []
 
 
-def _window(settings: Mapping[str, Any]) -> str:
-    window_s = settings.get("window_s")
-    return f", over {1000 * window_s:g} ms from the commanded onset" if window_s else ""
+def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
+    """Say what interval the means over participants have.
 
-
-def _interval_sentences(analysis: StudyAnalysis) -> list[str]:
-    settings = analysis.settings
-    level = f"{100 * settings.get('ci_level', 0.95):g} %"
-    made = interval_methods(analysis)
-    one = subjects(analysis).one
-    sentences = [f"{level} intervals of each {one}: {'; '.join(made)}."] if made else []
-    if settings.get("resamples") and set(_used_methods(analysis)) - {FULL_RECORD, RECOMMENDED}:
-        seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
-        sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
-    if any(m.value is not None for m in analysis.population):
-        sentences.append(
-            f"Means over participants carry {_mean_interval(analysis, level=f'{level} ')}."
-        )
-    return sentences
-
-
-def _mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
-    """Say what interval the means over participants have."""
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    level : str
+        Its level with a space behind, where that is to be said.
+    """
     if any(m.method == POOLED_METHOD for m in analysis.population):
         return (
             f"the {level}interval of a normal model of people in which each estimate counts by its "
@@ -354,11 +234,6 @@ def _mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
 def _method_lead(settings: Mapping[str, Any]) -> str:
     method = settings.get("method")
     return f"With the method {_quoted(method_name(method))}, " if method else ""
-
-
-def _method_in_brackets(settings: Mapping[str, Any]) -> str:
-    method = settings.get("method")
-    return f" (method {_quoted(method_name(method))})" if method else ""
 
 
 def _quoted(name: Any) -> str:

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-#: Double column of most journals, mm.
+#: Double and single column of most journals, mm.
 WIDTH_MM: Final = 180.0
+COLUMN_MM: Final = 85.0
 _MM_PER_INCH = 25.4
 
 # Okabe and Ito's palette, safe for colour-blind readers; each differs from the others in
@@ -34,7 +35,7 @@ GREEN: Final = "#009e73"
 PURPLE: Final = "#a0508c"
 
 SMALL_PT: Final = 6.5
-TINY_PT: Final = 5.8
+TINY_PT: Final = 6.0
 
 _RC: Mapping[str, Any] = {
     # DejaVu Sans comes with matplotlib: outlines drawn from it look the same everywhere.
@@ -62,13 +63,17 @@ _RC: Mapping[str, Any] = {
     "axes.unicode_minus": True,
     "legend.frameon": False,
     "lines.linewidth": 1.0,
+    "hatch.linewidth": 0.4,
     "text.parse_math": False,  # a participant may be called "$1"
     "svg.fonttype": "path",
     "svg.hashsalt": "jointz",
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3, and text can be searched
 }
 
 # Two decimals of a point are 4 micrometres. Numbers below one may be scales and stay.
 _LONG_NUMBER = re.compile(r"(?<![\w.#])(-?[1-9]\d*\.\d\d)\d+")
+#: Tables of a font that are for setting text only.
+_LAYOUT_TABLES: Final = ("GDEF", "GPOS", "GSUB", "MATH", "kern")
 _PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
@@ -86,17 +91,28 @@ def figure_style() -> Iterator[None]:
         yield
 
 
-def new_figure(height_mm: float) -> "Figure":
-    """Return an empty figure of double-column width that pyplot does not know of.
+def new_figure(height_mm: float, *, width_mm: float = WIDTH_MM) -> "Figure":
+    """Return an empty figure that pyplot does not know of.
 
     Parameters
     ----------
-    height_mm : float
-        Height, mm.
+    height_mm, width_mm : float
+        Size, mm; of double-column width where nothing else is asked.
     """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH_MM / _MM_PER_INCH, height_mm / _MM_PER_INCH))
+    return Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH))
+
+
+def width_of(figure: "Figure") -> float:
+    """Return the width of a figure, mm.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    """
+    return float(figure.get_figwidth() * _MM_PER_INCH)
 
 
 def place_axes(
@@ -115,7 +131,8 @@ def place_axes(
     """
     total = figure.get_figheight() * _MM_PER_INCH
     bottom = total - top_mm - height_mm
-    box = (left_mm / WIDTH_MM, bottom / total, width_mm / WIDTH_MM, height_mm / total)
+    across = width_of(figure)
+    box = (left_mm / across, bottom / total, width_mm / across, height_mm / total)
     return figure.add_axes(box)
 
 
@@ -134,7 +151,7 @@ def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **sty
         Passed to matplotlib.
     """
     total = figure.get_figheight() * _MM_PER_INCH
-    figure.text(left_mm / WIDTH_MM, 1.0 - top_mm / total, text, **style)
+    figure.text(left_mm / width_of(figure), 1.0 - top_mm / total, text, **style)
 
 
 def place_legend(
@@ -180,7 +197,7 @@ def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
     return Line2D([], [], color=colour, label=label, **(small | style))
 
 
-def panel_heading(axes: "Axes", text: str, *, note: str = "") -> None:
+def panel_heading(axes: "Axes", text: str, *, note: str = "", stacked: bool = False) -> None:
     """Write a panel's name above it on the left and a note on the right.
 
     Parameters
@@ -189,17 +206,19 @@ def panel_heading(axes: "Axes", text: str, *, note: str = "") -> None:
         The panel.
     text, note : str
         What to write.
+    stacked : bool
+        Write the note below the name, where a panel is too narrow for both.
     """
     above: dict[str, Any] = {
         "xycoords": "axes fraction",
         "textcoords": "offset points",
         "va": "bottom",
     }
-    axes.annotate(text, (0, 1), xytext=(0, 3), fontweight="bold", ha="left", **above)
+    height = 12 if stacked and note else 3
+    axes.annotate(text, (0, 1), xytext=(0, height), fontweight="bold", ha="left", **above)
     if note:
-        axes.annotate(
-            note, (1, 1), xytext=(0, 3), fontsize=SMALL_PT, color=MUTED, ha="right", **above
-        )
+        x, side = (0, "left") if stacked else (1, "right")
+        axes.annotate(note, (x, 1), xytext=(0, 3), fontsize=SMALL_PT, color=MUTED, ha=side, **above)
 
 
 def shade_phases(axes: "Axes", *, names: bool) -> None:
@@ -316,3 +335,47 @@ def to_svg(figure: "Figure") -> str:
     for pattern in (_PROLOGUE, _METADATA, _COMMENT):
         text = pattern.sub("", text)
     return _LONG_NUMBER.sub(r"\1", text)
+
+
+def to_pdf(figure: "Figure") -> bytes:
+    """Write a figure as PDF that is the same on every run.
+
+    Must be called inside :func:`figure_style`.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+
+    Returns
+    -------
+    bytes
+        One page of the figure's size; fonts are embedded as TrueType.
+    """
+    buffer = io.BytesIO()
+    nothing = dict.fromkeys(("CreationDate", "Creator", "Producer"))
+    with _letters_only():
+        figure.savefig(buffer, format="pdf", metadata=nothing)
+    return buffer.getvalue()
+
+
+@contextmanager
+def _letters_only() -> Iterator[None]:
+    """Embed the letters of fonts without the tables for setting text.
+
+    Text in a figure is set before it is written, and to cut those tables down takes most of the
+    time of a figure. matplotlib offers no choice of tables; where fontTools has no such list any
+    more, fonts are embedded as they were before, later.
+    """
+    from fontTools.subset import Options
+
+    name = "_drop_tables_default"
+    dropped = getattr(Options, name, None)
+    if dropped is None:
+        yield
+        return
+    setattr(Options, name, [*dropped, *_LAYOUT_TABLES])
+    try:
+        yield
+    finally:
+        setattr(Options, name, dropped)

@@ -1,4 +1,4 @@
-"""What a report calls those who were measured: people at timing points, or loads on a bench."""
+"""What a report calls those who were measured: people walking or at rest, or loads on a bench."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,7 +18,9 @@ class Subjects:
     point, points : str
         At what.
     bench : bool
-        Whether they are loads on a bench.
+        Whether they were measured on a bench: there is no gait cycle.
+    loads : bool
+        Whether they are loads: neither people nor a joint.
     """
 
     one: str = "participant"
@@ -26,6 +28,7 @@ class Subjects:
     point: str = "timing point"
     points: str = "timing points"
     bench: bool = False
+    loads: bool = False
 
     def counted(self, count: int) -> str:
         """Return a number of them in words.
@@ -44,8 +47,10 @@ class Subjects:
 
 
 _PEOPLE: Final = Subjects()
-_LOADS: Final = Subjects("load", "loads", "trajectory", "trajectories", bench=True)
-_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True)
+_PEOPLE_IN_CASES: Final = Subjects(point="case", points="cases", bench=True)
+_PEOPLE_IN_GROUPS: Final = Subjects(point="group", points="groups", bench=True)
+_LOADS: Final = Subjects("load", "loads", "trajectory", "trajectories", bench=True, loads=True)
+_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True, loads=True)
 
 
 def subjects(analysis: StudyAnalysis) -> Subjects:
@@ -59,7 +64,10 @@ def subjects(analysis: StudyAnalysis) -> Subjects:
     if analysis.settings.get("kind") != "bench":
         return _PEOPLE
     study = analysis.provenance.get("study") or {}
-    return _GROUPS if (study.get("perturbations") or {}).get("group") else _LOADS
+    grouped = bool((study.get("perturbations") or {}).get("group"))
+    if study.get("subjects") == "people":
+        return _PEOPLE_IN_GROUPS if grouped else _PEOPLE_IN_CASES
+    return _GROUPS if grouped else _LOADS
 
 
 def report_title(analysis: StudyAnalysis) -> str:
@@ -70,6 +78,6 @@ def report_title(analysis: StudyAnalysis) -> str:
     analysis : StudyAnalysis
         Its analysis.
     """
-    if subjects(analysis).bench:
+    if subjects(analysis).loads:
         return "Impedance of loads on the bench"
     return f"Impedance of the {analysis.settings.get('joint', 'joint')}"

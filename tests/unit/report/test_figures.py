@@ -3,6 +3,7 @@ import time
 import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from itertools import pairwise
 
 import matplotlib
 import numpy as np
@@ -12,11 +13,15 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.events import PulseRecord
 from jointz.report import figures
-from jointz.report.budget_figure import draw_budget, mean_shares
+from jointz.report.budget_figure import _LOOKS, _OTHERS, draw_budget, mean_shares
 from jointz.report.event_figures import draw_onset_accuracy
-from jointz.report.figures import draw_figures
-from jointz.report.impedance_figures import draw_impedance_over_gait, timing_points
-from jointz.report.method_figures import draw_methods, draw_truth
+from jointz.report.figures import FIGURES, draw_figure, draw_figures, draw_picture, to_picture
+from jointz.report.impedance_figures import (
+    draw_impedance_column,
+    draw_impedance_over_gait,
+    timing_points,
+)
+from jointz.report.method_figures import _method_looks, draw_methods, draw_truth, truth_figure
 from jointz.report.response_figures import draw_responses
 from jointz.report.style import figure_style, new_figure, to_svg
 
@@ -38,14 +43,16 @@ def panel(figure, heading):
 def test_a_walking_study_has_every_figure(drawn):
     assert list(drawn) == [
         "impedance_over_gait", "responses", "methods", "onset_accuracy", "strides",
+        "impedance_column",
     ]  # fmt: skip
 
 
 def test_every_figure_is_well_formed_svg_without_outside_references(drawn):
-    for svg in drawn.values():
+    for name, svg in drawn.items():
         root = ET.fromstring(svg)
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        assert root.attrib["width"].startswith("510.23")  # 180 mm in points
+        width_mm = float(root.attrib["width"].removesuffix("pt")) * 25.4 / 72.0
+        assert width_mm == pytest.approx(85.0 if name.endswith("_column") else 180.0, abs=0.01)
         links = [v for e in root.iter() for k, v in e.attrib.items() if k.endswith("href")]
         assert links
         assert all(link.startswith("#") for link in links)
@@ -55,6 +62,101 @@ def test_every_figure_is_well_formed_svg_without_outside_references(drawn):
 
 def test_the_same_analysis_gives_the_same_text(walking, drawn):
     assert draw_figures(walking) == drawn
+
+
+@pytest.fixture(scope="module")
+def pictures(recommended):
+    return {name: draw_picture(recommended, name) for name in ("impedance_over_gait", "budget")}
+
+
+def test_a_picture_is_the_figure_of_the_page_beside_a_pdf_of_its_size(recommended, pictures):
+    for name, picture in pictures.items():
+        assert picture.svg == draw_figure(recommended, name)
+        (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", picture.pdf)
+        assert float(box) * 25.4 / 72.0 == pytest.approx(180.0, abs=0.01)
+
+
+def test_the_pdf_is_the_same_on_every_run_and_tells_no_date(recommended, pictures):
+    assert draw_picture(recommended, "budget").pdf == pictures["budget"].pdf
+    for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator"):
+        assert word not in pictures["budget"].pdf
+
+
+def test_the_pdf_holds_its_fonts_as_truetype(pictures):
+    for picture in pictures.values():
+        assert b"/CIDFontType2" in picture.pdf
+        assert b"/FontFile2" in picture.pdf
+        assert b"/Type3" not in picture.pdf
+
+
+def test_embedding_leaves_the_subsetter_as_it_was(pictures):
+    from fontTools.subset import Options
+
+    assert "GSUB" not in Options().drop_tables
+
+
+def test_the_truth_is_a_picture_as_well(truth):
+    with figure_style():
+        picture = to_picture(truth_figure(truth))
+    assert picture.svg == draw_truth(truth)
+    assert picture.pdf.startswith(b"%PDF")
+
+
+def texts(figure):
+    from matplotlib.text import Text
+
+    return [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recommended, name):
+    with figure_style():
+        drawn = [figures._DRAWN[name](a) for a in (walking, recommended)]
+        sizes = [t.get_fontsize() for f in drawn if f is not None for t in texts(f)]
+    assert sizes
+    assert min(sizes) >= 6.0
+
+
+def test_no_text_of_the_column_runs_off_its_edge(walking, bench):
+    for analysis in (walking, bench):
+        with figure_style():
+            figure = draw_impedance_column(analysis)
+            figure.draw_without_rendering()
+            page = figure.bbox
+            boxes = [t.get_window_extent() for t in texts(figure)]
+        assert min(b.x0 for b in boxes) >= page.x0
+        assert max(b.x1 for b in boxes) <= page.x1 + 0.02 * page.width
+        assert min(b.y0 for b in boxes) >= page.y0
+
+
+def test_the_column_names_everybody_and_leaves_room_for_the_first_phase(walking):
+    with figure_style():
+        figure = draw_impedance_column(walking)
+    people = panel(figure, "Inertia")
+    assert [t.get_text() for t in people.get_xticklabels()] == [
+        *(f"S{i:02d}" for i in range(1, 11)), "mean",
+    ]  # fmt: skip
+    assert people.get_xlim() == (-0.6, 10.6)
+    cycle = panel(figure, "Stiffness per body mass")
+    assert list(cycle.get_xticks()) == [0, 20, 40, 60, 80, 100]
+    assert cycle.get_xlim()[0] < -8.0
+
+
+def grey(colour):
+    return float(np.dot(matplotlib.colors.to_rgb(colour), (0.299, 0.587, 0.114)))
+
+
+def test_methods_differ_in_their_marks_and_not_in_colour_alone():
+    looks = _method_looks(["a", "b", "c", "d", "e", "f"], "a")
+    assert len({marker for _, marker in looks.values()}) == 6
+
+
+def test_no_two_sources_of_the_budget_look_alike_in_grey():
+    looks = [(grey(colour), hatch) for _, colour, hatch in (*_LOOKS.values(), _OTHERS)]
+    for i, (one, hatch) in enumerate(looks):
+        for other, other_hatch in looks[i + 1 :]:
+            assert hatch != other_hatch or abs(one - other) > 0.07
+    assert all(a[1] != b[1] for a, b in pairwise(looks[:-1]))  # neighbours in the stack
 
 
 def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
@@ -99,7 +201,7 @@ def test_a_bench_study_has_its_groups_on_the_axis(bench):
         figure = draw_impedance_over_gait(bench)
     labels = [t.get_text() for t in figure.axes[0].get_xticklabels()]
     assert labels == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
-    assert set(draw_figures(bench)) == {"impedance_over_gait", "responses"}
+    assert set(draw_figures(bench)) == {"impedance_over_gait", "responses", "impedance_column"}
 
 
 def test_nothing_is_drawn_where_nothing_stands(failed):
@@ -109,7 +211,7 @@ def test_nothing_is_drawn_where_nothing_stands(failed):
 
 def test_one_participant_at_one_timing_point_is_drawn(walking):
     assert set(draw_figures(only_group(walking, "S01", "LRE"))) == {
-        "impedance_over_gait", "responses",
+        "impedance_over_gait", "responses", "impedance_column",
     }  # fmt: skip
 
 

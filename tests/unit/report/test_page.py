@@ -1,4 +1,6 @@
+import hashlib
 import re
+from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -7,8 +9,8 @@ import pytest
 
 from jointz.report.figures import draw_figures
 from jointz.report.method_figures import draw_truth
+from jointz.report.methods_text import methods_text
 from jointz.report.page import inline_svg, render_report
-from jointz.report.prose import methods_paragraph
 from jointz.report.subjects import report_title
 from jointz.report.wording import DASH
 
@@ -40,7 +42,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if self.open and self.open[-1] != "style":
+        if self.open and self.open[-1] not in ("style", "script"):
             self.text += data
 
 
@@ -70,8 +72,57 @@ def test_the_page_needs_nothing_from_outside(html, page):
     assert "https:" not in bare
     assert "//" not in "".join(page.links)
     assert "@import" not in html
-    assert "script" not in page.tags
     assert "link" not in page.tags
+
+
+def test_a_browser_may_run_no_script_but_the_copy_button_and_fetch_nothing(html):
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html).group(1)
+    (script,) = re.findall(r"<script>(.*?)</script>", html, flags=re.DOTALL)
+    digest = b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in policy
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy.replace("style-src 'unsafe-inline'", "")
+    assert "innerHTML" not in script
+
+
+def test_the_methods_stand_on_the_page_as_in_their_file(walking, html, page):
+    text = methods_text(walking, simulated=True)
+    assert " ".join(text.split()) in words(page)
+    assert '<button type="button" id="copy-methods" hidden>' in html  # shown where scripts run
+
+
+def test_a_study_on_people_does_not_say_that_it_is_simulated(walking, page):
+    told = "All recordings are simulated"
+    assert told in words(page)  # with a truth beside it
+    assert told not in words(Page(render_report(walking, {}, title="t")))
+
+
+def test_paper_gets_no_buttons_and_nothing_folded_or_cut(html):
+    paper = html.split("@media print", 1)[1].split("</style>", 1)[0]
+    for rule in (
+        "button { display: none; }",
+        "nav { display: none; }",
+        "::details-content { content-visibility: visible;",
+        ".scroll { overflow: visible; }",
+        "thead { display: table-header-group; }",
+    ):
+        assert rule in paper
+    assert re.search(r"figure, tr,[^{]*\{ break-inside: avoid; \}", paper)
+
+
+def test_a_dark_screen_gets_a_dark_page_and_white_figures(html):
+    dark = html.split("prefers-color-scheme: dark", 1)[1].split("\n}", 1)[0]
+    assert "--paper: #14181d" in dark
+    assert "svg.figure { background: #fff;" in dark
+
+
+def test_sizes_of_inputs_are_shown_where_they_are_known(walking, page):
+    assert "120.0 MB" in page.text
+    inputs = [
+        {k: v for k, v in i.items() if k != "size_bytes"} for i in walking.provenance["inputs"]
+    ]
+    bare = replace(walking, provenance={**walking.provenance, "inputs": inputs})
+    assert ">Size<" not in render_report(bare, {}, title="t")
 
 
 def test_ten_people_and_six_timing_points_stay_below_five_megabytes(html):
@@ -119,7 +170,7 @@ def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
 
 def test_the_methods_come_from_the_settings(walking):
     cells = tuple(replace(c, method="matched_strides") for c in walking.cells)
-    text = methods_paragraph(replace(walking, cells=cells))
+    text = methods_text(replace(walking, cells=cells))
     assert "over 100 ms from the commanded onset" in text
     assert "same low-pass filter (20 Hz)" in text
     assert "95 % intervals of each participant: percentile bootstrap" in text
@@ -138,7 +189,7 @@ def test_the_recommended_method_has_its_own_caveats_and_methods(recommended):
     assert "The fit is that of the angle." in text
     assert "Undecided is an answer." in text
     assert "Errors common to all pulses never show in them" not in text
-    paragraph = methods_paragraph(recommended)
+    paragraph = methods_text(recommended)
     assert "was predicted from the half second before its onset" in paragraph
     assert "over 100 ms from the commanded onset" in paragraph
     assert "low-pass filter" not in paragraph
@@ -173,7 +224,7 @@ def test_user_text_stays_text(bench, text):
     hostile = replace(bench, cells=cells, settings={"method": text, "study": text})
     page = Page(render_report(hostile, draw_figures(hostile), title=text))
     assert page.open == []
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 1  # our own, and no other may run
     assert page.text.count(text) >= 4
 
 
@@ -247,7 +298,7 @@ def test_a_bench_report_speaks_of_loads_and_trajectories(bench):
 
 
 def test_the_methods_of_whole_trials_are_not_those_of_pulses(bench):
-    text = methods_paragraph(bench_page(bench))
+    text = methods_text(bench_page(bench))
     assert "Whole trials were used: nothing was cut out" in text
     assert "standard deviation 40 Hz" in text
     for wrong in ("100 ms", "100 Hz", "resamples", "baseline", "knee"):
@@ -255,7 +306,7 @@ def test_the_methods_of_whole_trials_are_not_those_of_pulses(bench):
 
 
 def test_a_case_that_needed_another_method_is_told_beside_the_others(bench):
-    text = methods_paragraph(bench_page(bench, methods=("full_record", "dissertation")))
+    text = methods_text(bench_page(bench, methods=("full_record", "dissertation")))
     assert "Whole trials were used" in text
     assert "Other cases were estimated by the method “dissertation”. The torque response" in text
     assert "over 100 ms from the commanded onset" in text

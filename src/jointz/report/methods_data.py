@@ -1,0 +1,297 @@
+"""What a methods section says of people, protocol, signals and data: all of it as found."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.events import PulseRecord
+from jointz.report.citations import cite
+from jointz.report.subjects import subjects
+from jointz.report.wording import (
+    exclusion_meaning,
+    format_count,
+    format_integer,
+    format_number,
+    format_signed,
+    pretty_unit,
+)
+
+_CONDITIONS: Final[Mapping[str, str]] = {
+    "no_device": "without the device",
+    "unperturbed": "with the device and no pulses",
+    "perturbed": "with pulses",
+}
+#: Entry under ``[calibration]`` -> (in words, factor to the unit shown, unit shown).
+_CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
+    "angle_lag_s": ("lag of the angle", 1e3, "ms"),
+    "torque_lag_s": ("lag of the torque", 1e3, "ms"),
+    "torque_gain": ("gain of the torque", 1.0, ""),
+    "angle_gain": ("gain of the angle", 1.0, ""),
+    "friction_gain": ("true over stated friction of the actuator", 1.0, ""),
+    "intrinsic_stiffness": ("stiffness of the device", 1.0, "N·m/rad"),
+    "intrinsic_damping": ("damping of the device", 1.0, "N·m·s/rad"),
+    "intrinsic_inertia": ("inertia of the device", 1.0, "kg·m²"),
+    "angle_zero_rad": ("zero of the angle", float(np.degrees(1.0)), "degrees"),
+    "angle_per_torque": ("angle shown per torque", 1.0, "rad/(N·m)"),
+    "tissue_hz": ("resonance of tissue below the sensor", 1.0, "Hz"),
+}
+#: Field of ``[torque_model]`` -> (in words, unit).
+_TORQUE_MODEL: Final[Mapping[str, tuple[str, str]]] = {
+    "gear_ratio": ("gear ratio", ""),
+    "torque_constant": ("torque constant", "N·m/A"),
+    "bias": ("bias", "N·m"),
+    "viscous_friction": ("viscous friction", "N·m·s/rad"),
+    "coulomb_friction": ("Coulomb friction", "N·m"),
+    "gear_friction": ("friction of the gear", ""),
+    "rotor_inertia": ("rotor inertia", "kg·m²"),
+}
+
+
+def people_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say who was measured.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    if not people:
+        return ["No impedance was estimated: the study holds nobody and nothing with pulses."]
+    words = subjects(analysis)
+    names = ", ".join(people) if len(people) <= 3 else f"{people[0]} to {people[-1]}"
+    joint = "" if words.loads else f"the {analysis.settings.get('joint', 'joint')} of "
+    return [f"Impedance was measured of {joint}{words.counted(len(people))} ({names})."] + [
+        f"{name.capitalize()}: {_spread(values, unit)} ({len(values)} of {len(people)})."
+        for name, key, unit in (("body mass", "mass_kg", "kg"), ("body height", "height_m", "m"))
+        if not words.loads and (values := _known(analysis, people, key))
+    ]
+
+
+def protocol_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say in which conditions, and with which pulses, as they were found.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    return [*_condition_sentences(analysis), *_pulse_sentences(analysis)]
+
+
+def signal_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say how torque came about, at which rate, and what is known of the instruments.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    study = analysis.provenance.get("study") or {}
+    sentences = _torque_sentences(study)
+    if rates := sorted({r for c in analysis.cells if (r := _rate_hz(c.response)) is not None}):
+        several = f" to {rates[-1]:g}" if len(rates) > 1 else ""
+        sentences.append(f"Responses were analysed at {rates[0]:g}{several} samples a second.")
+    if analysis.settings.get("positive"):
+        sentences.append(f"Angle and torque are positive in {analysis.settings['positive']}.")
+    return [*sentences, *_calibration_sentences(analysis), *_lag_sentences(analysis)]
+
+
+def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say how many pulses and strides were left out, by code.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    sentences = []
+    for one, records in (("pulse", analysis.pulses), ("stride", analysis.strides)):
+        counts = Counter(r.code for r in records if r.code)
+        if not counts:
+            continue
+        each = "; ".join(
+            f"{format_integer(n)} {code} ({exclusion_meaning(code)})"
+            for code, n in counts.most_common()
+        )
+        total = f"{format_integer(counts.total())} of {format_count(len(records), one)}"
+        sentences.append(f"Left out were {total}: {each}.")
+    return sentences
+
+
+def _known(analysis: StudyAnalysis, people: Iterable[str], key: str) -> list[float]:
+    own = (analysis.provenance.get("study") or {}).get("participants") or ()
+    values = {str(p.get("id")): p.get(key) for p in own}
+    return [float(v) for p in people if (v := values.get(p)) is not None]
+
+
+def _spread(values: Sequence[float], unit: str) -> str:
+    """Write mean and SD, or the one value there is."""
+    mean = float(np.mean(values))
+    if len(values) < 2:
+        return f"{format_number(mean)} {unit}"
+    sd = format_number(float(np.std(values, ddof=1)), like=mean)
+    return f"{format_number(mean)} ± {sd} {unit}, mean ± SD"
+
+
+def _condition_sentences(analysis: StudyAnalysis) -> list[str]:
+    if not analysis.strides:
+        return []
+    found = Counter(s.condition for s in analysis.strides if not s.code)
+    times: dict[str, list[float]] = {}
+    for stride in analysis.strides:
+        if not stride.code:
+            times.setdefault(stride.condition, []).append(stride.duration_s)
+    order = list(dict.fromkeys([*_CONDITIONS, *found]))
+    parts = [
+        f"{_CONDITIONS.get(name, name)}, {format_count(count, 'stride')} accepted of "
+        f"{_spread(times[name], 's')}"
+        for name, count in sorted(found.items(), key=lambda item: order.index(item[0]))
+    ]
+    return [f"Walking was recorded {'; '.join(parts)}."] if parts else []
+
+
+def _pulse_sentences(analysis: StudyAnalysis) -> list[str]:
+    pulses = analysis.pulses
+    if not pulses:
+        return []
+    angle = _perturbations(analysis).get("source") == "angle"
+    unit, one, many = (
+        ("rad", "step of the angle was", "steps of the angle were")
+        if angle
+        else ("N·m", "pulse of torque was", "pulses of torque were")
+    )
+    sizes = [abs(p.amplitude) for p in pulses if p.amplitude is not None]
+    lengths = [1e3 * p.duration_s for p in pulses if p.duration_s is not None]
+    size = f"size {_range(sizes, unit)}" if sizes else "size not recorded"
+    length = f"length {_range(lengths, 'ms')}" if lengths else "length not recorded"
+    signs = [np.sign(p.amplitude) for p in pulses if p.amplitude]
+    turned = f"; {format_integer(signs.count(1))} positive, {format_integer(signs.count(-1))} "
+    sentence = (
+        f"{format_count(len(pulses), one, many)} found ({size}, {length}"
+        f"{f'{turned}negative' if signs else ''})."
+    )
+    return [sentence, *_onset_sentences(pulses)]
+
+
+def _onset_sentences(pulses: Sequence[PulseRecord]) -> list[str]:
+    """Say at which phases pulses were due, and how far off they came."""
+    due: dict[str, float] = {}
+    off: dict[str, list[float]] = {}
+    for pulse in pulses:
+        if pulse.target_pct is not None and pulse.timing_point:
+            due.setdefault(pulse.timing_point, pulse.target_pct)
+            if pulse.measured_pct is not None:
+                error = (pulse.measured_pct - pulse.target_pct + 50.0) % 100.0 - 50.0
+                off.setdefault(pulse.timing_point, []).append(error)
+    parts = [
+        f"{name} at {due[name]:g} % ({format_signed(float(np.mean(e)), decimals=2)} ± "
+        f"{np.std(e, ddof=1) if len(e) > 1 else 0.0:.2f} %, n {len(e)})"
+        for name, e in sorted(off.items(), key=lambda item: due[item[0]])
+    ]
+    lead = "Planned onset in % of the gait cycle, and how far off it came (mean ± SD)"
+    return [f"{lead}: {', '.join(parts)}."] if parts else []
+
+
+def _perturbations(analysis: StudyAnalysis) -> Mapping[str, Any]:
+    return (analysis.provenance.get("study") or {}).get("perturbations") or {}
+
+
+def _range(values: Sequence[float], unit: str) -> str:
+    """Write the one value there is, or smallest, largest and median."""
+    low, high = min(values), max(values)
+    if format_number(low) == format_number(high):
+        return f"{format_number(low)} {unit}"
+    middle = format_number(float(np.median(values)))
+    return f"{format_number(low)} to {format_number(high)} {unit}, median {middle}"
+
+
+def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
+    """Say where torque came from; nothing where a study says nothing."""
+    channels, model = study.get("channels") or {}, study.get("torque_model")
+    if "torque" in channels:
+        made = "Torque was measured"
+    elif "current" in channels and model:
+        known = ", ".join(
+            f"{name} {model[key]:g}{f' {unit}' if unit else ''}"
+            for key, (name, unit) in _TORQUE_MODEL.items()
+            if model.get(key)
+        )
+        law = f"equation 4.1 {cite('dissertation')}; {known}"
+        made = f"Torque was computed from the current of the motor by {law},"
+    else:
+        return []
+    if study.get("torque_acts_on") == "device":
+        return [f"{made} on the device, and its sign turned to that of the torque on the joint."]
+    return [f"{made} and is the torque on the joint."]
+
+
+def _rate_hz(response: Any) -> float | None:
+    """Return the rate of a response, to a thousandth."""
+    if response is None or len(response.time_s) < 2:
+        return None
+    return round(1.0 / float(np.median(np.diff(response.time_s))), 3)
+
+
+def _calibration_sentences(analysis: StudyAnalysis) -> list[str]:
+    given = list(_calibrations(analysis))
+    parts = []
+    for key, (name, factor, unit) in _CALIBRATED.items():
+        entries = [c[key] for c in given if c.get(key)]
+        if not entries:
+            continue
+        shown = dict.fromkeys(_calibrated(e, factor, unit) for e in entries)
+        parts.append(f"{name} {' or '.join(shown)}")
+    sentences = []
+    if parts:
+        sentences.append(
+            f"Calibration, value ± SD, carried into the intervals: {'; '.join(parts)}."
+        )
+    if not any(c.get("angle_lag_s") or c.get("torque_lag_s") for c in given):
+        sentences.append("No lag between angle and torque was calibrated.")
+    return sentences
+
+
+def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
+    """Yield what is known of the instruments: of the study, its participants and recordings."""
+    study = analysis.provenance.get("study") or {}
+    yield analysis.settings.get("calibration") or study.get("calibration") or {}
+    for owner in (*(study.get("participants") or ()), *(study.get("recordings") or ())):
+        yield owner.get("calibration") or {}
+
+
+def _calibrated(entry: Mapping[str, float], factor: float, unit: str) -> str:
+    value, sd = factor * entry["value"], factor * entry["sd"]
+    like = max(abs(value), sd)
+    text = f"{format_number(value, like=like)} ± {format_number(sd, like=like)}"
+    return f"{text} {unit}" if unit else text
+
+
+def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say which lag and friction the data themselves told of."""
+    lags = [(1e3 * m.lag_s, 1e3 * m.lag_sd_s) for m in analysis.models]
+    if not lags:
+        return _nuisance_sentences(analysis)
+    each = ", ".join(
+        f"{m.participant} {lag:.1f} ± {sd:.1f}"
+        for m, (lag, sd) in zip(analysis.models, lags, strict=True)
+    )
+    return [f"The angle was found to lag the torque by, in ms ± SD: {each}."]
+
+
+def _nuisance_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say what was estimated beside the impedance of each case, where that was."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for cell in analysis.cells:
+        for p in cell.nuisance:
+            if p.value is not None:
+                key = (p.name.replace("_", " "), pretty_unit(p.unit))
+                found.setdefault(key, []).append(p.value)
+    parts = [
+        f"{name} {_range(values, unit if unit != '1' else '').strip()} (n {len(values)})"
+        for (name, unit), values in found.items()
+    ]
+    return [f"Estimated beside the impedance: {'; '.join(parts)}."] if parts else []

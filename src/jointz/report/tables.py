@@ -1,0 +1,345 @@
+"""The tables of a paper, with captions that say unit, interval, n and method."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import pandas as pd
+
+from jointz.core.analysis import PopulationEstimate, StudyAnalysis
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.report.impedance_figures import timing_points
+from jointz.report.latex import MARKS, latex_table
+from jointz.report.method_means import mean_over_people, standing
+from jointz.report.prose import interval_methods, mean_interval, pulse_counts
+from jointz.report.subjects import Subjects, subjects
+from jointz.report.wording import (
+    PARAMETERS,
+    SHARED,
+    exclusion_meaning,
+    format_count,
+    format_integer,
+    format_interval,
+    format_number,
+    format_vaf,
+    method_name,
+    parameter_label,
+    parameter_name,
+    point_name,
+    pretty_unit,
+    status_meaning,
+)
+
+#: Where no value is given; the note below a table says why.
+NO_VALUE: Final = "\N{EM DASH}"
+_NOTE: Final = "Note"
+_ABSOLUTE: Final = ("stiffness", "damping", "inertia")
+_PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table as it is printed.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows: unit, interval, n and method.
+    head : tuple of str
+        Names of the columns, with units.
+    rows : tuple of tuple of str
+        Cells as people read them.
+    notes : tuple of str
+        Below it: what dashes and limits mean.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the cells as they are printed, for a csv file, which has no notes below."""
+        rows = [[cell.rstrip(MARKS) for cell in row] for row in self.rows]
+        return pd.DataFrame(rows, columns=list(self.head))
+
+    def to_latex(self, name: str) -> str:
+        """Return the table as LaTeX.
+
+        Parameters
+        ----------
+        name : str
+            Its label, after ``tab:``.
+        """
+        # The notes below say what the column of notes does, and a page is narrow.
+        kept = [k for k, name in enumerate(self.head) if name != _NOTE]
+        return latex_table(
+            [self.head[k] for k in kept],
+            [[row[k] for k in kept] for row in self.rows],
+            caption=self.caption,
+            label=f"tab:{name}",
+            notes=self.notes,
+            wide=("Meaning",),
+        )
+
+
+def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
+    """Return the tables that an analysis has data for, by the names of their files.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    dict of str to Table
+        ``estimates``, ``estimates_per_mass``, ``population``, ``methods``, ``exclusions``.
+    """
+    makers: Mapping[str, Callable[[StudyAnalysis], Table]] = {
+        "estimates": lambda a: _estimates(a, _ABSOLUTE),
+        "estimates_per_mass": lambda a: _estimates(a, _PER_MASS),
+        "population": _population,
+        "methods": _methods,
+        "exclusions": _exclusions,
+    }
+    made = {name: make(analysis) for name, make in makers.items()}
+    return {name: table for name, table in made.items() if table.rows}
+
+
+def captions_text(tables: Mapping[str, Table]) -> str:
+    """Return captions and notes of tables as plain text: a csv file has no place for them.
+
+    Parameters
+    ----------
+    tables : mapping of str to Table
+        File's name without suffix -> table.
+    """
+    texts = [
+        f"{name}: {' '.join((t.caption, *(note.lstrip(MARKS) for note in t.notes)))}\n"
+        for name, t in tables.items()
+    ]
+    return "\n".join(texts)
+
+
+def shown(estimate: ParameterEstimate | None) -> str:
+    """Write an estimate as tables print it: a value, ``< limit``, or a dash.
+
+    Parameters
+    ----------
+    estimate : ParameterEstimate or None
+        The estimate.
+
+    Examples
+    --------
+    >>> shown(ParameterEstimate("damping", 2e-14, 0.0, 0.31, "at_bound"))
+    '< 0.310'
+    >>> shown(ParameterEstimate("damping", None, None, None, "undecided"))
+    '\u2014'
+    """
+    if estimate is None or not estimate.stands:
+        return NO_VALUE
+    if estimate.status == "at_bound":
+        limit = estimate.ci_high
+        return NO_VALUE if limit is None else f"< {format_number(limit)}"
+    return format_interval(estimate.value, estimate.ci_low, estimate.ci_high)
+
+
+def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
+    present = [n for n in names if any(c.parameter(n) for c in analysis.cells)]
+    words = subjects(analysis)
+    walking = any(c.onset_gait_pct is not None for c in analysis.cells)
+    order = {n: i for i, n in enumerate([*timing_points(analysis.cells), SHARED])}
+    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    cells = sorted(
+        (c for c in analysis.cells if any(c.parameter(n) for n in present)),
+        key=lambda c: (people.index(c.participant), order[c.timing_point]),
+    )
+    head = [words.one.capitalize(), words.point.capitalize()]
+    head += ["Onset (% of cycle)"] if walking else []
+    head += [*map(parameter_label, present), "VAF (%)", "Used", "Out", _NOTE]
+    estimates = [p for c in cells for n in present if (p := c.parameter(n)) is not None]
+    marks = _marks(estimates)
+    rows = tuple(_estimate_row(c, present, marks, walking=walking) for c in cells)
+    shows = [parameter_name(n).lower() for n in present]
+    caption = (
+        f"{', '.join(shows).capitalize()} of each {words.one} at each {words.point}: value "
+        f"[{_level(analysis)} interval]. {_made(analysis)} {_counted(analysis, words)} "
+        "VAF: variance accounted for, which is no accuracy."
+    )
+    return Table(caption, tuple(head), rows if present else (), tuple(_notes(marks)))
+
+
+def _estimate_row(
+    cell: CellEstimate, names: Sequence[str], marks: Mapping[str, str], *, walking: bool
+) -> tuple[str, ...]:
+    onset = "" if cell.onset_gait_pct is None else f"{cell.onset_gait_pct:.1f}"
+    own = [(n, p) for n in names if (p := cell.parameter(n)) is not None]
+    # The row of a shared value has no other parameters: those are blank, not undecided.
+    held = [cell.parameter(n) for n in names]
+    texts = ["" if p is None else f"{shown(p)}{marks.get(p.status, '')}" for p in held]
+    return (
+        cell.participant,
+        point_name(cell.timing_point),
+        *((onset,) if walking else ()),
+        *texts,
+        "" if cell.vaf_pct is None else format_vaf(cell.vaf_pct),
+        format_integer(cell.n_used),
+        format_integer(cell.n_excluded),
+        _why(own),
+    )
+
+
+def _why(own: Sequence[tuple[str, ParameterEstimate]]) -> str:
+    """Say which parameters of a row have no value, and why."""
+    by_status: dict[str, list[str]] = {}
+    for name, estimate in own:
+        if estimate.status != "ok":
+            by_status.setdefault(estimate.status, []).append(PARAMETERS[name][1])
+    return "; ".join(
+        f"{', '.join(symbols)} {_status_word(status)}" for status, symbols in by_status.items()
+    )
+
+
+def _status_word(status: str) -> str:
+    return "upper limit" if status == "at_bound" else status.replace("failed:", "failed: ")
+
+
+def _marks(estimates: Iterable[ParameterEstimate]) -> dict[str, str]:
+    """Give every status that is not ok a mark; those beyond the last share it."""
+    found = dict.fromkeys(p.status for p in estimates if p.status != "ok")
+    return {status: MARKS[min(k, len(MARKS) - 1)] for k, status in enumerate(found)}
+
+
+def _notes(marks: Mapping[str, str]) -> list[str]:
+    """Explain every status that has a mark."""
+    return [
+        f"{mark}{'<' if status == 'at_bound' else NO_VALUE} ({_status_word(status)}): "
+        f"{status_meaning(status)}."
+        for status, mark in marks.items()
+    ]
+
+
+def _population(analysis: StudyAnalysis) -> Table:
+    held = [m for m in analysis.population if m.n_participants > 1]
+    order = [*timing_points(analysis.cells), SHARED]
+    kept = [m for m in held if m.timing_point in order and m.parameter in PARAMETERS]
+    names = list(PARAMETERS)
+    kept.sort(key=lambda m: (names.index(m.parameter), order.index(m.timing_point)))
+    caption = (
+        f"Means over participants: mean [{_level(analysis)} interval], standard deviation between "
+        f"participants (SD) and number of participants (n). Interval: "
+        f"{mean_interval(analysis)}. {_method_of(m.method for m in kept)} "
+        f"{_symbols(m.parameter for m in kept)}"
+    )
+    head = ("Parameter", "Unit", "Timing point", "Mean [interval]", "SD", "n", _NOTE)
+    return Table(caption, head, tuple(map(_mean_row, kept)))
+
+
+def _mean_row(mean: PopulationEstimate) -> tuple[str, ...]:
+    text = format_interval(mean.value, mean.ci_low, mean.ci_high)
+    return (
+        PARAMETERS[mean.parameter][1],
+        pretty_unit(mean.unit),
+        point_name(mean.timing_point),
+        NO_VALUE if mean.value is None else text,
+        "" if mean.sd is None else format_number(mean.sd, like=mean.value),
+        format_integer(mean.n_participants),
+        "" if mean.status == "ok" else status_meaning(mean.status),
+    )
+
+
+def _methods(analysis: StudyAnalysis) -> Table:
+    """Set the methods side by side; not over unlike loads, whose means mean nothing."""
+    words = subjects(analysis)
+    people = {c.participant for c in analysis.cells}
+    by_method: dict[str, list[CellEstimate]] = {}
+    for cell in (*analysis.cells, *analysis.comparison):
+        by_method.setdefault(cell.method, []).append(cell)
+    caption = (
+        f"Methods compared on the same pulses: mean over {words.many} whose estimate stands "
+        f"[{_level(analysis)} Student interval over {words.many}, or the {words.one}'s own where "
+        f"there is one] (n). An estimate at its bound counts with the value of the bound. Chosen: "
+        f"{method_name(analysis.cells[0].method) if analysis.cells else NO_VALUE}. "
+        f"{_symbols(p.name for c in analysis.cells for p in c.parameters)}"
+    )
+    head = ("Parameter", "Unit", words.point.capitalize(), *map(method_name, by_method))
+    if not analysis.comparison or (words.loads and len(people) > 1):
+        return Table(caption, head, ())
+    points = [*timing_points(analysis.cells), SHARED]
+    rows = []
+    for parameter in PARAMETERS:
+        for point in points:
+            found = [standing(cells, parameter, point) for cells in by_method.values()]
+            if any(found):
+                unit = pretty_unit(PARAMETER_UNITS[parameter])
+                texts = (_mean_text(estimates) for estimates in found)
+                rows.append((PARAMETERS[parameter][1], unit, point_name(point), *texts))
+    note = f"{NO_VALUE}: no estimate stands."
+    return Table(caption, head, tuple(rows), (note,))
+
+
+def _mean_text(estimates: Sequence[ParameterEstimate]) -> str:
+    if not estimates:
+        return NO_VALUE
+    value, low, high = mean_over_people(estimates)
+    ends = (None, None) if low != low or high != high else (low, high)  # NaN: no interval
+    return f"{format_interval(value, *ends)} ({len(estimates)})"
+
+
+def _exclusions(analysis: StudyAnalysis) -> Table:
+    words = subjects(analysis)
+    frame = analysis.excluded_frame()
+    counts = Counter(zip(frame["kind"], frame["code"], strict=True))
+    people = frame.groupby(["kind", "code"])["participant"].nunique()
+    totals = {"pulse": len(analysis.pulses), "stride": len(analysis.strides)}
+    rows = tuple(
+        (
+            kind,
+            code,
+            exclusion_meaning(code),
+            format_integer(count),
+            format_integer(totals[kind]),
+            format_integer(int(people[kind, code])),
+        )
+        for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1], i[0][1]))
+    )
+    caption = (
+        f"Pulses and strides left out of the analysis, by code: number, of how many found, and "
+        f"{words.many} concerned. No other data were left out by the program."
+    )
+    head = ("What", "Code", "Meaning", "Left out", "Found", words.many.capitalize())
+    return Table(caption, head, rows)
+
+
+def _symbols(parameters: Iterable[str]) -> str:
+    """Say what each symbol stands for."""
+    present = set(parameters)
+    named = [f"{s}: {text.lower()}" for n, (text, s) in PARAMETERS.items() if n in present]
+    return f"{'; '.join(named)}." if named else ""
+
+
+def _level(analysis: StudyAnalysis) -> str:
+    return f"{100 * analysis.settings.get('ci_level', 0.95):g} %"
+
+
+def _made(analysis: StudyAnalysis) -> str:
+    made = "; ".join(interval_methods(analysis))
+    interval = f"Interval: {made}. " if made else ""
+    return f"{interval}{_method_of(c.method for c in analysis.cells)}"
+
+
+def _method_of(methods: Iterable[str]) -> str:
+    names = " and ".join(dict.fromkeys(method_name(m) for m in methods if m))
+    return f"Method: {names}." if names else ""
+
+
+def _counted(analysis: StudyAnalysis, words: Subjects) -> str:
+    used, left_out = pulse_counts(analysis)
+    people = len({c.participant for c in analysis.cells})
+    return (
+        f"n: {words.counted(people)}, {format_count(used, 'pulse')} used and "
+        f"{format_integer(left_out)} left out."
+    )

@@ -1,0 +1,208 @@
+"""The methods section: every number is one of the settings, the study or the data."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointz.core.analysis import StudyAnalysis
+from jointz.core.events import PulseRecord
+from jointz.report.citations import CITATIONS, cite, cited
+from jointz.report.methods_text import methods_latex, methods_paragraphs, methods_text
+from jointz.report.prose import pulse_counts
+from jointz.report.wording import MINUS
+
+CALIBRATION = {
+    "torque_gain": {"value": 1.0, "sd": 0.02},
+    "angle_lag_s": {"value": 0.0065, "sd": 5e-4},
+}
+STUDY = {
+    "torque_acts_on": "device",
+    "channels": {"angle": {"column": "knee"}, "torque": {"column": "tau"}},
+    "participants": [
+        {"id": "S01", "mass_kg": 60.0, "height_m": 1.7, "calibration": CALIBRATION},
+        {"id": "S02", "mass_kg": 80.0},
+        {"id": "S03"},
+    ],
+}  # fmt: skip
+
+
+def with_study(analysis, **changes):
+    study = {**STUDY, **changes}
+    return replace(analysis, provenance={**analysis.provenance, "study": study})
+
+
+def pulse(amplitude=17.0, duration_s=0.25, code="", **more):
+    return PulseRecord("S01", "a.csv", 1.0, duration_s, amplitude, "LRE", 7.0, 7.5, code, **more)
+
+
+def test_people_are_those_of_the_study_with_what_is_known_of_them(recommended):
+    text = methods_text(with_study(recommended))
+    mean, sd = np.mean([60.0, 80.0]), np.std([60.0, 80.0], ddof=1)
+    assert "of the knee of 3 participants (S01, S02, S03)." in text
+    assert f"Body mass: {mean:.1f} ± {sd:.1f} kg, mean ± SD (2 of 3)." in text
+    assert "Body height: 1.70 m (1 of 3)." in text
+
+
+def test_what_a_study_does_not_hold_is_not_written(recommended):
+    text = methods_text(replace(recommended, provenance={}))
+    for unknown in ("Body mass", "Torque was", "Software", "SHA-256", "None", "nan"):
+        assert unknown not in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "Torque was measured on the device, and its sign turned"),
+        ({"torque_acts_on": "joint"}, "Torque was measured and is the torque on the joint."),
+        (
+            {
+                "channels": {"current": {}},
+                "torque_model": {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0},
+            },
+            "from the current of the motor by equation 4.1 (dissertation, 4.2); gear ratio 9, "
+            "torque constant 0.11 N·m/A, on the device",
+        ),
+    ],
+)
+def test_the_path_of_the_torque_is_that_of_the_study(recommended, changes, said):
+    assert said in methods_text(with_study(recommended, **changes))
+
+
+def test_a_calibration_is_given_with_its_sd_and_its_absence_is_told(recommended):
+    known = methods_text(with_study(recommended))
+    assert "gain of the torque 1.00 ± 0.02" in known
+    assert "lag of the angle 6.50 ± 0.50 ms" in known
+    assert "No lag between angle and torque was calibrated." not in known
+    unknown = methods_text(with_study(recommended, participants=[]))
+    assert "No lag between angle and torque was calibrated." in unknown
+
+
+def test_the_lag_found_is_that_of_each_participants_model(recommended):
+    each = ", ".join(
+        f"{m.participant} {1e3 * m.lag_s:.1f} ± {1e3 * m.lag_sd_s:.1f}" for m in recommended.models
+    )
+    assert f"in ms ± SD: {each}." in methods_text(recommended)
+
+
+def test_pulses_are_as_they_were_found(recommended):
+    one_size = methods_text(replace(recommended, pulses=(pulse(), pulse(-17.0))))
+    assert (
+        "2 pulses of torque were found (size 17.0 N·m, length 250 ms; 1 positive, 1 negative)."
+        in one_size
+    )
+    mixed = (pulse(10.0, 0.1), pulse(17.0, None), pulse(None, 0.25))
+    text = methods_text(replace(recommended, pulses=mixed))
+    assert "size 10.0 to 17.0 N·m, median 13.5, length 100 to 250 ms, median 175" in text
+    unknown = methods_text(replace(recommended, pulses=(pulse(None, None),)))
+    assert "size not recorded, length not recorded" in unknown
+
+
+def test_steps_of_the_angle_are_not_called_pulses_of_torque(recommended):
+    angle = with_study(recommended, perturbations={"source": "angle"})
+    text = methods_text(replace(angle, pulses=(pulse(0.1),)))
+    assert "1 step of the angle was found (size 0.100 rad" in text
+
+
+def test_onsets_are_off_on_the_circle(recommended):
+    pulses = tuple(
+        PulseRecord("S01", "a.csv", 1.0, 0.25, 17.0, "ICO", 1.0, pct) for pct in (99.0, 2.0)
+    )
+    text = methods_text(replace(recommended, pulses=pulses))
+    assert f"ICO at 1 % ({MINUS}0.50 ± 2.12 %, n 2)." in text
+
+
+def test_strides_and_pulses_left_out_are_counted_by_code(walking):
+    text = methods_text(walking)
+    codes = [p.code for p in walking.pulses if p.code]
+    assert f"Left out were {len(codes)} of 3\N{NARROW NO-BREAK SPACE}000 pulses:" in text
+    for code in set(codes):
+        assert f"{codes.count(code)} {code} (" in text
+    strides = [s.code for s in walking.strides if s.code]
+    assert f"{strides.count('missing_strike')} missing_strike (no heel strike" in text
+
+
+def test_the_counts_of_pulses_and_estimates_are_those_of_the_results(walking):
+    text = methods_text(walking).replace("\N{NARROW NO-BREAK SPACE}", "")
+    used, left_out = pulse_counts(walking)
+    assert f"Of {used + left_out} pulses, {used} were used." in text
+    statuses = [p.status for c in walking.cells for p in c.parameters]
+    assert f"Of {len(statuses)} estimates, {statuses.count('ok')} ok;" in text
+    assert f"{statuses.count('undecided')} undecided (the data do not decide" in text
+    assert f"{statuses.count('at_bound')} at_bound (" in text
+
+
+def test_conditions_and_stride_times_are_those_accepted(walking):
+    accepted = [
+        s.duration_s for s in walking.strides if s.condition == "unperturbed" and not s.code
+    ]
+    text = methods_text(walking)
+    assert (
+        f"with the device and no pulses, {len(accepted)} strides accepted of "
+        f"{np.mean(accepted):.2f} ± {np.std(accepted, ddof=1):.2f} s" in text
+    )
+
+
+def test_the_rate_is_that_of_the_responses(recommended):
+    assert "Responses were analysed at 1000 samples a second." in methods_text(recommended)
+
+
+def test_software_versions_seed_and_hash_are_those_of_the_provenance(walking):
+    text = methods_text(walking)
+    assert "Software: jointz 0.1.0, Python 3.11.9, numpy 2.4.0, scipy 1.17.0, seed 1." in text
+    assert f"SHA-256 {walking.provenance['study_sha256'][:12]}…" in text
+
+
+def test_what_is_cited_is_listed_and_nothing_else(recommended, walking, bench):
+    for analysis in (recommended, walking, bench):
+        whole = methods_text(analysis)
+        body, _, listed = whole.partition("\nReferences\n")
+        for key, entry in CITATIONS.items():
+            assert (entry.full in listed) == (cite(key) in body)
+    assert CITATIONS["dissertation"].full in methods_text(recommended)
+    assert cited(["nothing"]) == []
+
+
+@pytest.mark.parametrize("method", ["output_error", "errors_in_variables", "weak_form"])
+def test_a_method_that_filters_nothing_does_not_say_that_it_does(walking, method):
+    cells = tuple(replace(c, method=method) for c in walking.cells)
+    text = methods_text(replace(walking, cells=cells))
+    assert "passed the same low-pass filter" not in text
+    assert "were fitted as sampled" in text
+
+
+@pytest.mark.parametrize("method", ["recommended", "dissertation", "output_error", "full_record"])
+@pytest.mark.parametrize("window_s", [0.1, None])
+def test_sentences_have_one_comma_and_one_stop(walking, method, window_s):
+    cells = tuple(replace(c, method=method) for c in walking.cells)
+    settings = {**walking.settings, "window_s": window_s, "method": method}
+    text = methods_text(replace(walking, cells=cells, settings=settings))
+    for slip in (",,", ", ,", ", .", ",.", "  ", " ,", "..", "None"):
+        assert slip not in text
+    assert ("over 100 ms" in text) == (window_s is not None and method != "full_record")
+
+
+def test_every_method_says_how_it_fits():
+    from jointz.identify.methods.cells import METHODS
+    from jointz.report.methods_fit import _FITS, FULL_RECORD, RECOMMENDED
+
+    assert set(METHODS) - set(_FITS) <= {RECOMMENDED, FULL_RECORD}
+
+
+def test_simulated_recordings_are_called_so_first(walking):
+    assert methods_paragraphs(walking, simulated=True)[0].startswith("All recordings are simulated")
+
+
+def test_latex_holds_the_same_words_and_no_bare_special_characters(walking):
+    tex = methods_latex(walking)
+    assert not re.search(r"(?<!\\)[%&#_]", tex)
+    assert tex.count("$") % 2 == 0
+    assert r"95 \% intervals of each participant" in tex
+    assert r"\paragraph{References}" in tex
+    assert tex.isascii()
+
+
+def test_a_study_of_nobody_has_a_text():
+    text = methods_text(StudyAnalysis(cells=()))
+    assert "No impedance was estimated" in text
