@@ -8,7 +8,7 @@ def shortest_record(*, order: int = 4) -> int:
     """Return how many samples :func:`lowpass_zero_phase` needs at least.
 
     Both ends are extended by ``3 * (order + 1)`` reflected samples, as scipy
-    and MATLAB do, and a record must be longer than its extension.
+    does (MATLAB: ``3 * order``), and a record must be longer than its extension.
 
     Parameters
     ----------
