@@ -1,0 +1,100 @@
+"""
+Analyse csv files as they are
+=============================
+
+Degrees, a comma as decimal, semicolons, header lines, the torque of the device: nothing has to be
+exported again. A ``study.toml`` beside the files says what the columns are.
+"""
+
+from pathlib import Path
+from tempfile import mkdtemp
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+import jointz
+from jointz.core.errors import StudyError
+from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
+from jointz.sim.people import draw_person
+from jointz.sim.presets import preset
+from jointz.sim.rig import SimulatedRig
+
+# %%
+# Two recordings as a lab has them. The torque is what the joint does to the device, so its sign
+# is the other way round.
+
+folder = Path(mkdtemp())
+rig = SimulatedRig(draw_person(0, seed=5), preset("nominal"), grid=QUICK_GRID)
+motor = rig.preset.actuator
+for name, pulses in (("normal", 0), ("pulses", 8)):
+    walk = walk_directly(rig, name, plan=WalkPlan(per_point=pulses, warm_up_strides=50))
+    torque = motor.gear_ratio * motor.torque_constant * walk.channels["current"]
+    table = pd.DataFrame(
+        {
+            "Zeit": walk.time_s,
+            "Knie [Grad]": np.degrees(walk.channels["angle"]),
+            "Moment": -torque,
+            "Soll": walk.channels["command"],
+            "Ferse": walk.channels["contact"],
+        }
+    )
+    head = f"Labor 3\nProband S01\nBedingung {name}\n"
+    text = table.to_csv(sep=";", decimal=",", index=False, float_format="%.6g")
+    (folder / f"S01_{name}.csv").write_text(head + text, encoding="utf-8")
+print((folder / "S01_pulses.csv").read_text(encoding="utf-8")[:160])
+
+# %%
+# The study file, with a slip: the third column is called something else.
+
+study_toml = """
+jointz = 1
+joint = "knee"
+kind = "walking"
+positive = "flexion"
+torque_acts_on = "device"
+files = { delimiter = ";", decimal = ",", skip_rows = 3 }
+channels.time = { column = "Zeit", unit = "s" }
+channels.angle = { column = "Knie [Grad]", unit = "deg" }
+channels.torque = { column = "Drehmoment", unit = "N*m" }
+channels.command = { column = "Soll", unit = "N*m" }
+channels.contact = { column = "Ferse" }
+
+[[participants]]
+id = "S01"
+mass_kg = 71.0
+
+[[recordings]]
+participant = "S01"
+condition = "unperturbed"
+file = "S01_normal.csv"
+
+[[recordings]]
+participant = "S01"
+condition = "perturbed"
+file = "S01_pulses.csv"
+"""
+(folder / "study.toml").write_text(study_toml, encoding="utf-8")
+try:
+    jointz.open_study(folder)
+except StudyError as problem:
+    print(problem)
+
+# %%
+# The message names file, key and what there is. Corrected:
+
+(folder / "study.toml").write_text(study_toml.replace("Drehmoment", "Moment"), encoding="utf-8")
+analysis = jointz.analyze(folder, resamples=100)
+print(analysis.summary())
+
+# %%
+rows = analysis.to_frame().query("parameter == 'stiffness'").reset_index(drop=True)
+figure, axes = plt.subplots()
+reach = [rows["value"] - rows["ci_low"], rows["ci_high"] - rows["value"]]
+axes.errorbar(rows.index, rows["value"], reach, fmt="o")
+axes.set_xticks(rows.index, rows["timing_point"])
+axes.set_ylabel("Stiffness (N*m/rad)")
+
+# %%
+# The same table and figure as from any other format. Pulses were read off the commanded torque,
+# heel strikes off the switch.

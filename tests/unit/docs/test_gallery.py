@@ -1,0 +1,180 @@
+"""The gallery, the traps and the reference: what is public is described, and shown at work."""
+
+import ast
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import jointz
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+GALLERY = sorted((ROOT / "examples" / "gallery").glob("*.py"))
+TRAPS = sorted((ROOT / "examples" / "traps").glob("*.py"))
+SCRIPTS = [*GALLERY, *TRAPS]
+REFERENCE = (DOCS / "reference.md").read_text(encoding="utf-8")
+#: Sections whose classes are met by what returns or raises them, not by their names.
+MET_OTHERWISE = ("Results", "Errors")
+_FENCE = re.compile(r"^```python[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def sections() -> dict[str, list[str]]:
+    """Return heading of the reference -> full names under it."""
+    found = {}
+    for part in REFERENCE.split("\n## ")[1:]:
+        heading, _, body = part.partition("\n")
+        blocks = re.findall(r"autosummary::\n(.*?)^```", body, re.DOTALL | re.MULTILINE)
+        names = [line.strip() for block in blocks for line in block.splitlines()]
+        found[heading] = [f"jointz.{n}" for n in names if n and not n.startswith(":")]
+    return found
+
+
+SECTIONS = sections()
+LISTED = [name for names in SECTIONS.values() for name in names]
+
+
+def resolved(name: str) -> Any:
+    module, _, own = name.rpartition(".")
+    return getattr(importlib.import_module(module), own)
+
+
+def is_callable_of_ours(thing: Any) -> bool:
+    return inspect.isclass(thing) or inspect.isfunction(thing)
+
+
+def sources() -> Iterator[str]:
+    """Yield every script, and every Python block of the how-to and explanation pages."""
+    for script in SCRIPTS:
+        yield script.read_text(encoding="utf-8")
+    for page in (ROOT / "README.md", *sorted(DOCS.glob("*.md"))):
+        yield from _FENCE.findall(page.read_text(encoding="utf-8"))
+
+
+def dotted(node: ast.AST) -> str:
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def used_in(source: str) -> set[str]:
+    """Return the full names of what a source uses of jointz."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("jointz"):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Attribute) and dotted(node).startswith("jointz."):
+            names.add(dotted(node))
+    return names
+
+
+USED = {name for source in sources() for name in used_in(source)}
+
+
+def public_names() -> list[str]:
+    rooms = {"jointz": jointz}
+    rooms |= {f"jointz.{n}": importlib.import_module(f"jointz.{n}") for n in ("stats", "testing")}
+    return [
+        f"{room}.{name}"
+        for room, module in rooms.items()
+        for name in module.__all__
+        if not inspect.ismodule(getattr(module, name)) and not name.startswith("__")
+    ]
+
+
+def same(name: str) -> set[str]:
+    """Return the names in the reference of the same thing."""
+    thing = resolved(name)
+    return {other for other in LISTED if resolved(other) is thing}
+
+
+# --- reference --------------------------------------------------------------------------------
+
+
+def test_the_reference_lists_each_thing_once():
+    assert len(LISTED) > 60
+    assert len(set(LISTED)) == len(LISTED)
+
+
+@pytest.mark.parametrize("name", LISTED)
+def test_what_the_reference_lists_is_there_and_documented(name):
+    thing = resolved(name)
+
+    if is_callable_of_ours(thing):
+        assert len(inspect.getdoc(thing) or "") > 10
+
+
+@pytest.mark.parametrize("name", public_names())
+def test_every_public_name_stands_in_the_reference_and_in_an_example(name):
+    assert name in LISTED, "add it to docs/reference.md"
+    assert name in USED, "use it in examples/gallery or in a Python block of a page"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [n for heading, names in SECTIONS.items() if heading not in MET_OTHERWISE for n in names],
+)
+def test_whatever_is_in_the_reference_is_shown_at_work(name):
+    assert {name} & USED or any(resolved(used) is resolved(name) for used in USED)
+
+
+@pytest.mark.parametrize("name", sorted(USED))
+def test_what_examples_import_is_in_the_reference(name):
+    thing = resolved(name)
+
+    assert not is_callable_of_ours(thing) or same(name), "add it to docs/reference.md"
+
+
+# --- scripts ----------------------------------------------------------------------------------
+
+
+def test_there_are_at_least_twenty_examples():
+    assert len(GALLERY) >= 20
+
+
+def test_every_example_has_its_place_in_the_order():
+    text = (DOCS / "gallery_figures.py").read_text(encoding="utf-8")
+    ordered = ast.literal_eval(text.split("ORDER = ", 1)[1].split("\n)\n", 1)[0] + "\n)")
+
+    assert sorted(ordered) == [script.stem for script in GALLERY]
+
+
+def test_every_trap_has_its_page():
+    numbers = [int(script.name.split("_")[1]) for script in TRAPS]
+    titles = [ast.get_docstring(ast.parse(s.read_text())).splitlines()[0] for s in TRAPS]
+
+    assert numbers == list(range(1, 16))
+    assert [title.split(":")[0] for title in titles] == [f"Trap {n}" for n in numbers]
+
+
+def test_titles_are_told_apart():
+    titles = [ast.get_docstring(ast.parse(s.read_text())).splitlines()[0] for s in SCRIPTS]
+
+    assert len(set(titles)) == len(titles)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=[s.stem for s in SCRIPTS])
+def test_a_script_has_a_title_a_figure_and_says_what_one_sees(script):
+    source = script.read_text(encoding="utf-8")
+    title, rule, *_ = ast.get_docstring(ast.parse(source), clean=False).strip().splitlines()
+    last = source.rstrip().rsplit("# %%\n", 1)[1]
+
+    assert set(rule) == {"="}
+    assert len(rule) >= len(title)
+    assert "plot(" in source or "subplots(" in source
+    assert all(line.startswith("#") for line in last.splitlines())
+    assert last.count(".") >= 1
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=[s.stem for s in SCRIPTS])
+def test_a_script_needs_nobody_s_machine_and_no_private_name(script):
+    source = script.read_text(encoding="utf-8")
+
+    assert re.findall(r"(?<![\w.])/(?:work|tmp|root|home)\b", source) == []
+    assert re.findall(r"https?://", source) == []
+    private = [n for n in used_in(source) if any(p.startswith("_") for p in n.split("."))]
+    assert private == []
