@@ -42,7 +42,9 @@ def test_pulses_on_a_moving_ankle_rise_in_stiffness_with_dorsiflexion(analyze_ex
     assert stiffness["vaf_pct"].median() > 96
 
 
-def test_treadmill_walking_gives_strides_and_no_impedance(analyze_example, real_data):
+def test_treadmill_walking_gives_strides_and_quasi_stiffness_but_no_impedance(
+    analyze_example, real_data
+):
     outcome, out = analyze_example("treadmill_strides")
 
     assert outcome.code == 1
@@ -56,6 +58,12 @@ def test_treadmill_walking_gives_strides_and_no_impedance(analyze_example, real_
     events = pd.read_csv(real_data / "moore2015_walk" / "UnpertPre__event.csv")
     np.testing.assert_allclose(strikes, events["rhs"].dropna(), rtol=0, atol=0.020)
     assert set(pd.read_csv(out / "estimates.csv")["status"]) == {"failed:no_perturbed_recording"}
+    # A knee that is loaded bends under an extension moment: the slope of mid-stance is positive,
+    # here 2.6 N*m/rad/kg, where Winter's mean curve has 3.8.
+    quasi = pd.read_csv(out / "quasi_stiffness.csv").set_index(["timing_point", "measure"])
+    assert set(quasi["n_strides"]) == {42}
+    assert quasi.loc[("MST", "slope"), "value"] == pytest.approx(203, abs=5)
+    assert quasi.loc[("TST", "slope"), "doubts"] == "angle_turns"
 
 
 def test_the_resting_ankle_through_the_command_of_the_issue(jointz, real_data):

@@ -40,7 +40,7 @@ class Signal:
         ValueError
             When it is not one column of float64 or of str objects.
         """
-        if self.values.ndim != 1 or self.values.dtype.kind not in "fO":
+        if self.values.ndim != 1 or self.values.dtype.kind not in ("f", "O"):
             message = f"signal '{self.name}': expected one column of float64 or of str objects"
             raise ValueError(message)
 

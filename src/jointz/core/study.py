@@ -265,11 +265,15 @@ class FilesSpec(_Model):
 
 
 class StudySpec(_Model):
-    """The whole of a ``study.toml``, schema version 1."""
+    """The whole of a ``study.toml``, schema version 1.
+
+    ``subjects`` tells people from loads where a bench measured: a load is no sample of anything.
+    """
 
     jointz: SchemaVersion
     joint: str = Field(min_length=1)
     kind: Literal["walking", "bench"]
+    subjects: Literal["people", "loads"] | None = None
     positive: Direction = "flexion"
     torque_acts_on: Literal["joint", "device"] = "joint"
     sample_rate_hz: float | None = Field(default=None, gt=0)
@@ -281,6 +285,22 @@ class StudySpec(_Model):
     calibration: CalibrationSpec = CalibrationSpec()
     torque_model: TorqueModelSpec | None = None
     device: DeviceSpec | None = None
+
+    @model_validator(mode="after")
+    def _loads_do_not_walk(self) -> "StudySpec":
+        if self.kind == "walking" and self.subjects == "loads":
+            raise ValueError('subjects: "loads" do not walk; expected "people", or kind "bench"')
+        return self
+
+    @property
+    def of_people(self) -> bool:
+        """Whether those measured are people, over whom means mean something."""
+        return self.kind == "walking" or self.subjects == "people"
+
+    @property
+    def moments_only(self) -> bool:
+        """Whether people walked and nobody wore a device: torque is then the joint's moment."""
+        return self.kind == "walking" and all(r.condition == "no_device" for r in self.recordings)
 
     def participant(self, participant_id: str) -> ParticipantSpec:
         """Return the participant with this id.

@@ -12,6 +12,7 @@ from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.bench_cells import FullRecordEstimator
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS
+from jointz.identify.over_cycle.stride_curves import StrideCurves, stride_curves
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -40,6 +41,8 @@ class ParticipantResult:
         What the recommended method found about joint and sensor.
     evidence : Evidence or None
         What it explained, and by what.
+    curves : tuple of StrideCurves
+        Strides of somebody who was never perturbed, where a moment was recorded.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -49,6 +52,7 @@ class ParticipantResult:
     gaps: tuple[GapRecord, ...]
     model: ParticipantModel | None = None
     evidence: Evidence | None = None
+    curves: tuple[StrideCurves, ...] = ()
 
 
 def analyze_participant(
@@ -102,6 +106,7 @@ def analyze_participant(
         gaps=tuple(_gap_records(participant, sources)),
         model=model,
         evidence=evidence,
+        curves=stride_curves(participant, sources) if settings.walking else (),
     )
 
 

@@ -113,7 +113,7 @@ def quasi_stiffness(
         settings={
             "window_pct": window_pct,
             "step_pct": STEP_PCT,
-            "jointz": provenance.software()["jointz"],
+            "jointz": provenance.own_version(),
         },
         notes=("a secant changes with the zero of the angle; a slope does not",),
     )

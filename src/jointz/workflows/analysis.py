@@ -232,7 +232,7 @@ def _assembled(
     return StudyAnalysis(
         cells=tuple(cells),
         comparison=tuple(comparison),
-        population=population_means(cells) if study.spec.kind == "walking" else (),
+        population=population_means(cells) if study.spec.of_people else (),
         pulses=pulses,
         strides=strides,
         gaps=gaps,

@@ -10,6 +10,7 @@ from jointz.core.analysis import NO_MEANS_ON_A_BENCH
 from jointz.core.codes import Doubt, Failure
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.participant_model import ParticipantModel
 from jointz.core.study import Study
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
@@ -19,6 +20,7 @@ from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
 from jointz.workflows.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
+from jointz.workflows.quasi_stiffness_rows import quasi_stiffness_rows
 
 #: So many names are told; the tables hold the others.
 _TOLD = 3
@@ -55,6 +57,7 @@ def study_statistics(
         "vaf": vaf_summary(cells),
         **_nuisance(cells),
         **_pulse_effects(single),
+        **_quasi_stiffness(study, results),
         "notes": [
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
@@ -66,6 +69,7 @@ def study_statistics(
             *_mean_notes(study),
             *_side_notes(study, pulses),
             *_pulse_notes(study, pulses),
+            *_quasi_stiffness_notes(results),
         ],
     }
 
@@ -87,6 +91,13 @@ def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
         for p in cell.nuisance
     ]
     return {"nuisance": rows} if rows else {}
+
+
+def _quasi_stiffness(study: Study, results: Collection[ParticipantResult]) -> dict[str, Any]:
+    """Return the quasi-stiffness of those who were never perturbed, where there are any."""
+    points = study.spec.perturbations.timing_points or TIMING_POINTS
+    rows = quasi_stiffness_rows([c for r in results for c in r.curves], points)
+    return {"quasi_stiffness": rows} if rows else {}
 
 
 def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
@@ -236,7 +247,7 @@ def _single_notes(cells: Sequence[CellEstimate], single: Sequence[PulseEstimate]
 
 def _mean_notes(study: Study) -> list[str]:
     """Say why a bench with several loads has no means."""
-    loads = study.spec.kind == "bench" and len(study.spec.participants) > 1
+    loads = not study.spec.of_people and len(study.spec.participants) > 1
     return [NO_MEANS_ON_A_BENCH] if loads else []
 
 
@@ -265,6 +276,18 @@ def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
     return [
         "no recording holds a pulse, which analyze needs. Torque models, the bandwidth of a torque "
         "loop and a load in noise are estimated from single recordings: jointz identify --help."
+    ]
+
+
+def _quasi_stiffness_notes(results: Collection[ParticipantResult]) -> list[str]:
+    """Say what there is instead of impedance, and that it is something else."""
+    people = {c.participant for r in results for c in r.curves}
+    if not people:
+        return []
+    return [
+        f"nobody was perturbed in {len(people)} of {len(results)}: no impedance can be told. "
+        "quasi_stiffness.csv has how moment goes with angle in their mean stride. Muscles make "
+        "most of that: it is no stiffness of the joint."
     ]
 
 

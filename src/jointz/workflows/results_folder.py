@@ -16,10 +16,13 @@ from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
 from jointz.io.columnar import write_estimates
 from jointz.report.details import details_frame, models_frame
-from jointz.report.figures import FIGURES, draw_figure
-from jointz.report.method_figures import draw_truth
+from jointz.report.figures import FIGURES, Picture, draw_picture, to_picture
+from jointz.report.method_figures import truth_figure
+from jointz.report.methods_text import methods_latex, methods_text
 from jointz.report.page import render_report
+from jointz.report.style import figure_style
 from jointz.report.subjects import report_title
+from jointz.report.tables import captions_text, paper_tables
 from jointz.workflows.engine import Engine, Serial, shared_out
 
 #: The file that shows a folder to be one of ours, and so replaceable.
@@ -76,14 +79,14 @@ def write_results(
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
+        _write_paper(analysis, folder, simulated=truth is not None)
         drawn = {name: drawing() for name, drawing in drawings.items()}
-        figures = {name: svg for name, svg in drawn.items() if svg is not None}
         if truth is not None:
-            figures["truth"] = draw_truth(truth)
-        (folder / "figures").mkdir()
-        for name, svg in figures.items():
-            (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
+            drawn["truth"] = _draw_truth(truth)
+        pictures = {name: picture for name, picture in drawn.items() if picture is not None}
+        _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
+        figures = {name: picture.svg for name, picture in pictures.items()}
         page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
         settings = {"settings": dict(analysis.settings)}
@@ -92,13 +95,44 @@ def write_results(
     return out / "report.html"
 
 
-def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[], str | None]]:
+def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[], Picture | None]]:
     """Have the figures drawn; the last, which takes longest, first."""
-    calls: list[Callable[[], str | None]] = [
-        partial(draw_figure, analysis, name) for name in FIGURES
+    calls: list[Callable[[], Picture | None]] = [
+        partial(draw_picture, analysis, name) for name in FIGURES
     ]
     calls = shared_out(engine, calls[::-1])[::-1]
     return dict(zip(FIGURES, calls, strict=True))
+
+
+def _draw_truth(truth: pd.DataFrame) -> Picture | None:
+    with figure_style():
+        figure = truth_figure(truth)
+        return None if figure is None else to_picture(figure)
+
+
+def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
+    folder.mkdir()
+    for name, picture in pictures.items():
+        (folder / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+        (folder / f"{name}.pdf").write_bytes(picture.pdf)
+
+
+def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> None:
+    """Write what goes into a paper: the methods and the tables."""
+    texts = {"txt": methods_text, "tex": methods_latex}
+    for suffix, written in texts.items():
+        text = written(analysis, simulated=simulated)
+        (folder / f"methods.{suffix}").write_text(text, encoding="utf-8")
+    tables = paper_tables(analysis)
+    (folder / "tables").mkdir()
+    for name, table in tables.items():
+        # With a mark of its encoding: a spreadsheet takes the dashes for something else without.
+        table.to_frame().to_csv(
+            folder / "tables" / f"{name}.csv", index=False, encoding="utf-8-sig"
+        )
+        text = table.to_latex(name)
+        (folder / "tables" / f"{name}.tex").write_text(text, encoding="utf-8")
+    (folder / "tables" / "captions.txt").write_text(captions_text(tables), encoding="utf-8")
 
 
 def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None = None) -> None:
@@ -292,6 +326,8 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
     }
     if analysis.single:
         tables["single_pulses"] = analysis.single_frame()
+    if rows := analysis.statistics.get("quasi_stiffness"):
+        tables["quasi_stiffness"] = pd.DataFrame(rows)
     if analysis.models:
         tables["models"] = models_frame(analysis)
     if analysis.pooled:

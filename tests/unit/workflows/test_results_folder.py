@@ -205,7 +205,7 @@ def test_results_are_absent_when_a_figure_fails(tmp_path, monkeypatch):
     def broken(_analysis, _name):
         raise RuntimeError("no pen")
 
-    monkeypatch.setattr(results_folder, "draw_figure", broken)
+    monkeypatch.setattr(results_folder, "draw_picture", broken)
     with pytest.raises(RuntimeError, match="no pen"):
         write_results(StudyAnalysis(cells=()), tmp_path / "out")
     assert names(tmp_path) == []

@@ -1,5 +1,7 @@
 """Which tables a results folder has, and when."""
 
+import json
+
 import numpy as np
 import pandas as pd
 
@@ -36,3 +38,56 @@ def test_models_are_written_where_there_are_any(tmp_path):
     write_results(analysis(models=(found,)), tmp_path / "out")
     (row,) = pd.read_csv(tmp_path / "out" / "models.csv").to_dict("records")
     assert row == found.to_dict() | {"doubts": "a b"}
+
+
+def test_what_goes_into_a_paper_is_written(tmp_path):
+    write_results(analysis(), tmp_path / "out")
+    out = tmp_path / "out"
+    assert {p.name for p in (out / "tables").iterdir()} == {
+        "captions.txt", "estimates.csv", "estimates.tex",
+    }  # fmt: skip
+    table = pd.read_csv(out / "tables" / "estimates.csv", encoding="utf-8-sig")
+    (row,) = table.to_dict("records")
+    assert row["K (N·m/rad)"] == "\N{EM DASH}"
+    assert row["Note"] == "K undecided"
+    assert "so none is given" in (out / "tables" / "captions.txt").read_text(encoding="utf-8")
+    text = (out / "methods.txt").read_text(encoding="utf-8")
+    assert "Of 50 pulses, 50 were used. Of 1 estimate, 0 ok; 1 undecided" in text
+    assert r"\paragraph{References}" in (out / "methods.tex").read_text(encoding="utf-8")
+
+
+def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, analyze, tmp_path):
+    analyze(small_study)
+    out = tmp_path / "results"
+    text = (
+        (out / "methods.txt").read_text(encoding="utf-8").replace("\N{NARROW NO-BREAK SPACE}", "")
+    )
+    provenance = json.loads((out / "provenance.json").read_text())
+    settings = provenance["settings"]
+    pulses, excluded = pd.read_csv(out / "pulses.csv"), pd.read_csv(out / "excluded.csv")
+    estimates, models = pd.read_csv(out / "estimates.csv"), pd.read_csv(out / "models.csv")
+    people = [p["id"] for p in provenance["study"]["participants"]]
+
+    assert f"{len(people)} participants ({', '.join(people)})" in text
+    assert f"{len(pulses)} pulses of torque were found" in text
+    assert f"length {1e3 * pulses['duration_s'].unique().item():.0f} ms" in text
+    assert f"over {1e3 * settings['window_s']:g} ms from the commanded onset" in text
+    assert "Responses were analysed at 500 samples a second." in text
+    for row in models.itertuples():
+        assert f"{row.participant} {1e3 * row.lag_s:.1f} ± {1e3 * row.lag_sd_s:.1f}" in text
+    for (_, code), own in excluded.groupby(["kind", "code"]):
+        assert f"{len(own)} {code} (" in text
+    cells = estimates.drop_duplicates(["participant", "timing_point"])
+    used, left_out = cells["n_used"].sum(), cells["n_excluded"].sum()
+    assert f"Of {used + left_out} pulses, {used} were used." in text
+    statuses = estimates["status"]
+    assert f"Of {len(statuses)} estimates, {(statuses == 'ok').sum()} ok" in text
+    for status, count in statuses[statuses != "ok"].value_counts().items():
+        assert f"{count} {status} (" in text
+    assert f"jointz {provenance['jointz']}, Python {provenance['python']}" in text
+    assert f"seed {settings['seed']}." in text
+    assert provenance["study_sha256"][:12] in text
+    assert {p.suffix for p in (out / "figures").iterdir()} == {".svg", ".pdf"}
+    listed = set(provenance["files"])
+    written = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
+    assert written - {"provenance.json"} == listed

@@ -110,8 +110,8 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
 
     Notes
     -----
-    The gain |S_command,torque / S_command,command| counts from its value at
-    zero frequency: the log gain is a line in f^2 below three tenths of the bandwidth,
+    The gain ``|S_command,torque / S_command,command|`` counts from its value
+    at zero frequency: the log gain is a line in f^2 below three tenths of the bandwidth,
     as of a first-order loop; a higher-order one is flatter. The crossing is that
     of a line through the log gain within two widths of resolution, more where the
     gain scatters; its interval follows from the coherence (delta method).

@@ -23,6 +23,7 @@ from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
 #: Rows of a stretch's signals.
 ANGLE, VELOCITY, ACCELERATION, TORQUE = range(4)
 _RATE_TOLERANCE = 1e-3
+_SLOWEST_HZ = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +179,8 @@ def condition(
     if cutoff_hz >= own_rate / 2:
         raise DataError(
             f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
-            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. Lower cutoff_hz.",
+            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. "
+            f"{_todo_about(own_rate)}",
             path=str(recording.attrs.get("file")),
         )
     lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
@@ -202,6 +204,12 @@ def condition(
         end_s=float(time[-1]),
         gaps=find_gaps(time),
     )
+
+
+def _todo_about(rate: float) -> str:
+    # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
+    slow = rate < _SLOWEST_HZ
+    return "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
 
 
 def torque_from_current(

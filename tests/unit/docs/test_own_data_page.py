@@ -1,0 +1,212 @@
+"""The tutorial of own files: its steps are its study, and every command of it runs as told."""
+
+import importlib.util
+import re
+import shlex
+import shutil
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "own-data.md").read_text(encoding="utf-8")
+OWN_JOINT = (ROOT / "docs" / "own-joint.md").read_text(encoding="utf-8")
+FOLDER = ROOT / "examples" / "own_data"
+LARGEST_BYTES = 3_000_000
+
+_FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def blocks(language: str) -> list[str]:
+    """Return the blocks of a language in the order of the page."""
+    return [body for found, body in _FENCE.findall(PAGE) if found == language]
+
+
+def split_page() -> tuple[list[str], str, str]:
+    """Return the steps, the whole study, and what is changed in it later."""
+    toml = blocks("toml")
+    whole = next(k for k, body in enumerate(toml) if "jointz = 1" in body)
+    (later,) = toml[whole + 1 :]
+    return toml[:whole], toml[whole], later
+
+
+@pytest.fixture(scope="module")
+def maker() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("own_data_make", FOLDER / "make.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+# --- the files -----------------------------------------------------------------------------------
+
+
+def test_the_files_come_out_of_their_seed_bit_for_bit(maker, tmp_path):
+    maker.make(tmp_path)
+
+    made = {file.name for file in tmp_path.iterdir()}
+    assert made == {f.name for f in FOLDER.iterdir() if f.suffix in (".csv", ".txt")}
+    differ = [n for n in made if (tmp_path / n).read_bytes() != (FOLDER / n).read_bytes()]
+    assert differ == []
+
+
+def test_the_files_are_small_and_as_awkward_as_the_page_says():
+    assert sum(file.stat().st_size for file in FOLDER.iterdir() if file.is_file()) < LARGEST_BYTES
+    for file in FOLDER.glob("P*.csv"):
+        lines = file.read_text(encoding="utf-8").splitlines()
+        assert lines[6].split(";") == ["t_ms", "Knee_deg", "M_sensor_Nm", "M_cmd_Nm", "Heel_V"]
+        assert all(";" not in line for line in lines[:6])
+        assert "," in lines[7]
+        assert "." not in lines[7]
+
+
+def test_the_lab_book_is_what_the_page_copies_from_it():
+    book = (FOLDER / "labbook.txt").read_text(encoding="utf-8")
+    _, whole, later = split_page()
+    said = re.findall(r"(P\d\d): ([\d.]+) kg\..*?: ([\d.]+) ms, \+- ([\d.]+) ms", book)
+    study = tomllib.loads(whole)
+    known = tomllib.loads(later)["participants"]
+
+    assert [(p["id"], p["mass_kg"]) for p in study["participants"]] == [
+        (person, float(mass)) for person, mass, _, _ in said
+    ]
+    lags = [(p["calibration"]["angle_lag_s"]["value"], p["mass_kg"]) for p in known]
+    assert lags == [(pytest.approx(float(ms) / 1e3), float(mass)) for _, mass, ms, _ in said]
+    points = study["perturbations"]["timing_points"].values()
+    assert f"{points and ', '.join(f'{p:g}' for p in list(points)[:2])} and 81 %" in book
+    (excluded,) = blocks("csv")
+    (onset_ms,) = re.findall(r"during the pulse at t = (\d+) ms", book)
+    assert f"P02,P02_pulses.csv,{int(onset_ms) / 1e3:g},exclude" in excluded
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+
+def test_the_steps_together_are_the_whole_study():
+    steps, whole, _ = split_page()
+    merged: dict = {"jointz": 1}
+    for body in steps:
+        for key, value in tomllib.loads(body).items():
+            merged[key] = merged[key] | value if isinstance(merged.get(key), dict) else value
+
+    assert merged == tomllib.loads(whole)
+
+
+def test_the_columns_and_files_of_the_study_are_those_of_the_folder():
+    study = tomllib.loads(split_page()[1])
+    header = (FOLDER / "P01_normal.csv").read_text(encoding="utf-8").splitlines()[6].split(";")
+
+    assert {c["column"] for c in study["channels"].values()} == set(header)
+    assert {r["file"] for r in study["recordings"]} == {f.name for f in FOLDER.glob("P*.csv")}
+
+
+def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
+    _, whole, later = split_page()
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(FOLDER, "my-study")
+    commands = [shlex.split(line)[1:] for body in blocks("bash") for line in body.splitlines()]
+    first, proposed, analyse, again = commands
+
+    looked = jointz(*first)
+    assert looked.code == 0
+    assert "500 Hz evenly" in looked.out
+    assert "no gaps" in looked.out
+    assert "delimiter ';', decimal ',', skip_rows 6" in looked.out
+    assert jointz(*proposed).code == 0
+    layout = tomllib.loads(Path("my-study/study.toml").read_text(encoding="utf-8"))["files"]
+    assert layout.items() >= tomllib.loads(whole)["files"].items()
+    Path("my-study/study.toml").write_text(whole, encoding="utf-8")
+
+    made = jointz(*analyse)
+
+    assert made.code == 0
+    told = next(body for body in blocks("text") if "cells, method" in body)
+    assert [line for line in told.splitlines() if line not in made.out] == []
+    table = own_estimates("results")
+    inertia = table.query("parameter == 'inertia'")
+    assert set(inertia["status"]) == {"undecided"}
+    others = table.query("parameter != 'inertia'").groupby("parameter")["status"]
+    standing = others.agg(lambda rows: (rows == "ok").sum())
+    assert standing["damping"] == 5
+    assert 3 < standing["stiffness"] < 6
+    excluded = pd.read_csv("results/excluded.csv")
+    assert list(zip(excluded["onset_s"], excluded["code"], strict=True)) == [
+        (62.496, "unusual_response")
+    ]
+    report = Path("results/report.html").read_text(encoding="utf-8")
+    assert "What stands behind the estimates" in report
+
+    Path("my-study/exclusions.csv").write_text(blocks("csv")[0], encoding="utf-8")
+    Path("my-study/study.toml").write_text(with_lags(whole, later), encoding="utf-8")
+
+    assert jointz(*again).code == 0
+    check_second_run()
+
+
+def with_lags(whole: str, later: str) -> str:
+    """Put the later participants where the earlier stand, as the page tells the reader to."""
+    start, stop = whole.index("[[participants]]"), whole.index("[[recordings]]")
+    return whole[:start] + later + "\n" + whole[stop:]
+
+
+def check_second_run() -> None:
+    """Assert that all is decided, that it is true, and that the page's row is of it."""
+    table = own_estimates("results-2")
+    assert set(table["status"]) == {"ok"}
+    truth = pd.read_csv("my-study/truth.csv").melt(
+        ["participant", "timing_point"], var_name="parameter", value_name="truth"
+    )
+    beside = table.merge(truth, on=["participant", "timing_point", "parameter"], validate="1:1")
+    assert len(beside) == 18
+    assert beside["truth"].between(beside["ci_low"], beside["ci_high"]).all()
+    assert set(pd.read_csv("results-2/excluded.csv")["code"]) == {"user"}
+    row = table.query("participant == 'P01' and parameter == 'inertia'").iloc[0]
+    shown = f"| {row['value']:.3f}, {row['ci_low']:.3f} to {row['ci_high']:.3f} | 0.0469 |"
+    assert shown in PAGE
+
+
+def own_estimates(folder: str) -> pd.DataFrame:
+    """Return the rows of K, B and J without those per kg."""
+    table = pd.read_csv(Path(folder) / "estimates.csv")
+    return table[~table["parameter"].str.endswith("_per_mass")]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"device"', '"joint"', "failed:opposite_sign"),
+        ('positive = "extension"\n', "", "failed:opposite_sign"),
+        ('unit = "deg"', 'unit = "rad"', "more than a full turn"),
+        ('unit = "ms"', 'unit = "s"', "Correct the unit of channels.time (ms?)."),
+        ("skip_rows = 6\n", "", "has no column 't_ms'"),
+    ],
+)
+def test_wrong_answers_look_as_the_page_says(jointz, tmp_path, old, new, said):
+    whole = split_page()[1]
+    assert whole.count(old) == 1
+    study = tmp_path / "s"
+    study.mkdir()
+    (study / "P01_pulses.csv").symlink_to(FOLDER / "P01_pulses.csv")
+    lines = whole[: whole.index("[[participants]]")].replace(old, new)
+    person = '[[participants]]\nid = "P01"\n[[recordings]]\nparticipant = "P01"\n'
+    text = f'{lines}{person}condition = "perturbed"\nfile = "P01_pulses.csv"\n'
+    (study / "study.toml").write_text(text, encoding="utf-8")
+
+    outcome = jointz("analyze", study, "--out", tmp_path / "r")
+
+    assert outcome.code in (1, 2)
+    assert said in outcome.out + outcome.err
+
+
+def test_the_studies_of_own_joint_are_those_that_its_test_runs():
+    tested = (ROOT / "tests" / "integration" / "test_own_joint.py").read_text(encoding="utf-8")
+    for body in [body for found, body in _FENCE.findall(OWN_JOINT) if found == "toml"]:
+        study = tomllib.loads(body)
+        for channel in study["channels"].values():
+            assert f'column = "{channel["column"]}"' in tested
+        assert f'positive = "{study["positive"]}"' in tested
