@@ -10,9 +10,13 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
 
-# JOINTZ_REQUIRE: a test that would skip for want of one of these fails.
+# JOINTZ_REQUIRE: a test that would skip for want of one of these fails. Tests that keep real time
+# run alone, the others as many at once as there are cores.
+REQUIRE := JOINTZ_REQUIRE="dask duckdb pyarrow nicegui"
+TESTED := tests benchmarks --benchmark-disable -q
 test: $(VENV)/.installed-test browser
-	JOINTZ_REQUIRE="dask duckdb pyarrow nicegui" $(BIN)/python -m pytest -m "not slow" tests benchmarks --benchmark-disable
+	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist loadfile
+	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and alone" $(TESTED)
 
 test-slow: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -m slow
@@ -91,7 +95,7 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark playwright ezc3d
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark pytest-xdist playwright ezc3d
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-check: $(VENV)/.installed-test

@@ -29,7 +29,10 @@ from jointz.experiment.journal import read_journal  # noqa: E402 - after the ski
 from jointz.io.session_log import read_log  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no chromium on this machine")
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
+]
 
 CLICKS, BLOCKS, BLOCK_S, SETTLE_S = 20, 5, 8.0, 2.0
 MOST_TRIPS = 5  # `overrun`, where the machine has something else to do

@@ -23,6 +23,8 @@ from jointz.testing import (
 )
 from jointz.testing.scripted import SCRIPTED_ACTUATOR, SCRIPTED_SENSOR
 
+pytestmark = pytest.mark.alone
+
 MS = 1_000_000
 
 

@@ -19,7 +19,10 @@ from jointz.experiment.journal import read_journal  # noqa: E402 - after the ski
 from jointz.io.session_log import read_log  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no chromium on this machine")
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
+]
 
 #: Friction that zero-torque control cancels is sent outside pulses, too; a pulse has 17 N*m.
 LARGEST_FRICTION_NM = 3.0

@@ -18,7 +18,10 @@ pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no chromium on this machine")
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
+]
 
 NASTY = '<img src=x onerror="document.title=1">&amp; S01'
 PATIENCE_MS = 30_000

@@ -13,6 +13,8 @@ import pytest
 from jointz.experiment.journal import read_journal
 from jointz.io.protocols import protocol_text
 
+pytestmark = pytest.mark.alone
+
 STOPPED = 130
 TIMEOUT_S = 30.0
 

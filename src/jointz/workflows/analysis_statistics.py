@@ -95,8 +95,11 @@ def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
 
 def _quasi_stiffness(study: Study, results: Collection[ParticipantResult]) -> dict[str, Any]:
     """Return the quasi-stiffness of those who were never perturbed, where there are any."""
+    curves = [c for r in results for c in r.curves]
+    if not curves:
+        return {}
     points = study.spec.perturbations.timing_points or TIMING_POINTS
-    rows = quasi_stiffness_rows([c for r in results for c in r.curves], points)
+    rows = quasi_stiffness_rows(curves, points)
     return {"quasi_stiffness": rows} if rows else {}
 
 

@@ -9,6 +9,8 @@ from jointz.app import session_process
 from jointz.app.session_process import SessionProcess
 from jointz.core.errors import DataError
 
+pytestmark = pytest.mark.alone
+
 
 class Fake:
     """A python that stands for ``python -m jointz run``."""

@@ -14,6 +14,8 @@ from jointz.core.errors import DataError, DeviceFileError
 from jointz.io.protocols import protocol_text
 from jointz.sim.rig import simulated_rig
 
+pytestmark = pytest.mark.alone
+
 DEVICES = """
 [actuator]
 driver = "dephy"

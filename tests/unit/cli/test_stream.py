@@ -12,6 +12,8 @@ from jointz.core.session_log import WALKING
 from jointz.experiment.journal import Journal
 from jointz.experiment.recorder import Recorder
 
+pytestmark = pytest.mark.alone
+
 
 class Streams:
     """Keeps what is pushed, and is interrupted after so many."""

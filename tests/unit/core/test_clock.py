@@ -7,6 +7,8 @@ import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
 
+pytestmark = pytest.mark.alone
+
 MS = 1_000_000
 
 

@@ -26,6 +26,8 @@ from jointz.devices.interface import Lifecycle, Sensor
 from jointz.devices.repeating import RepeatingThread
 from jointz.testing import SensorContract
 
+pytestmark = pytest.mark.alone
+
 HAS_SMBUS2 = importlib.util.find_spec("smbus2") is not None
 
 

@@ -32,6 +32,8 @@ from jointz.devices.interface import Actuator, Lifecycle
 from jointz.devices.repeating import RepeatingThread
 from jointz.testing import ActuatorContract
 
+pytestmark = pytest.mark.alone
+
 HAS_FLEXSEA = importlib.util.find_spec("flexsea") is not None
 FIELDS = ["state_time", "mot_ang", "mot_vel", "mot_cur", "batt_volt", "temperature", "status_ex"]
 FIELDS += ["mot_volt", "batt_curr", "accelx"]

@@ -22,6 +22,8 @@ from jointz.devices.lsl import LslSensor
 from jointz.devices.lsl_markers import LslMarkers, Marker
 from jointz.testing import SensorContract
 
+pytestmark = pytest.mark.alone
+
 HAS_PYLSL = importlib.util.find_spec("pylsl") is not None
 FLOAT, STRING = 2, 3
 

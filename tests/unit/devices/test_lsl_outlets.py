@@ -16,6 +16,8 @@ from jointz.core.errors import DeviceError
 from jointz.core.session_log import BENCH, WALKING, Layout
 from jointz.devices.lsl_outlets import SessionOutlets
 
+pytestmark = pytest.mark.alone
+
 HAS_PYLSL = importlib.util.find_spec("pylsl") is not None
 
 

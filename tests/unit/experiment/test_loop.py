@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.experiment.loop import ControlLoop, LoopCounts, undisturbed
 
+pytestmark = pytest.mark.alone
+
 PERIOD = 2_000_000
 
 

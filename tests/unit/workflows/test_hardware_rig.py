@@ -14,6 +14,8 @@ from jointz.io.protocols import load_protocol
 from jointz.sim.rig import simulated_rig
 from jointz.workflows.hardware_rig import HardwareRig, read_hardware
 
+pytestmark = pytest.mark.alone
+
 ACTUATOR = """
 [actuator]
 driver = "dephy"

@@ -17,6 +17,8 @@ from jointz.workflows.live_progress import SessionProgress
 from jointz.workflows.live_session import LiveSession, is_held
 from jointz.workflows.live_tail import JournalTail, LogTail
 
+pytestmark = pytest.mark.alone
+
 HEADER = {
     "condition": "perturbed",
     "segment": 0,

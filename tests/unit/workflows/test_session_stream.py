@@ -13,6 +13,8 @@ from jointz.experiment.recorder import Recorder
 from jointz.workflows import session_stream
 from jointz.workflows.session_stream import Following, Sending, found_session, replay
 
+pytestmark = pytest.mark.alone
+
 START_NS = 100_000_000_000
 HEADER = {"participant": "S01", "condition": "EWP"}
 
