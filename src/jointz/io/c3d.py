@@ -242,7 +242,8 @@ def _trial(file: _File) -> tuple[int, int] | None:
             return None
         words = [int(v) & _SATURATED for v in found[:2]]
         fields.append(words[0] + (words[1] << 16 if len(words) > 1 else 0))
-    return (fields[0], fields[1]) if 0 < fields[0] <= fields[1] else None
+    # A trial without frames ends before it starts.
+    return (fields[0], fields[1]) if 0 < fields[0] <= fields[1] + 1 else None
 
 
 def _first_frame(file: _File) -> int:

@@ -86,7 +86,7 @@ def _parameters(content: C3dContent, starts: tuple[int, int]) -> Iterator[tuple[
     for kind, (own, labels) in content.kinds.items():
         yield from _lists(f"POINT.{kind}", labels)
         yield f"POINT.{KINDS[kind]}", (own,)
-    if clock.first_frame + clock.n_frames > _SATURATED:
+    if clock.first_frame + max(clock.n_frames, 1) > _SATURATED:
         yield "POINT.LONG_FRAMES", np.array([float(clock.n_frames)])
         yield "TRIAL.ACTUAL_START_FIELD", _words(clock.first_frame + 1)
         yield "TRIAL.ACTUAL_END_FIELD", _words(clock.first_frame + clock.n_frames)

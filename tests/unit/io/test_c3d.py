@@ -98,6 +98,21 @@ def content(*groups: SignalGroup, **more: object) -> Acquisition:
     return Acquisition(groups, **more)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("start", [65533.0, 65534.0, 65535.0, 65536.0])
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_frames_are_counted_beyond_what_the_header_can(
+    tmp_path: Path, start: float, n: int
+) -> None:
+    late = content(cut(points(1.0, start), n))
+    assert write_acquisition(late, tmp_path / "late.c3d") == []
+    assert read_acquisition(tmp_path / "late.c3d").equals(late)
+
+
+def cut(group: SignalGroup, n: int) -> SignalGroup:
+    signals = tuple(replace(s, values=s.values[:n]) for s in group.signals)
+    return replace(group, signals=signals)
+
+
 ODD = np.array([0.1, 1.0, 2.0, 3.0])
 
 
