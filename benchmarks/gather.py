@@ -69,8 +69,8 @@ def all_parts(*, quick: bool, osl: Path | None) -> list[Part]:
     return [
         *parts,
         Part("growth", _scale("people", *counts, engines=("processes",))),
-        Part("engines", _scale("people", 2 if quick else 100)),
-        Part("fits", _scale("fits", 600 if quick else 100_000)),
+        Part("engines", _scale("people", *((2,) if quick else (100, 1000)))),
+        Part("fits", _scale("fits", 600 if quick else 100_000, engines=("processes", "dask"))),
     ]
 
 
