@@ -25,7 +25,7 @@ def inspect(
         typer.Option("--toml", help="Write the proposed study to this file, or into this folder."),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a study file that exists.")
+        bool, typer.Option("--overwrite", help="Replace a study file, or a figure, that exists.")
     ] = False,
     figure: Figure = None,
     delimiter: Delimiter = None,
@@ -52,7 +52,10 @@ def inspect(
     """
     del debug
     check_figure(figure)
-    target = None if toml is None else _target(toml, overwrite=overwrite)
+    target = None if toml is None else _target(toml)
+    for written in (target, figure):
+        if written is not None:
+            _check_free(written, file, overwrite=overwrite)
     from jointz.workflows.inspection import inspect_file
 
     layout = _layout(delimiter, decimal, skip_rows, no_header=no_header)
@@ -68,15 +71,26 @@ def inspect(
         _print(found, target)
 
 
-def _target(toml: Path, *, overwrite: bool) -> Path:
+def _target(toml: Path) -> Path:
+    """Return the study file; another ending could be that of a recording."""
     target = toml / "study.toml" if toml.is_dir() else toml
-    if target.exists() and not overwrite:
-        raise OutputError(
-            f"{target}: exists and is kept. Name another file, or add --overwrite to replace it."
-        )
+    if target.suffix.lower() != ".toml":
+        raise typer.BadParameter(f"--toml {toml}: expected a folder, or a name that ends in .toml.")
     if not target.absolute().parent.is_dir():
         raise typer.BadParameter(f"--toml {toml}: expected a file in a folder that exists.")
     return target
+
+
+def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
+    """Refuse to replace what must be kept: the recording in any case."""
+    if not target.exists():
+        return
+    if file.exists() and target.samefile(file):
+        raise OutputError(f"{target}: is the file to be looked at. Name another file.")
+    if not overwrite:
+        raise OutputError(
+            f"{target}: exists and is kept. Name another file, or add --overwrite to replace it."
+        )
 
 
 def _layout(

@@ -25,12 +25,16 @@ class Signal:
         As the file states it, "" where it states none.
     description : str
         What the file says of it.
+    column : str
+        What a study calls it where that is not its name; said by the reader of a file, and no
+        part of the content.
     """
 
     name: str
     values: np.ndarray
     unit: str = ""
     description: str = ""
+    column: str = ""
 
     def __post_init__(self) -> None:
         """Check shape and kind.
@@ -83,6 +87,8 @@ class SignalGroup:
         Time of the first sample on a uniform clock.
     time_s : (n,) float64 array or None
         Time stamps, where the file has them.
+    time_column : str
+        What a study calls the column of its clock, where there is one and that is known.
     """
 
     name: str
@@ -90,6 +96,7 @@ class SignalGroup:
     rate_hz: float | None = None
     start_s: float = 0.0
     time_s: np.ndarray | None = None
+    time_column: str = ""
 
     def __post_init__(self) -> None:
         """Check that lengths and names go together.
@@ -158,7 +165,7 @@ class Event:
     label : str
         What.
     duration_s : float
-        How long; 0 for a moment.
+        How long; 0 for a moment, NaN where nobody knows.
     """
 
     time_s: float
@@ -207,6 +214,11 @@ class Acquisition:
         return (
             len(self.groups) == len(other.groups)
             and all(a.equals(b) for a, b in zip(self.groups, other.groups, strict=True))
-            and self.events == other.events
+            and list(map(_told, self.events)) == list(map(_told, other.events))
             and dict(self.metadata) == dict(other.metadata)
         )
+
+
+def _told(event: Event) -> tuple[float, str, float | None]:
+    """Return an event for comparison: an unknown duration equals another."""
+    return event.time_s, event.label, None if np.isnan(event.duration_s) else event.duration_s

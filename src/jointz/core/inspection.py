@@ -78,15 +78,21 @@ class SeenChannel:
 
     def thumbnail(self) -> str:
         """Return its course as a line of small blocks, a dot where there is no number."""
-        found = [value for value in self.outline if value is not None]
-        if not found:
-            return _NOTHING * len(self.outline)
-        low, span = min(found), (max(found) - min(found)) or 1.0
         last = len(_BLOCKS) - 1
         return "".join(
-            _NOTHING if value is None else _BLOCKS[round((value - low) / span * last)]
-            for value in self.outline
+            _NOTHING if height is None else _BLOCKS[round(height * last)]
+            for height in self.heights()
         )
+
+    def heights(self) -> tuple[float | None, ...]:
+        """Return its course between 0, its lowest mean, and 1, its highest."""
+        found = [value for value in self.outline if value is not None]
+        if not found:
+            return self.outline
+        largest = max(map(abs, found)) or 1.0  # the span of huge numbers has no room in a float
+        low, high = min(found) / largest, max(found) / largest
+        span = (high - low) or 1.0
+        return tuple(None if v is None else (v / largest - low) / span for v in self.outline)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,10 +256,9 @@ class Inspection:
             ax if ax is not None else plt.subplots(figsize=(7.0, height), layout="constrained")[1]
         )
         for k, channel in enumerate(reversed(drawn)):
-            course = np.array([np.nan if v is None else v for v in channel.outline])
-            span = float(np.nanmax(course) - np.nanmin(course)) or 1.0
+            course = np.array([np.nan if v is None else v for v in channel.heights()])
             where = (np.arange(course.size) + 0.5) / course.size
-            axes.plot(where, k + 0.8 * (course - np.nanmin(course)) / span, linewidth=1.2)
+            axes.plot(where, k + 0.8 * course, linewidth=1.2)
         labels = [f"{c.name} {f'({c.unit})' if c.unit else ''}".strip() for c in reversed(drawn)]
         axes.set_yticks(np.arange(len(drawn)) + 0.4, labels, fontsize="small")
         axes.set_xlabel("share of the file")

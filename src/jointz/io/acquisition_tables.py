@@ -24,11 +24,13 @@ from jointz.io.registry import (
 #: Column that holds the clock of a group, in seconds, where no signal has this name.
 TIME = "time"
 
+SUFFIXES = (".c3d", ".xdf", ".mot", ".sto", ".xlsx")
+
 #: Group, and signal in it; None for its clock.
 Place = tuple[SignalGroup, Signal | None]
 
 
-@register_reader(".c3d", ".xdf", ".mot", ".sto", ".xlsx")
+@register_reader(*SUFFIXES)
 class AcquisitionReader:
     """Reads signals by name, or by ``group/signal`` where two groups have one of that name.
 
@@ -79,6 +81,25 @@ class AcquisitionReader:
         short = list(_short_names(content))
         clocks = [TIME] if any(name.endswith(f"/{TIME}") for name in short) else []
         return list(dict.fromkeys([*clocks, *short, *_full_names(content)]))
+
+
+def study_columns(content: Acquisition) -> dict[tuple[str, str], str]:
+    """Return what a study calls the signals of a file, and the clocks of its groups.
+
+    Parameters
+    ----------
+    content : Acquisition
+        What the file holds.
+
+    Returns
+    -------
+    dict of tuple of str to str
+        Name of the group and of the signal, ``time`` for the clock, -> column.
+    """
+    return {
+        (group.name, TIME if signal is None else signal.name): column
+        for column, (group, signal) in _short_names(content).items()
+    }
 
 
 def _short_names(content: Acquisition) -> dict[str, Place]:

@@ -17,6 +17,7 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.io.bids_tables import (
+    NOTHING,
     cell_number,
     entities_of,
     number,
@@ -24,6 +25,7 @@ from jointz.io.bids_tables import (
     read_samples,
     read_tsv,
 )
+from jointz.io.column_names import READING
 
 DESCRIPTION = "dataset_description.json"
 #: Key of ``channels.json`` under which jointz says what BIDS has no keys for: sidecars of
@@ -33,6 +35,7 @@ OWN = "Recording"
 CLOCK_START, CLOCK_CHANNEL = "ClockStart", "ClockChannel"
 #: And how many samples and events there are, by which a file that was cut off is known.
 SAMPLE_COUNT, EVENT_COUNT = "SampleCount", "EventCount"
+_NOMINAL, _EFFECTIVE = "SamplingFrequency", "SamplingFrequencyEffective"
 _OWN_EVENT_COLUMNS = ("onset", "duration", "trial_type")
 _ENTITY_KEYS = {"sub": "subject.id", "ses": "session", "acq": "acquisition"}
 #: Keys of a sidecar by which a study tells its recordings, and what they are called here.
@@ -56,6 +59,7 @@ class _Channel:
     kind: str
     unit: str
     description: str
+    positive: str | None  # "" where the table says that there is none, None where it says nothing
 
 
 def read_bids(
@@ -137,10 +141,10 @@ def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]
     sidecar_file, sidecar = _sidecar(root, file)
     channels = _channels(root, file)
     samples = read_samples(file, len(channels))
-    rate = number(sidecar_file, sidecar, "SamplingFrequency")
+    rate, rate_note = _rate(sidecar_file, sidecar)
     _check_duration(file, sidecar, n_samples=len(samples), rate_hz=rate)
     start = _start(sidecar_file, sidecar)
-    clock = _clock_column(file, channels, sidecar, samples)
+    clock, clock_note = _clock_column(file, channels, sidecar, samples)
     time = None if clock is None else samples[:, clock]
     latency = [k for k, c in enumerate(channels) if c.kind == "LATENCY"]
     dropped = {clock, *(latency if sidecar.get(CLOCK_CHANNEL) else [])}
@@ -159,6 +163,9 @@ def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]
     zero = start if time is None or sidecar.get(CLOCK_CHANNEL) else float(time[0])
     person = _person(root, entities, people)
     metadata = _metadata(file, entities, sidecar, person)
+    metadata |= {f"positive.{c.name}": c.positive for c in channels if c.positive is not None}
+    notes = {"clock": clock_note, "rate": rate_note if time is None else ""}
+    metadata |= {f"{READING}{name}": note for name, note in notes.items() if note}
     events = tuple(_events(root, file, zero, sidecar.get(EVENT_COUNT)))
     return Acquisition((group,), events, metadata)
 
@@ -224,9 +231,25 @@ def _channels(root: Path, file: Path) -> tuple[_Channel, ...]:
             row["type"].upper(),
             row["units"].replace(".", "*"),  # BIDS writes N.m
             row.get("description", ""),
+            row.get("positive_direction"),
         )
         for row in rows
     )
+
+
+def _rate(file: Path, sidecar: Mapping[str, Any]) -> tuple[float, str]:
+    """Return the rate of the samples, and a note where it is not the one that was set.
+
+    What jointz wrote has the exact rate in ``SamplingFrequency``; of others that is what their
+    device was told to do, and the effective one what it did.
+    """
+    nominal = number(file, sidecar, _NOMINAL)
+    if SAMPLE_COUNT in sidecar or sidecar.get(_EFFECTIVE) in (None, NOTHING):
+        return nominal, ""
+    rate = number(file, sidecar, _EFFECTIVE)
+    if rate == nominal:
+        return rate, ""
+    return rate, f"the clock runs at {_EFFECTIVE}, {rate:g} Hz; {_NOMINAL} is {nominal:g} Hz"
 
 
 def _check_duration(
@@ -268,8 +291,8 @@ def _start(file: Path, sidecar: Mapping[str, Any]) -> float:
 
 def _clock_column(
     file: Path, channels: tuple[_Channel, ...], sidecar: Mapping[str, Any], samples: np.ndarray
-) -> int | None:
-    """Return the channel that holds time stamps, None for an even clock."""
+) -> tuple[int | None, str]:
+    """Return the channel that holds time stamps, None for an even clock; and why none does."""
     named = sidecar.get(CLOCK_CHANNEL)
     if named is not None:
         found = [k for k, c in enumerate(channels) if c.name == named]
@@ -279,10 +302,20 @@ def _clock_column(
                 f"sidecar says under {CLOCK_CHANNEL}. Correct one of them.",
                 path=str(file),
             )
-        return found[0]
-    latency = [k for k, c in enumerate(channels) if c.kind == "LATENCY" and c.unit in ("s", "")]
-    good = len(latency) == 1 and _increases(samples[:, latency[0]])
-    return latency[0] if good else None
+        return found[0], ""
+    latency = [k for k, c in enumerate(channels) if c.kind == "LATENCY"]
+    if not latency:
+        return None, ""
+    names = ", ".join(f"'{channels[k].name}'" for k in latency)
+    note = f"channel {names} of type LATENCY is not taken for the clock: "
+    if len(latency) > 1:
+        return None, f"{note}expected one"
+    (only,) = latency
+    if channels[only].unit not in ("s", ""):
+        return None, f"{note}it is in '{channels[only].unit}', expected s"
+    if not _increases(samples[:, only]):
+        return None, f"{note}it does not increase from sample to sample"
+    return only, ""
 
 
 def _increases(stamps: np.ndarray) -> bool:
@@ -303,8 +336,8 @@ def _events(root: Path, file: Path, zero_s: float, count: Any) -> Iterator[Event
         _check_count(files[-1], len(rows), count, "rows")
     found = []
     for row, cells in enumerate(rows, start=2):
-        onset = cell_number(files[-1], row, "onset", cells["onset"], default=np.nan)
-        length = cell_number(files[-1], row, "duration", cells["duration"], default=0.0)
+        onset = cell_number(files[-1], row, "onset", cells["onset"])
+        length = cell_number(files[-1], row, "duration", cells["duration"], default=np.nan)
         found.append(Event(zero_s + onset, _event_label(cells), length))
     yield from sorted(found, key=lambda event: event.time_s)
 

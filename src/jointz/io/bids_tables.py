@@ -172,7 +172,9 @@ def number(path: Path, content: Mapping[str, Any], key: str) -> float:
     return float(value)  # type: ignore[arg-type]  # it is a number, see above
 
 
-def cell_number(path: Path, row: int, name: str, cell: str, *, default: float) -> float:
+def cell_number(
+    path: Path, row: int, name: str, cell: str, *, default: float | None = None
+) -> float:
     """Return the number of a cell, a default where it is empty.
 
     Parameters
@@ -185,16 +187,18 @@ def cell_number(path: Path, row: int, name: str, cell: str, *, default: float) -
         The column.
     cell : str
         What stands there.
-    default : float
-        For an empty cell; NaN where it must not be empty.
+    default : float, optional
+        For an empty cell; without one it must not be empty.
 
     Raises
     ------
     DataError
         When it is no finite number.
     """
+    if not cell and default is not None:
+        return default
     try:
-        value = float(cell) if cell else default
+        value = float(cell)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +29,13 @@ _CHANNELS_JSON = {
         "Description": "Not used: angles and torques are about the joint's own axis."
     },
 }
-_EVENTS_JSON = {
+_EVENTS_JSON: Mapping[str, dict[str, Any]] = {
     "trial_type": {
         "Description": "What happened.",
         "Levels": {"pulse": "A perturbation of the joint by the device."},
     },
     "amplitude": {
-        "Description": "Commanded amplitude of the pulse, signed in the study's direction.",
-        "Units": "N.m",
+        "Description": "Amplitude of the pulse, signed in the study's direction.",
     },
     "timing_point": {"Description": "Point of the gait cycle at which the pulse was due."},
 }
@@ -93,6 +93,8 @@ class MotionRecording:
         What BIDS has no keys for: joint, side, condition, directions.
     events : sequence of mapping
         ``onset_s`` on its clock, ``duration_s``, ``amplitude``, ``timing_point`` of each pulse.
+    amplitude_unit : str
+        Of the pulses: ``N*m``, or ``rad`` where they are steps of the angle.
     """
 
     entities: Mapping[str, str]
@@ -102,6 +104,7 @@ class MotionRecording:
     sidecar: Mapping[str, Any] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
     events: Sequence[Mapping[str, Any]] = ()
+    amplitude_unit: str = "N*m"
 
     @property
     def stem(self) -> str:
@@ -138,7 +141,8 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
     rate, start = even_clock(recording.time_s)
     channels = recording.channels
     if rate is None:
-        channels = (*_clock_channels(recording.time_s), *channels)
+        taken = {channel.name for channel in channels}
+        channels = (*_clock_channels(recording.time_s, taken), *channels)
     _check_finite(recording.stem, channels)
     own = {
         "Description": "About the recording: what Motion-BIDS has no keys for.",
@@ -158,7 +162,7 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         columns = ("onset", "duration", "trial_type", "amplitude", "timing_point")
         rows = [_event_row(e, float(recording.time_s[0])) for e in recording.events]
         files["events.tsv"] = _table(columns, sorted(rows, key=lambda row: float(row[0])))
-        files["events.json"] = _json(_EVENTS_JSON)
+        files["events.json"] = _json(_about_events(recording.amplitude_unit))
     folder = root / recording.folder
     folder.mkdir(parents=True, exist_ok=True)
     names = []
@@ -167,6 +171,11 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         (root / name).write_text(text, encoding="utf-8", newline="\n")
         names.append(name)
     return names
+
+
+def _about_events(amplitude_unit: str) -> dict[str, Any]:
+    amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(amplitude_unit)}
+    return {**_EVENTS_JSON, "amplitude": amplitude}
 
 
 def even_clock(time_s: np.ndarray) -> tuple[float | None, float]:
@@ -192,15 +201,21 @@ def even_clock(time_s: np.ndarray) -> tuple[float | None, float]:
     return None, start
 
 
-def _clock_channels(time_s: np.ndarray) -> tuple[MotionChannel, ...]:
+def _clock_channels(time_s: np.ndarray, taken: set[str]) -> tuple[MotionChannel, ...]:
     """Return latencies to the microsecond, as BIDS wants them, and the exact clock beside them."""
     latency = np.round(time_s - time_s[0], 6)
     about = "Time since the first sample, rounded to a microsecond."
     exact = "The recording's own clock, to the last digit."
     return (
-        MotionChannel("latency", latency, "LATENCY", "s", NOTHING, about),
+        MotionChannel(_free_name("latency", taken), latency, "LATENCY", "s", NOTHING, about),
         MotionChannel("time", time_s, "MISC", "s", NOTHING, exact),
     )
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """Return a name that no channel of the study has."""
+    numbered = (f"{name}_{k}" for k in range(2, len(taken) + 3))
+    return next(n for n in chain([name], numbered) if n not in taken)
 
 
 def _check_finite(stem: str, channels: Sequence[MotionChannel]) -> None:
@@ -250,8 +265,12 @@ def _sidecar(
 
 def _channel_row(channel: MotionChannel) -> list[str]:
     cells = [channel.name, NOTHING, channel.kind, channel.tracked_point]
-    cells += [channel.unit.replace("*", "."), NOTHING, NOTHING, channel.description]
+    cells += [_bids_unit(channel.unit), NOTHING, NOTHING, channel.description]
     return [*(cell or NOTHING for cell in cells), channel.positive or NOTHING]
+
+
+def _bids_unit(unit: str) -> str:
+    return unit.replace("*", ".")
 
 
 def _event_row(event: Mapping[str, Any], start_s: float) -> list[str]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from jointz.core.acquisition import SignalGroup
 
-_MOST_VALUES = 0xFFFF  # points, and analog values, of a frame
+#: Most points, and most analog values, of a frame.
+MOST_VALUES = 0xFFFF
 _LATEST_FRAME = 2**31
 _WHOLE = 1e-6
 
@@ -98,7 +99,7 @@ def aligned(
     lost : list of str
         Takes a sentence for what changes and what is left out.
     """
-    timed = {role: g for role, group in groups.items() if (g := uniform(group, lost)) is not None}
+    timed = {role: g for role, group in groups.items() if (g := _holdable(group, lost)) is not None}
     if not timed:
         return Clock(0.0, 0, 0, {}, {}), {}
     base = next(iter(timed.values()))
@@ -131,6 +132,18 @@ def aligned(
     return clock, kept
 
 
+def _holdable(group: SignalGroup, lost: list[str]) -> SignalGroup | None:
+    """Return a group on a uniform clock, None where no frame holds it, whatever the others are."""
+    if len(group.signals) > MOST_VALUES:
+        lost.append(f"Group '{group.name}' is left out: {_too_many(group)}.")
+        return None
+    return uniform(group, lost)
+
+
+def _too_many(group: SignalGroup) -> str:
+    return f"{len(group.signals)} signals are more than a frame can hold"
+
+
 def _misfit(base: SignalGroup, group: SignalGroup) -> tuple[str, int]:
     """Return why a group does not go with the frames, and how often it is sampled in one."""
     ratio = _rate(group) / _rate(base)
@@ -140,8 +153,8 @@ def _misfit(base: SignalGroup, group: SignalGroup) -> tuple[str, int]:
         return found, 0
     if abs(group.start_s - base.start_s) * _rate(group) > 0.5:
         return f"it starts at {group.start_s:g} s, the frames at {base.start_s:g} s", 0
-    if len(group.signals) * whole > _MOST_VALUES:
-        return f"{len(group.signals)} signals are more than a frame can hold", 0
+    if len(group.signals) * whole > MOST_VALUES:
+        return _too_many(group), 0
     return "", whole
 
 

@@ -119,10 +119,13 @@ class Parameters:
         Texts, or numbers in the shape that the file gives them.
     unread : int
         Bytes other than zero between the last parameter and the frames.
+    span : (int, int)
+        Byte where the section starts, and the byte after its last parameter.
     """
 
     values: Mapping[str, Values]
-    unread: int = 0
+    unread: int
+    span: tuple[int, int]
 
     def texts(self, name: str) -> list[str]:
         """Return the texts of a parameter and of those that continue it (``LABELS2`` ...).
@@ -257,7 +260,7 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
         at = step_at + step
     unread = sum(map(bool, content[tail:end])) if data_start > start else 0
     named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in found}
-    return Parameters(named, unread)
+    return Parameters(named, unread, (start, tail))
 
 
 def _check_step(path: Path, name: str, places: tuple[int, int, int]) -> None:

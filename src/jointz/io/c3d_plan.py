@@ -1,6 +1,7 @@
 """What of a content goes into a C3D file, and what cannot be held, a sentence each."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -40,7 +41,7 @@ _TOLD = re.compile(
     r"|ROTATION\.(USED|DATA_START|RATE|RATIO|LABELS)\d*"
     r"|TRIAL\.ACTUAL_(START|END)_FIELD"
 )
-_MOST_GROUPS = 127
+_MOST_GROUPS = 127 - 5  # beside POINT, ANALOG, EVENT, ROTATION and TRIAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +193,8 @@ def _columns(role: str, group: SignalGroup, lost: list[str]) -> Columns:
     _say_unequal(role, group.signals, step, lost)
     labels = tuple(_clean(stem) for stem in stems)
     changed = [s for s, label in zip(stems, labels, strict=True) if s != label or not s]
-    repeated = {label for label in labels if labels.count(label) > 1}
-    changed += [s for s, label in zip(stems, labels, strict=True) if label in repeated]
+    counts = Counter(labels)
+    changed += [s for s, label in zip(stems, labels, strict=True) if counts[label] > 1]
     if changed:
         lost.append(f"Names change: {listed(map(repr, changed))}.")
     values = np.stack([signal.values for signal in group.signals], axis=1)
@@ -295,8 +296,11 @@ def _events(events: Sequence[Event], lost: list[str]) -> tuple[Event, ...]:
     labels = [event.label for event in events if _joined(*side_of(event.label)) != event.label]
     if labels:
         lost.append(f"Labels of events change: {listed(map(repr, labels))}.")
-    kept = [event for event, fits_ in zip(timed, fitting, strict=True) if fits_]
-    return tuple(kept)
+    return tuple(
+        replace(event, label=_joined(*side_of(event.label)))
+        for event, fits_ in zip(timed, fitting, strict=True)
+        if fits_
+    )
 
 
 def _joined(side: str, label: str) -> str:
@@ -314,7 +318,7 @@ def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]
         values = values if fits(name, values) else (text,)
         group = name.partition(".")[0]
         held = text not in ("", "[]") and not is_told(name) and name.lower() == key
-        if not held or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS - 4:
+        if not held or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS:
             left.append(key)
             continue
         groups.add(group)

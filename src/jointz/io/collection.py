@@ -70,7 +70,13 @@ class EntryFolder:
                 f"{file}: expected a file inside the folder of the entry. Copy it there.", path=file
             )
         found = self.root / parts
-        if not found.is_file():
+        try:
+            there = found.is_file()
+        except OSError as exc:
+            raise DataError(
+                f"{file}: cannot be read ({exc.strerror}). Let it be read.", path=file
+            ) from exc
+        if not there:
             raise DataError(f"{file}: is not there. Put it beside {ENTRY_FILE}.", path=file)
         if not found.resolve().is_relative_to(self.root.resolve()):
             raise DataError(

@@ -126,8 +126,8 @@ def _database() -> Any:
     return database
 
 
-def read_catalog(file: Path, where: CatalogFilter) -> pd.DataFrame:
-    """Return the rows of a catalog that a filter asks for.
+def read_catalog(file: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
+    """Return the rows of a catalog that a filter asks for, and what phases leave out unseen.
 
     Parameters
     ----------
@@ -138,16 +138,22 @@ def read_catalog(file: Path, where: CatalogFilter) -> pd.DataFrame:
 
     Returns
     -------
-    pandas.DataFrame
+    table : pandas.DataFrame
         In the columns and the order of the catalog.
+    without_onset : int
+        Rows that would be in it but for their phase, having none; 0 where no phase is asked for.
 
     Raises
     ------
     DataError
         When the catalog is missing or damaged, or DuckDB is not installed.
     """
-    # Rows come back in the file's order, which is sorted.
-    return _asked(file, "SELECT *", where)
+    # Rows come back in the file's order, which is sorted. One question takes less than two.
+    found = _asked(file, "SELECT *", where, or_without_onset=True)
+    if where.phase_pct is None:
+        return found, 0
+    told = found["onset_gait_pct"].notna()
+    return found[told].reset_index(drop=True), int((~told).sum())
 
 
 def count_rows(file: Path, where: CatalogFilter) -> int:
@@ -168,9 +174,11 @@ def count_rows(file: Path, where: CatalogFilter) -> int:
     return int(_asked(file, "SELECT count(*) AS n", where)["n"].iloc[0])
 
 
-def _asked(file: Path, what: str, where: CatalogFilter) -> pd.DataFrame:
+def _asked(
+    file: Path, what: str, where: CatalogFilter, *, or_without_onset: bool = False
+) -> pd.DataFrame:
     duckdb, _ = require_scale()
-    conditions, values = _conditions(where)
+    conditions, values = _conditions(where, or_without_onset=or_without_onset)
     # What is asked for goes in as parameters only; a bracket in a folder's name is no pattern.
     query = f"{what} FROM read_parquet(?) WHERE {' AND '.join(conditions)}"
     try:
@@ -182,7 +190,7 @@ def _asked(file: Path, what: str, where: CatalogFilter) -> pd.DataFrame:
     return table
 
 
-def _conditions(where: CatalogFilter) -> tuple[list[str], list[Any]]:
+def _conditions(where: CatalogFilter, *, or_without_onset: bool) -> tuple[list[str], list[Any]]:
     """Return the conditions of a query, with a ? for each value."""
     conditions: list[str] = ['"values" = ?']
     values: list[Any] = [where.kind]
@@ -195,7 +203,8 @@ def _conditions(where: CatalogFilter) -> tuple[list[str], list[Any]]:
     if where.phase_pct is not None:
         low, high = where.phase_pct
         joined = "AND" if low <= high else "OR"  # over heel strike
-        conditions.append(f"(onset_gait_pct >= ? {joined} onset_gait_pct <= ?)")
+        without = " OR onset_gait_pct IS NULL" if or_without_onset else ""
+        conditions.append(f"(onset_gait_pct >= ? {joined} onset_gait_pct <= ?{without})")
         values += [low, high]
     if where.standing:
         conditions.append("status IN ('ok', 'at_bound')")

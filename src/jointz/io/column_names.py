@@ -21,7 +21,7 @@ _BRACKETED = re.compile(r"\[([^\[\]]+)\]\s*$|\(([^()]+)\)\s*$")
 _TIME = re.compile(
     r"[%#]?\s*(?:(?:loop|state|elapsed|system|host|sample)[\s_.]*)?time(?:[\s_.]*stamps?)?"
     r"(?:[\s_.]*(?P<unit>s|sec|secs|seconds|ms|us|min))?"
-    r"|[%#]?\s*t(?:_(?P<short>s|ms|us))?",
+    r"|[%#]?\s*(?:(?-i:t)|t_(?P<short>s|ms|us))",  # a bare T is a temperature, or a torque
     re.IGNORECASE,
 )
 _WORDS = {"sec": "s", "secs": "s", "seconds": "s"}
@@ -70,8 +70,10 @@ def with_clock(
 ) -> tuple[SignalGroup, dict[str, str]]:
     """Make a group of columns; one that holds time becomes its clock.
 
-    A column of time in seconds that increases is taken out of the signals; its name is kept
-    in the metadata. One in another unit stays as it is, and the clock is made of it.
+    Of several the first that states seconds is taken, else one that states another unit of time,
+    else one that states none; in any case it increases. A column of time in seconds is taken out
+    of the signals; its name is kept in the metadata. One in another unit stays as it is, and the
+    clock is made of it.
 
     Parameters
     ----------
@@ -87,28 +89,27 @@ def with_clock(
     tuple of SignalGroup and dict
         The group, and metadata that tell what was taken for the clock and why not.
     """
-    named = [signal for signal in signals if not signal.is_text and is_time(signal.name)]
-    stated = [signal for signal in named if _seconds(signal) == 1.0]
+    named = sorted((s for s in signals if is_time(s.name)), key=_unclearness)
     if not named:
         return SignalGroup(name, tuple(signals)), {}
-    clock = (stated or named)[0]
-    factor, where = _seconds(clock), f"{READING}time{f'.{name}' if name else ''}"
-    if factor is None:
-        note = f"column '{clock.name}' is in '{clock.unit}', no unit of time: not the clock"
-        return SignalGroup(name, tuple(signals)), {where: note}
-    wrong = _not_increasing(clock.values)
-    if wrong is not None:
-        note = f"column '{clock.name}' does not increase at row {row + wrong}: not the clock"
-        return SignalGroup(name, tuple(signals)), {where: note}
+    where = f"{READING}time{f'.{name}' if name else ''}"
+    why_not = {signal.name: _why_no_clock(signal, row) for signal in named}
+    clock = next((signal for signal in named if not why_not[signal.name]), None)
+    if clock is None:
+        return SignalGroup(name, tuple(signals)), {where: why_not[named[0].name]}
+    factor = seconds_of_one(clock) or 1.0
     told = {}
     if not _time_unit(clock):
         told[where] = f"column '{clock.name}' states no unit; taken for seconds"
     if factor != 1.0:
-        return SignalGroup(name, tuple(signals), time_s=factor * clock.values), told
+        column = clock.column or clock.name
+        time_s = factor * clock.values
+        return SignalGroup(name, tuple(signals), time_s=time_s, time_column=column), told
     if clock.name != CLOCK_COLUMN:
         told[time_column_key(name)] = clock.name
     rest = tuple(signal for signal in signals if signal is not clock)
-    return SignalGroup(name, rest, time_s=clock.values), told
+    column = clock.column or clock.name
+    return SignalGroup(name, rest, time_s=clock.values, time_column=column), told
 
 
 def clock_column(group: SignalGroup, metadata: Mapping[str, str]) -> str:
@@ -152,26 +153,44 @@ def is_time(name: str) -> bool:
     return _time_match(name) is not None
 
 
-def unique_names(names: Sequence[str]) -> list[str]:
+def seconds_of_one(signal: Signal) -> float | None:
+    """Return the factor from a column of time to seconds, None where its unit is none of time.
+
+    Parameters
+    ----------
+    signal : Signal
+        The column; where it has no unit its name may, and else it is in seconds.
+    """
+    try:
+        si_unit, factor, _ = si_unit_of(_time_unit(signal) or "s")
+    except UnitError:
+        return None
+    return factor if si_unit == "s" else None
+
+
+def unique_names(names: Sequence[str], *, sign: str = "_") -> list[str]:
     """Return names that differ: a later one of the same name gets a number.
 
     Parameters
     ----------
     names : sequence of str
         The names.
+    sign : str
+        Between name and number.
 
     Examples
     --------
     >>> unique_names(["a", "b", "a"])
     ['a', 'b', 'a_2']
     """
-    found: list[str] = []
+    found: dict[str, None] = {}
+    following: dict[str, int] = {}
     for name in names:
-        number, own = 2, name
+        number, own = following.get(name, 2), name
         while own in found:
-            own, number = f"{name}_{number}", number + 1
-        found.append(own)
-    return found
+            own, number = f"{name}{sign}{number}", number + 1
+        found[own], following[name] = None, number
+    return list(found)
 
 
 def _time_match(name: str) -> re.Match[str] | None:
@@ -184,13 +203,23 @@ def _time_unit(signal: Signal) -> str:
     return signal.unit or _WORDS.get(str(written).lower(), (written or "").lower())
 
 
-def _seconds(signal: Signal) -> float | None:
-    """Return the factor to seconds, None where the unit is none of time."""
-    try:
-        si_unit, factor, _ = si_unit_of(_time_unit(signal) or "s")
-    except UnitError:
-        return None
-    return factor if si_unit == "s" else None
+def _unclearness(signal: Signal) -> int:
+    """Return by how little a column says that it holds seconds; text says it least."""
+    unclear = 2 if not _time_unit(signal) else int(seconds_of_one(signal) != 1.0)
+    return 3 * signal.is_text + unclear
+
+
+def _why_no_clock(signal: Signal, row: int) -> str:
+    """Return why a column of time is not the clock, "" where it may be."""
+    if signal.is_text:
+        shown = next((str(text) for text in signal.values if text), "")
+        return f"column '{signal.name}' holds text ('{shown[:40]}'), no numbers: not the clock"
+    if seconds_of_one(signal) is None:
+        return f"column '{signal.name}' is in '{signal.unit}', no unit of time: not the clock"
+    wrong = _not_increasing(signal.values)
+    if wrong is not None:
+        return f"column '{signal.name}' does not increase at row {row + wrong}: not the clock"
+    return ""
 
 
 def _not_increasing(values: np.ndarray) -> int | None:

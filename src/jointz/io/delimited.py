@@ -155,8 +155,25 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     >>> is_number("1,5", ","), is_number("1.5", ","), is_number("S01")
     (True, False, False)
     """
-    own = cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
-    return bool(_NUMBER.fullmatch(own))
+    return bool(_NUMBER.fullmatch(as_written_with_point(cell, decimal)))
+
+
+def as_written_with_point(cell: str, decimal: str) -> str:
+    """Return a cell with a point where its decimal sign stands, and the other way round.
+
+    Parameters
+    ----------
+    cell : str
+        What stands there.
+    decimal : str
+        The decimal sign of its file.
+
+    Examples
+    --------
+    >>> as_written_with_point("17,5", ","), as_written_with_point("17,5", ".")
+    ('17.5', '17,5')
+    """
+    return cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
 
 
 def decompressed_text(path: Path, n_lines: int) -> list[str]:
@@ -185,17 +202,36 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
     return [text.rstrip("\r\n") for text in _decoded(path, found)]
 
 
-def _layout(path: Path, files: FilesSpec) -> _Layout:
-    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
-    delimiter = files.delimiter or default
+def check_signs(path: Path, delimiter: str, decimal: str) -> None:
+    """Refuse signs by which no table can be taken apart.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, for the message.
+    delimiter, decimal : str
+        The signs.
+
+    Raises
+    ------
+    DataError
+        When the delimiter is not one character, or stands in numbers.
+    """
     if len(delimiter) != 1 or not delimiter.isascii() or delimiter in '"\r\n':
-        raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.")
-    if delimiter == files.decimal:
+        tab = " A tab is written $'\\t' in most shells." if delimiter == "\\t" else ""
+        raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.{tab}")
+    if delimiter == decimal:
         raise DataError(
             f"{path.name}: '{delimiter}' cannot be both delimiter and decimal sign. "
             'Set [files] delimiter, most likely ";".',
             path=str(path),
         )
+
+
+def _layout(path: Path, files: FilesSpec) -> _Layout:
+    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
+    delimiter = files.delimiter or default
+    check_signs(path, delimiter, files.decimal)
     n_head = files.skip_rows + files.header
     with _decompression_errors(path), _open_bytes(path) as stream:
         lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_head + 1)]

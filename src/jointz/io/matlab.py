@@ -24,6 +24,7 @@ from jointz.io.registry import (
     register_reader,
 )
 
+_MOST_COLUMNS = 64  # of a matrix that is wider than long, to be taken apart
 _HEADER_BYTES = 128
 _BLOCK_BYTES = 1 << 20
 _MATRIX, _COMPRESSED = 14, 15  # types of the elements of a version 5 file
@@ -198,6 +199,12 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, list) and any(isinstance(v, str) for v in value)
 
 
+def _is_wide(matrix: np.ndarray) -> bool:
+    """Whether a matrix has samples along its rows, or is an image: no column is a series."""
+    n_rows, n_columns = matrix.shape
+    return bool(n_columns > _MOST_COLUMNS and n_columns >= n_rows)
+
+
 def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted names of what may be a series of samples.
 
@@ -211,7 +218,7 @@ def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     for name, value in content.items():
         if isinstance(value, Mapping):
             yield from series_names(value, f"{prefix}{name}.")
-        elif isinstance(value, np.ndarray) and value.ndim == 2:
+        elif isinstance(value, np.ndarray) and value.ndim == 2 and not _is_wide(value):
             yield from (f"{prefix}{name}.{i + 1}" for i in range(value.shape[1]))
         elif value is not None:
             yield prefix + name

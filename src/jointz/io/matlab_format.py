@@ -16,7 +16,8 @@ What is written is one variable, the struct ``jointz``::
     jointz.events               .time_s .duration_s (m x 1), .label (m x 1 cell array)
     jointz.metadata             .key .value (cell arrays)
 
-``positive`` comes from the metadata ``positive.SIGNAL``, else ``positive``. A whole study
+``positive`` comes from the metadata ``positive.SIGNAL``, else ``positive``; of one of several
+recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
 (:mod:`jointz.workflows.matlab_study`) has ``jointz.recordings(k)`` instead of groups; it is
 read as a group a recording, and one more for its pulses.
 """
@@ -186,7 +187,7 @@ def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
         "clock": _clock(group),
         "n": float(group.n_samples),
         "signals": {
-            name: _signal(signal, _positive(signal.name, metadata))
+            name: _signal(signal, _positive(group.name, signal.name, metadata))
             for name, signal in zip(names, group.signals, strict=True)
         },
     }
@@ -198,8 +199,11 @@ def _clock(group: SignalGroup) -> str:
     return "none" if group.time_s is None else "stamps"
 
 
-def _positive(name: str, metadata: Mapping[str, str]) -> str:
-    return metadata.get(f"positive.{name}", metadata.get("positive", ""))
+def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
+    """Return what positive means: said of the group's signal, a signal, the group or all."""
+    own = f"{group}.positive"
+    keys = (f"{own}.{name}", f"positive.{name}", own, "positive")
+    return next((metadata[key] for key in keys if key in metadata), "")
 
 
 def _signal(signal: Signal, positive: str) -> dict[str, Any]:
@@ -224,7 +228,7 @@ def _own(found: Mapping[str, Any]) -> Acquisition:
     n = _length(metadata["key"])
     pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
     return Acquisition(
-        tuple(_own_group(group) for group in (found["groups"] or {}).values()),
+        tuple(_own_group(name, group) for name, group in (found["groups"] or {}).items()),
         tuple(
             Event(float(t), label, float(d))
             for t, label, d in zip(times, labels, lengths, strict=True)
@@ -233,8 +237,9 @@ def _own(found: Mapping[str, Any]) -> Acquisition:
     )
 
 
-def _own_group(found: Mapping[str, Any]) -> SignalGroup:
+def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
     n, clock = int(found["n"]), _word(found["clock"])
+    place = f"{ROOT}.groups.{field}"
     signals = tuple(
         Signal(
             _word(signal["name"]),
@@ -243,8 +248,9 @@ def _own_group(found: Mapping[str, Any]) -> SignalGroup:
             else _numbers(signal["values"]),
             _word(signal["unit"]),
             _word(signal["description"]),
+            f"{place}.signals.{key}.values",
         )
-        for signal in (found["signals"] or {}).values()
+        for key, signal in (found["signals"] or {}).items()
     )
     return SignalGroup(
         _word(found["name"]),
@@ -252,6 +258,7 @@ def _own_group(found: Mapping[str, Any]) -> SignalGroup:
         float(found["rate_hz"]) if clock == "rate" else None,
         float(found["start_s"]),
         _numbers(found["time"]) if clock == "stamps" else None,
+        "" if clock == "none" else f"{place}.time",
     )
 
 
@@ -261,12 +268,20 @@ def _study(found: Mapping[str, Any]) -> Acquisition:
     wanted = ("participant", "condition", "session", "side", "trial")
     labels = ["_".join(w for key in wanted if (w := _word(own[key]))) for own in recordings]
     groups = []
-    for name, own in zip(unique_names(labels), recordings, strict=True):
+    for k, (name, own) in enumerate(zip(unique_names(labels), recordings, strict=True), start=1):
+        number = f".{k}" if len(recordings) > 1 else ""
+        place = f"{ROOT}.recordings.signals{number}"
         signals = tuple(
-            Signal(_word(signal["name"]), _numbers(signal["values"]), _word(signal["unit"]))
-            for signal in (own["signals"] or {}).values()
+            Signal(
+                _word(signal["name"]),
+                _numbers(signal["values"]),
+                _word(signal["unit"]),
+                column=f"{place}.{key}.values",
+            )
+            for key, signal in (own["signals"] or {}).items()
         )
-        groups.append(SignalGroup(name, signals, time_s=_numbers(own["time"])))
+        time, column = _numbers(own["time"]), f"{ROOT}.recordings.time{number}"
+        groups.append(SignalGroup(name, signals, time_s=time, time_column=column))
         groups += _pulses(f"{name}.pulses", own["pulses"])
     told = {key: _word(found[key]) for key in ("kind", "joint", "positive", "study_toml")}
     return Acquisition(tuple(groups), (), told)

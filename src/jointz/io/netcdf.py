@@ -1,7 +1,7 @@
 """netCDF-4: recordings of other programs in, recordings of jointz in and out."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,13 +24,18 @@ from jointz.io.registry import (
     register_reader,
 )
 
+#: Of a matrix, to be taken apart into columns ``NAME.1``, ``NAME.2`` and so on.
+MOST_COLUMNS = 64
 _CLASSIC = b"CDF"
 _LIBRARY_ERRORS = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError)
 
 
 @register_reader(".nc")
 class NetcdfReader:
-    """Reads variables by name, ``group/variable`` in groups, with their ``units``."""
+    """Reads variables by name, ``group/variable`` in groups, with their ``units``.
+
+    ``variable.3`` is the third column of a matrix.
+    """
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
         """Return the wanted variables; fill values become NaN, packed ones are unpacked.
@@ -144,7 +149,12 @@ def read_recording(path: Path) -> xr.Dataset:
 
 
 def _walk(group: Any, prefix: str) -> list[str]:
-    names = [prefix + name for name in group.variables]
+    names = []
+    for name, variable in group.variables.items():
+        names.append(prefix + name)
+        shape = variable.shape
+        if len(shape) == 2 and shape[1] <= MOST_COLUMNS:
+            names += [f"{prefix}{name}.{k + 1}" for k in range(shape[1])]
     for name, inner in group.groups.items():
         names += _walk(inner, f"{prefix}{name}/")
     return names
@@ -156,29 +166,41 @@ def _variables(path: Path, names: list[str]) -> dict[str, xr.DataArray]:
         by_group[name.rpartition("/")[0]].append(name)
     found = {}
     for group, members in by_group.items():
-        dataset = _load(path, group, only=[m.rpartition("/")[2] for m in members])
-        found.update({m: dataset[m.rpartition("/")[2]] for m in members})
+        own = {member: member.rpartition("/")[2] for member in members}
+        dataset = _load(path, group, own.values())
+        found.update({member: _variable(dataset, name) for member, name in own.items()})
     return found
 
 
-def _load(path: Path, group: str, only: list[str] | None = None) -> xr.Dataset:
+def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """Return a variable, or a column of one."""
+    if name in dataset.variables:
+        return dataset[name]
+    matrix, _, number = name.rpartition(".")
+    return dataset[matrix][:, int(number) - 1]
+
+
+def _load(path: Path, group: str, only: Collection[str] | None = None) -> xr.Dataset:
     with opened_netcdf(path) as file:
         return load_group(file[group] if group else file, only)
 
 
-def load_group(group: Any, only: list[str] | None = None) -> xr.Dataset:
+def load_group(group: Any, only: Collection[str] | None = None) -> xr.Dataset:
     """Return the variables of one group in memory, unpacked, times as numbers.
 
     Parameters
     ----------
     group : h5netcdf.Group
         A group of an opened file, or the file.
-    only : list of str, optional
-        Names of the variables wanted.
+    only : collection of str, optional
+        Names of the variables wanted, or of columns of theirs.
     """
     store = xr.backends.H5NetCDFStore(group)
     dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
-    return (dataset if only is None else dataset[only]).load()
+    if only is None:
+        return dataset.load()
+    there = {n if n in dataset.variables else n.rpartition(".")[0] for n in only}
+    return dataset[sorted(there)].load()
 
 
 @contextmanager

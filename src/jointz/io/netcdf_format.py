@@ -27,7 +27,7 @@ from jointz.core.whole_file import whole_file
 from jointz.io.column_names import READING, unit_in_name, with_clock
 from jointz.io.formats import register_format
 from jointz.io.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
-from jointz.io.netcdf import load_group, opened_netcdf
+from jointz.io.netcdf import MOST_COLUMNS, load_group, opened_netcdf
 from jointz.io.registry import damaged
 
 _SEAL = b"\njointz sha256 "
@@ -38,7 +38,6 @@ _CLOCK = "clock"
 _TAKEN = (_CLOCK, "sample")
 _EASY = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _BLOCK_BYTES = 1 << 20
-_MOST_COLUMNS = 64  # of a matrix, to be taken apart
 _LONGEST_ATTRIBUTE = 60_000  # bytes; HDF5 keeps attributes in a header of 64 KB
 
 
@@ -205,43 +204,50 @@ def _put(place: Any, name: str, values: np.ndarray, attributes: Mapping[str, str
 
 def _own(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     numbered = sorted(int(n[1:]) for n in contents if re.fullmatch(r"g\d+", n))
-    groups = tuple(_own_group(contents[f"g{k}"]) for k in numbered)
-    events, metadata = contents["events"], contents["metadata"]
+    pairs = [_own_group(f"g{k}", contents[f"g{k}"]) for k in numbered]
+    columns = [contents["events"][n].to_numpy() for n in ("time_s", "label", "duration_s")]
+    texts = [contents["metadata"][n].to_numpy() for n in ("key", "value")]
+    metadata = {str(k): str(v) for k, v in zip(*texts, strict=True)}
     return Acquisition(
-        groups,
-        tuple(
-            Event(float(t), str(label), float(d))
-            for t, label, d in zip(
-                *(events[n].to_numpy() for n in ("time_s", "label", "duration_s")), strict=True
-            )
-        ),
-        {
-            str(k): str(v)
-            for k, v in zip(metadata["key"].to_numpy(), metadata["value"].to_numpy(), strict=True)
-        },
+        tuple(group for group, _ in pairs),
+        tuple(Event(float(t), str(n), float(d)) for t, n, d in zip(*columns, strict=True)),
+        metadata | {f"{READING}clock.{group.name}": note for group, note in pairs if note},
     )
 
 
-def _own_group(content: xr.Dataset) -> SignalGroup:
+def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
+    """Return a group, and a note where its clock is not the one that jointz wrote."""
     signals = tuple(
         Signal(
             str(v.attrs.get("name", "")),
             _samples(v),
             str(v.attrs.get("units", "")),
             str(v.attrs.get("description", "")),
+            f"{place}/{key}",
         )
-        for name, v in content.variables.items()
-        if name != _CLOCK
+        for key, v in content.variables.items()
+        if key != _CLOCK
     )
-    rate = content.attrs.get("rate_hz")
-    stamped = rate is None and _CLOCK in content
-    return SignalGroup(
-        str(content.attrs["name"]),
-        signals,
-        None if rate is None else float(rate),
-        float(content.attrs["start_s"]),
-        content[_CLOCK].to_numpy() if stamped else None,
+    name, rate = str(content.attrs["name"]), content.attrs.get("rate_hz")
+    stamps = content[_CLOCK].to_numpy() if _CLOCK in content else None
+    column = "" if stamps is None else f"{place}/{_CLOCK}"
+    start = float(content.attrs["start_s"])
+    if rate is None:
+        return SignalGroup(name, signals, None, start, stamps, column), ""
+    told = SignalGroup(name, signals, float(rate), start, time_column=column)
+    if stamps is not None and _same(stamps, told.times_s()):
+        return told, ""
+    # Another program took samples or the clock out, and left the rate as it was.
+    note = (
+        f"group '{name}' is not as jointz wrote it: its {rate:g} Hz from {start:g} s are not those "
+        f"of its samples, {'which have no clock' if stamps is None else 'whose stamps are taken'}"
     )
+    return SignalGroup(name, signals, None, 0.0, stamps, column), note
+
+
+def _same(stamps: np.ndarray, times: np.ndarray | None) -> bool:
+    """Whether a clock is the one of a rate, to the last digit as jointz writes it."""
+    return times is not None and np.array_equal(stamps, times, equal_nan=True)
 
 
 # --- files of others --------------------------------------------------------------------------
@@ -254,7 +260,7 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     for place, content in contents.items():
         prefix = f"{place.replace('/', '.')}." if place else ""
         metadata |= {f"{prefix}{key}": str(value) for key, value in content.attrs.items()}
-        found, left = _columns(content)
+        found, left = _columns(place, content)
         left_out += [f"{place}/{name}" if place else name for name in left]
         for dimension, signals in found.items():
             name = "/".join(p for p in (place, dimension if len(found) > 1 else "") if p)
@@ -266,13 +272,13 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     return Acquisition(tuple(groups), (), metadata)
 
 
-def _columns(content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
+def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
     """Return signals by dimension, and the variables that are no series."""
     found: dict[str, list[Signal]] = {}
     left_out = []
     for key, variable in content.variables.items():
         name = str(key)
-        wide = variable.ndim == 2 and variable.shape[1] <= _MOST_COLUMNS
+        wide = variable.ndim == 2 and variable.shape[1] <= MOST_COLUMNS
         if not (variable.ndim == 1 or wide) or variable.dtype.kind not in "fiubOSU":
             left_out.append(name)
             continue
@@ -285,7 +291,8 @@ def _columns(content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
         unit = str(variable.attrs.get("units", "")) or unit_in_name(name)
         said = str(variable.attrs.get("description") or variable.attrs.get("long_name") or "")
         place = found.setdefault(str(variable.dims[0]), [])
-        place += [Signal(n, v, unit, said) for n, v in columns.items()]
+        prefix = f"{path}/" if path else ""
+        place += [Signal(n, v, unit, said, f"{prefix}{n}") for n, v in columns.items()]
     return found, left_out
 
 

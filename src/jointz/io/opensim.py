@@ -7,6 +7,8 @@ column has no unit, and its description says so.
 """
 
 import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
-from jointz.io.column_names import unique_names
+from jointz.io.column_names import READING, unique_names
 from jointz.io.formats import register_format
 from jointz.io.losses import (
     NOTE,
@@ -35,7 +37,14 @@ _NO_COORDINATE = re.compile(
     r"moment|force|torque|reserve|activation|power|work|_[tpv][xyz](?:_|$)|acc"
 )
 _YES, _NO = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
-_ANGLES = {"deg": "yes", "deg/s": "yes", "rad": "no", "rad/s": "no"}
+_ANGLES = {
+    **dict.fromkeys(("deg", "deg/s", "deg/s^2"), "yes"),
+    **dict.fromkeys(("rad", "rad/s", "rad/s^2"), "no"),
+}
+#: What OpenSim's analysis of kinematics calls its files of what is no coordinate.
+_RATES_BY_NAME = {"speeds": "/s", "accelerations": "/s^2"}
+_DIGITS = re.compile(r"[+-]?\d*(?:\.(?P<decimals>\d*))?(?:[eE][+-]?(?P<exponent>\d+))?")
+_LONGEST_COUNT = 15
 _COUNTS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
 _SIDE = "jointz"
 _UNSTATED = NOTE + "OpenSim's header states a unit for rotational coordinates only"
@@ -75,20 +84,20 @@ class OpenSimFormat:
         """
         lines = _lines(path)
         header = _header(path, lines)
-        names, samples = _table(path, lines, header)
+        names, samples, notes = _table(path, lines, header)
+        columns = {name: samples[:, k] for k, name in enumerate(names) if k > 0}
         if header.beside:
-            columns = [samples[:, k] for k in range(1, samples.shape[1])]
             try:
-                return filled(read_beside(header.beside), columns, samples[:, 0])
+                told = read_beside(header.beside)
+                return filled(told, columns, samples[:, 0], labels=_labels(told.group))
             except ValueError as exc:
                 raise _bad(path, f"{exc}.", todo="Remove that line of the header.") from exc
-        degrees = header.metadata.get("inDegrees", "").lower()
         signals = tuple(
-            Signal(name, samples[:, k], *_unit_of(name, degrees))
-            for k, name in enumerate(names)
-            if k > 0
+            Signal(name, values, *_unit_of(name, header.metadata))
+            for name, values in columns.items()
         )
-        return Acquisition((SignalGroup("", signals, time_s=samples[:, 0]),), (), header.metadata)
+        group = SignalGroup("", signals, time_s=samples[:, 0])
+        return Acquisition((group,), (), header.metadata | notes)
 
     def losses(self, content: Acquisition) -> list[str]:
         """Say what the format cannot hold: several groups, text, no clock, mixed angles.
@@ -194,13 +203,15 @@ def _key_and_value(line: str) -> tuple[str, str]:
 
 
 def _count(path: Path, row: int, key: str, value: str) -> int:
-    if not value.isdecimal():
-        raise _bad(path, f"expected a whole number for {key}, found '{value}'.", row)
+    if not value.isdecimal() or len(value) > _LONGEST_COUNT:
+        raise _bad(path, f"expected a whole number for {key}, found '{value[:40]}'.", row)
     return int(value)
 
 
-def _table(path: Path, lines: list[str], header: _Header) -> tuple[list[str], np.ndarray]:
-    """Return names and samples, (n, columns); the first column is time."""
+def _table(
+    path: Path, lines: list[str], header: _Header
+) -> tuple[list[str], np.ndarray, dict[str, str]]:
+    """Return names, samples, (n, columns), and notes; the first column is time."""
     at = header.n_lines
     while at < len(lines) and not lines[at].strip():
         at += 1
@@ -218,7 +229,35 @@ def _table(path: Path, lines: list[str], header: _Header) -> tuple[list[str], np
     if pieces is not None and rows:
         labels, rows = _taken_apart(path, labels, rows, at + 2)
     _check_labels(path, labels, at + 1)
-    return labels, _numbers(path, labels, rows, at + 2)
+    notes = {}
+    if lines[-1].strip():  # the last line has no end
+        notes = _check_end(path, [row[-1] for row in rows], at + 1 + len(rows), header)
+    return labels, _numbers(path, labels, rows, at + 2), notes
+
+
+def _check_end(path: Path, cells: list[str], row: int, header: _Header) -> dict[str, str]:
+    """Refuse a last number that is shorter than all above it, or say that it may be cut off."""
+    last, above = _n_digits(cells[-1]), [d for cell in cells[:-1] if (d := _n_digits(cell))]
+    least = tuple(map(min, zip(*above, strict=True)))
+    shorter = last and least and (last[0] < least[0] or last[1] < least[1])
+    if header.beside or shorter:
+        raise _bad(
+            path,
+            f"the last line has no end, and its last number, '{cells[-1]}', may be cut off.",
+            row,
+            todo="Copy the file again, or end that line where it is whole.",
+        )
+    return {
+        f"{READING}end": f"The last line has no end; its last number, {cells[-1]}, may be cut off."
+    }
+
+
+def _n_digits(cell: str) -> tuple[int, int] | None:
+    """Return how many decimals and digits of an exponent a number has, None for a word."""
+    match = _DIGITS.fullmatch(cell)
+    if match is None:
+        return None
+    return len(match["decimals"] or ""), len(match["exponent"] or "")
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -250,7 +289,7 @@ def _check_widths(path: Path, rows: list[list[str]], n_columns: int, first: int)
 def _check_labels(path: Path, labels: list[str], row: int) -> None:
     if labels[0].lower() != "time":
         raise _bad(path, f"expected 'time' as the first column, found '{labels[0]}'.", row)
-    twice = sorted({name for name in labels if labels.count(name) > 1})
+    twice = sorted(name for name, count in Counter(labels).items() if count > 1)
     if twice:
         raise _bad(path, f"the name '{twice[0]}' stands over two columns.", row, todo="Rename one.")
 
@@ -298,13 +337,16 @@ def _first_bad_cell(path: Path, labels: list[str], rows: list[list[str]], first:
     return _bad(path, "it holds what is no number.")
 
 
-def _unit_of(name: str, degrees: str) -> tuple[str, str]:
+def _unit_of(name: str, header: Mapping[str, str]) -> tuple[str, str]:
     """Return unit and description of a column, as far as the header states one."""
+    degrees = header.get("inDegrees", "").lower()
     *_, coordinate = name.removesuffix("/value").removesuffix("/speed").split("/")
     words = coordinate.removesuffix("_u").lower()
     if not _ROTATION.search(words) or _NO_COORDINATE.search(words):
         return "", _UNSTATED
-    per_second = "/s" if name.endswith(("/speed", "_u")) else ""
+    per_second = _RATES_BY_NAME.get(header.get("name", "").lower(), "")
+    if name.endswith(("/speed", "_u")):
+        per_second = "/s"
     if degrees in _YES:
         return f"deg{per_second}", ""
     if degrees in _NO:

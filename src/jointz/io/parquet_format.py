@@ -1,5 +1,7 @@
 """Whole parquet tables in and out, through pyarrow (the extra ``jointz[parquet]``)."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +25,13 @@ from jointz.io.losses import (
     plainly,
 )
 from jointz.io.registry import damaged
-from jointz.io.side_information import filled, read_beside, written_beside
+from jointz.io.side_information import SideInformation, filled, read_beside, written_beside
 
 _SIDE = b"jointz"
+_CHANGED = (
+    "the table is not the one that jointz wrote, and was read as any other: rate, events and "
+    "metadata beside it belong to what it was"
+)
 _DATES = NOTE + "dates and times, written as ISO 8601"
 
 
@@ -131,15 +137,37 @@ def _content(arrow: Any, path: Path, table: Any) -> Acquisition:
         else:
             signals.append(signal)
     metadata = table.schema.metadata or {}
+    changed = ""
     if _SIDE in metadata:
-        clock = metadata.get(b"jointz_clock", b"").decode()
-        time = next((s.values for s in signals if clock and s.name == clock), None)
-        columns = [s.values for s in signals if not clock or s.name != clock]
-        return filled(read_beside(metadata[_SIDE].decode()), columns, time)
-    group, told = with_clock("", signals)
+        told = read_beside(metadata[_SIDE].decode())
+        try:
+            return _own(told, metadata.get(b"jointz_clock", b"").decode(), signals)
+        except ValueError as exc:
+            changed = str(exc)
+    group, notes = with_clock("", signals)
+    if changed:
+        notes[f"{READING}jointz"] = f"{_CHANGED} ({changed})"
     if left_out:
-        told[f"{READING}left_out"] = f"nested columns: {listed(left_out)}"
-    return Acquisition((group,), (), told)
+        notes[f"{READING}left_out"] = f"nested columns: {listed(left_out)}"
+    return Acquisition((group,), (), notes)
+
+
+def _own(told: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
+    """Return what jointz wrote.
+
+    Raises
+    ------
+    ValueError
+        When the table is another one: programs keep the metadata of a table out of which they
+        take columns or rows.
+    """
+    time = next((s.values for s in signals if clock and s.name == clock), None)
+    columns = {s.name: s.values for s in signals if not clock or s.name != clock}
+    labels = unique_names([plainly(signal.name) for signal in told.group.signals])
+    content = filled(told, columns, time, labels=labels)
+    (group,) = content.groups
+    named = tuple(replace(s, column=n) for s, n in zip(group.signals, labels, strict=True))
+    return replace(content, groups=(replace(group, signals=named, time_column=clock),))
 
 
 def _signal(arrow: Any, column: Any, field: Any) -> Signal | None:

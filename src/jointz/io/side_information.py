@@ -1,8 +1,9 @@
 """What a table of one group cannot hold in its cells, as one line of JSON beside them."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 
 _VERSION = 1
+_OF_A_SAMPLE = 1e-3  # how far a time may be from that of the rate: as it was rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ def read_beside(text: str) -> SideInformation:
             events=tuple(Event(float(t), str(name), float(d)) for t, name, d in found["events"]),
             metadata={str(k): str(v) for k, v in found["metadata"].items()},
         )
-    except (KeyError, TypeError, AttributeError, RecursionError) as exc:
+    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as exc:
         raise ValueError(f"the jointz line is damaged ({type(exc).__name__}: {exc})") from exc
 
 
@@ -101,7 +103,11 @@ def _group(found: dict[str, Any]) -> SignalGroup:
 
 
 def filled(
-    told: SideInformation, columns: Sequence[np.ndarray], stamps: np.ndarray | None
+    told: SideInformation,
+    columns: Mapping[str, np.ndarray],
+    stamps: np.ndarray | None,
+    *,
+    labels: Sequence[str],
 ) -> Acquisition:
     """Put samples into what was read beside them.
 
@@ -109,25 +115,76 @@ def filled(
     ----------
     told : SideInformation
         What was read.
-    columns : sequence of array
-        The samples, one array a signal.
+    columns : mapping of str to array
+        The samples by the names of the table.
     stamps : array or None
-        Time stamps of the table.
+        Time stamps of the table, None where it has none.
+    labels : sequence of str
+        What a table calls the signals that were told of.
 
     Raises
     ------
     ValueError
-        When columns and signals do not go together.
+        When the table is not the one that was told of: another program changed it.
     """
-    texts = [signal.is_text for signal in told.group.signals]
-    if texts != [column.dtype.kind == "O" for column in columns]:
+    if list(columns) != list(labels):
+        found = next(i for i, pair in enumerate(zip_longest(columns, labels)) if len({*pair}) > 1)
+        names = [[*some, "none"][min(found, len(some))] for some in (list(columns), labels)]
         raise ValueError(
-            f"the jointz line tells of {len(texts)} signals that are not the {len(columns)} "
-            "columns of the table"
+            f"the jointz line tells of other columns than the table has: number {found + 1} is "
+            f"'{names[1]}' there, and '{names[0]}' in the table"
+        )
+    texts = [signal.name for signal in told.group.signals if signal.is_text]
+    found_texts = [
+        signal.name
+        for signal, values in zip(told.group.signals, columns.values(), strict=True)
+        if values.dtype.kind == "O"
+    ]
+    if texts != found_texts:
+        raise ValueError(
+            f"the jointz line tells of {len(texts)} columns of text, the table has "
+            f"{len(found_texts)}"
         )
     signals = tuple(
         replace(signal, values=values)
-        for signal, values in zip(told.group.signals, columns, strict=True)
+        for signal, values in zip(told.group.signals, columns.values(), strict=True)
     )
+    _check_clock(told, stamps)
     group = replace(told.group, signals=signals, time_s=stamps if told.stamped else None)
     return Acquisition((group,), told.events, told.metadata)
+
+
+def _check_clock(told: SideInformation, stamps: np.ndarray | None) -> None:
+    """Refuse a column of time that is missing, or that another program changed."""
+    rate, start = told.group.rate_hz, told.group.start_s
+    if not told.stamped and rate is None:
+        if stamps is not None:
+            raise ValueError("the jointz line tells of no clock, the table has a column of time")
+        return
+    if stamps is None:
+        raise ValueError("the jointz line tells of a clock, the table has no column of time")
+    if told.stamped or rate is None:
+        return
+    at = first_other_time(stamps, rate, start)
+    if at is not None:
+        raise ValueError(
+            f"the jointz line tells of {rate:g} Hz, and sample {at + 1} is at {stamps[at]:.9g} s, "
+            f"not at {start + at / rate if rate else np.nan:.9g} s"
+        )
+
+
+def first_other_time(stamps: np.ndarray, rate_hz: float, start_s: float) -> int | None:
+    """Return the first sample that is not where its rate puts it, but for rounding; else None.
+
+    Parameters
+    ----------
+    stamps : (n,) float64 array
+        Times of the samples, s.
+    rate_hz, start_s : float
+        The rate, and the time of the first sample.
+    """
+    with np.errstate(all="ignore"):
+        times = start_s + np.arange(len(stamps)) / np.float64(rate_hz)
+        same = (stamps == times) | (np.isnan(stamps) & np.isnan(times))
+        same |= np.abs(stamps - times) * abs(rate_hz) <= _OF_A_SAMPLE
+    return None if same.all() else int(np.flatnonzero(~same)[0])

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from jointz.io.column_names import unique_names
+
 
 def distinct_names(labels: Sequence[str], count: int, kind: str) -> list[str]:
     """Return one name each: a second ``Fx`` is ``Fx#2``, a channel without label is counted.
@@ -20,14 +22,8 @@ def distinct_names(labels: Sequence[str], count: int, kind: str) -> list[str]:
     >>> distinct_names(["Fx", "Fx", ""], 4, "analog")
     ['Fx', 'Fx#2', 'analog 3', 'analog 4']
     """
-    names: dict[str, None] = {}
-    for i, label in enumerate(filled(labels, count), start=1):
-        plain = label or f"{kind} {i}"
-        name, again = plain, 2
-        while name in names:
-            name, again = f"{plain}#{again}", again + 1
-        names[name] = None
-    return list(names)
+    plain = [label or f"{kind} {i}" for i, label in enumerate(filled(labels, count), start=1)]
+    return unique_names(plain, sign="#")
 
 
 def filled(texts: Sequence[str], count: int) -> list[str]:

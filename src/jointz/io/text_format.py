@@ -24,6 +24,7 @@ from jointz.io.losses import (
     first_group,
     has_text,
     is_plain,
+    listed,
     lost_descriptions,
     lost_events,
     lost_groups,
@@ -31,9 +32,9 @@ from jointz.io.losses import (
     lost_signals,
 )
 from jointz.io.registry import RawTable, list_columns, read_table
+from jointz.io.text_layout import DELIMITERS
 from jointz.io.vendor_logs import with_vendor_units
 
-_DELIMITERS = {",": "a comma", ";": "a semicolon", "\t": "a tab"}
 #: A number with a point or a comma as decimal sign; the other sign is told as an error.
 _NUMBER = re.compile(
     r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE
@@ -60,7 +61,8 @@ class TextFormat:
         Raises
         ------
         DataError
-            When a row, a cell or the end of the file is not what it should be.
+            When a row, a cell or the end of the file is not what it should be, or no column
+            holds numbers.
         """
         files, notes = _with_delimiter(path, files)
         names: list[str | int] = list(list_columns(path, files) or [])
@@ -74,15 +76,19 @@ class TextFormat:
                 tables.append(read_table(path, numeric=numbers, files=files))
             except DataError as exc:
                 texts.add(_text_after_all(path, files, numbers, exc))
+        if not tables:
+            raise _no_numbers(path, files, names)
         if texts:
             labels = [name for name in names if name in texts]
+            notes[f"{READING}text"] = f"read as text: {listed(map(repr, labels))}"
             tables.append(read_table(path, numeric=(), labels=labels, files=files, as_written=True))
         columns = {name: values for table in tables for name, values in table.columns.items()}
         signals, vendor = with_vendor_units(
             [Signal(n, columns[n], unit_in_name(n)) for n in map(str, names)]
         )
         group, told = with_clock("", signals, row=tables[0].first_row)
-        notes |= {f"{READING}log": vendor} if vendor else {}
+        if vendor:
+            notes[f"{READING}log"] = f"taken for a log of {vendor}: units by its documentation"
         return Acquisition((group,), (), {**notes, **told})
 
     def losses(self, content: Acquisition) -> list[str]:
@@ -102,8 +108,11 @@ class TextFormat:
             lambda s: has_text(s, lambda t: is_plain(t) and t == t.strip() and _one_line(t) == t),
         )
         lost += lost_signals(
-            group, "text apart from numbers where every cell looks like one", _reads_as_numbers
+            group,
+            "text apart from numbers where half of it or more looks like one",
+            _reads_as_numbers,
         )
+        lost += [] if _has_numbers(group) else ["It cannot hold text alone, without a number."]
         odd = [s.name for s in group.signals if _plain_name(name_with_unit(s)) != name_with_unit(s)]
         if odd:
             lost.append(f"It cannot hold the name {', '.join(map(repr, odd))} as it is.")
@@ -122,14 +131,14 @@ class TextFormat:
         Raises
         ------
         DataError
-            When there is no sample to write.
+            When there is no number to write.
         WriteError
             When the file cannot be written.
         """
         group = first_group(content)
-        if not group.n_samples or not (group.signals or group.times_s() is not None):
+        if not group.n_samples or not _has_numbers(group):
             raise DataError(
-                f"{path.name}: expected samples to write, found none. Choose another group or "
+                f"{path.name}: expected numbers to write, found none. Choose another group or "
                 "format.",
                 path=str(path),
             )
@@ -148,16 +157,19 @@ def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, 
     lines = decompressed_text(path, files.skip_rows + files.header + 1)[files.skip_rows :]
     if not lines or _width(lines, default) > 1:
         return files, {}
-    found = next((d for d in _DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
+    found = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
     if found is None:
         return files, {}
-    note = f"columns stand apart by {_DELIMITERS[found]}"
+    note = f"columns stand apart by {DELIMITERS[found]}"
     return files.model_copy(update={"delimiter": found}), {f"{READING}delimiter": note}
 
 
 def _width(lines: list[str], delimiter: str) -> int:
     """Return into how many cells all lines are split, 1 where they differ."""
-    widths = {len(next(csv.reader([line], delimiter=delimiter), [])) for line in lines}
+    widths = {
+        len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+        for line in lines
+    }
     return widths.pop() if len(widths) == 1 else 1
 
 
@@ -193,6 +205,21 @@ def _text_after_all(
     return named
 
 
+def _no_numbers(path: Path, files: FilesSpec, names: list[str | int]) -> DataError:
+    shown = listed(repr(str(name)[:40]) for name in names)
+    return DataError(
+        f"{path.name}: no column holds numbers; found {len(names)} column(s) of text, {shown}, "
+        f"under row {files.skip_rows + files.header}. Give the file's layout (--delimiter, "
+        "--decimal, --skip-rows, --no-header), or another file; jointz inspect finds it out.",
+        path=str(path),
+    )
+
+
+def _has_numbers(group: SignalGroup) -> bool:
+    """Whether a table of a group has a column of numbers."""
+    return group.times_s() is not None or any(not s.is_text for s in group.signals)
+
+
 def _reads_as_numbers(signal: Signal) -> bool:
     return signal.is_text and not _is_text([str(text) for text in signal.values])
 
@@ -212,8 +239,9 @@ def _odd(name: str) -> bool:
 
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
-    names = unique_names([_plain_name(name_with_unit(s)) for s in group.signals])
-    columns = [_cells(signal) for signal in group.signals]
+    kept = [signal for signal in group.signals if not _reads_as_numbers(signal)]
+    names = unique_names([_plain_name(name_with_unit(s)) for s in kept])
+    columns = [_cells(signal) for signal in kept]
     time = group.times_s()
     if time is not None:
         names.insert(0, clock_column(group, content.metadata))

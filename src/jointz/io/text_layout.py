@@ -6,6 +6,7 @@ inspects a file, and :mod:`jointz.io.delimited` still refuses what does not fit 
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,11 +15,18 @@ from typing import Any
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.delimited import MISSING_TEXT, decompressed_text, is_number
+from jointz.io.delimited import MISSING_TEXT, check_signs, decompressed_text, is_number
 
 _LINES = 400
 _IN_A_ROW = 3  # rows of one shape that are called the table
-_DELIMITERS = (",", ";", "\t", " ")
+#: Signs between columns, in the order in which they are tried, and what they are called.
+DELIMITERS: Mapping[str, str] = {
+    ",": "a comma",
+    ";": "a semicolon",
+    "\t": "a tab",
+    "|": "a bar",
+    " ": "a blank",
+}
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
 #: Words that stand in a row of units and nowhere else.
@@ -94,26 +102,34 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     Raises
     ------
     DataError
-        When the file is not text, or holds no table of numbers.
+        When the file is not text, holds no table of numbers, or the given signs are none.
     """
     known = dict(given or {})
-    lines = decompressed_text(path, _LINES)
+    skipped = int(known.get("skip_rows") or 0)
+    lines = decompressed_text(path, skipped + _LINES)
     best = max(
-        (_Found.of(lines, *signs) for signs in _signs(known)),
+        (_Found.of(lines[skipped:], *signs) for signs in _signs(path, known)),
         key=lambda found: found.score,  # the first of equals
     )
-    if best.start is None and not {"skip_rows", "header"} & set(known):
+    if not any(map(any, best.rows)) or (best.start is None and "header" not in known):
+        where = (
+            f"in {_LINES} lines from line {skipped + 1} on"
+            if skipped
+            else f"in its first {len(lines)} lines"
+        )
         raise DataError(
-            f"{path.name}: no table of numbers in its first {len(lines)} lines. Give its layout "
-            "(--delimiter, --decimal, --skip-rows, --no-header), or another file.",
+            f"{path.name}: no table of numbers {where}. Say where it begins (--skip-rows), give "
+            "its layout (--delimiter, --decimal, --no-header), or another file.",
             path=str(path),
         )
     return _layout(best, known)
 
 
-def _signs(known: Mapping[str, Any]) -> list[tuple[str, str]]:
-    delimiters = [known["delimiter"]] if known.get("delimiter") else list(_DELIMITERS)
+def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:
+    delimiters = [known["delimiter"]] if known.get("delimiter") else list(DELIMITERS)
     decimals = [known["decimal"]] if known.get("decimal") else [".", ","]
+    if known.get("delimiter"):
+        check_signs(path, known["delimiter"], known.get("decimal", ""))
     return [(d, sign) for d, sign in product(delimiters, decimals) if d != sign]
 
 
@@ -156,14 +172,27 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _first_row(rows: Sequence[tuple[str, ...]], decimal: str) -> int | None:
-    """Return the first of some rows of one width in which a number stands."""
-    like = [len(row) if _is_sample(row, decimal) else 0 for row in rows]
+    """Return the first of some rows of one width in which a number stands.
+
+    Lines above a table may look like one (``Mass;70``): the table is where most cells stand in
+    rows of one shape, numbers and text in the same places.
+    """
+    shapes = [_shape(row, decimal) if _is_sample(row, decimal) else () for row in rows]
+    found = Counter(shapes)
+    usual = max(found, key=lambda shape: found[shape] * len(shape), default=())
     wanted = min(_IN_A_ROW, sum(bool(row and any(row)) for row in rows[-_IN_A_ROW:]), len(rows))
-    for k, width in enumerate(like):
-        run = like[k : k + max(wanted, 1)]
-        if width and all(other == width for other in run):
+    alike = [len(shape) == len(usual) > 0 for shape in shapes]
+    for k, shape in enumerate(shapes):
+        if shape == usual and all(alike[k : k + max(wanted, 1)]):
+            while k and alike[k - 1]:  # rows with a stray text are samples, too
+                k -= 1
             return k
     return None
+
+
+def _shape(row: tuple[str, ...], decimal: str) -> tuple[bool, ...]:
+    """Return where text stands in a row."""
+    return tuple(not is_number(cell, decimal) and cell not in MISSING_TEXT for cell in row)
 
 
 def _is_sample(row: tuple[str, ...], decimal: str) -> bool:
@@ -209,9 +238,10 @@ def _numbered(found: _Found, above: tuple[str, ...], width: int) -> TextLayout:
 
 
 def _told_layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
+    """Return the layout of a table whose beginning is known: what was looked at begins there."""
     skip_rows, header = int(known.get("skip_rows") or 0), bool(known.get("header", True))
     files = found.spec(skip_rows, header=header)
-    row = found.rows[skip_rows] if skip_rows < len(found.rows) else ()
+    row = found.rows[0]
     return TextLayout(files, row if header else ("",) * len(row))
 
 

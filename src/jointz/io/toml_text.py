@@ -102,7 +102,23 @@ def written_text(value: str) -> str:
     value : str
         The text.
     """
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def written_comment(text: str) -> str:
+    r"""Return a text as it may stand behind ``#``: one line, without control characters.
+
+    Parameters
+    ----------
+    text : str
+        The text, such as the name of a column.
+
+    Examples
+    --------
+    >>> written_comment("Note\n(mm)")
+    'Note (mm)'
+    """
+    return "".join(" " if letter < " " or letter == "\x7f" else letter for letter in text)
 
 
 def written_table(values: Mapping[str, Any]) -> str:

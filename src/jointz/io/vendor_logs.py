@@ -43,6 +43,8 @@ _OPENSOURCELEG: Mapping[str, tuple[str, str]] = {
     "case_temperature": ("degC", "of the case"),
     "winding_temperature": ("degC", "of the winding, estimated"),
 }
+#: Where a log may be in other units than the documentation says.
+_EXCEPT = {"opensourceleg": "; a release with osl.units may have logged in those"}
 #: Both sides of the gear under the library's own names: no other log has them.
 _OUTPUT_MARKS = ("output_position", "output_velocity", "output_torque")
 _MOTOR_MARKS = ("motor_position", "motor_velocity", "motor_current", "motor_torque")
@@ -76,7 +78,7 @@ def _known(
     for signal in signals:
         unit, what = units.get(_attribute(signal.name), ("", ""))
         if what and not signal.unit and not signal.is_text:
-            said = f"{NOTE}{what}; unit by the documentation of {whose}"
+            said = f"{NOTE}{what}; unit by the documentation of {whose}{_EXCEPT.get(whose, '')}"
             signal = replace(signal, unit=unit, description=said)
         found.append(signal)
     return tuple(found)

@@ -4,12 +4,15 @@ What jointz writes is a sheet a group (names, units, samples) and a last sheet `
 what cells have no place for: rates, kinds, descriptions, events, metadata.
 """
 
+import lzma
 import struct
 import warnings
 import zipfile
 import zlib
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.errors import DataError
@@ -19,16 +22,17 @@ from jointz.io.column_names import READING
 from jointz.io.formats import register_format
 from jointz.io.losses import has_infinity, has_text, listed, lost_signals, words_of
 from jointz.io.registry import damaged
-from jointz.io.workbook_layout import OWN_SHEET, fits, own_acquisition, put_acquisition
-from jointz.io.workbook_tables import Sheet, groups_of
+from jointz.io.workbook_layout import MOST_ROWS, OWN_SHEET, fits, own_acquisition, put_acquisition
+from jointz.io.workbook_tables import Sheet, groups_of, letters
 
 #: What a damaged workbook makes zipfile, the XML parser and openpyxl raise.
 _LIBRARY_ERRORS = (
     *(OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, SyntaxError),
     *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError, AssertionError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
 )
-_MOST_ROWS, _MOST_COLUMNS = 1_048_576, 16_384
+_MOST_COLUMNS = 16_384
+_MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
 
 
 @register_format(".xlsx")
@@ -56,7 +60,7 @@ class WorkbookFormat:
         if sheets and sheets[-1].title == OWN_SHEET:
             try:
                 return own_acquisition(sheets)
-            except (KeyError, ValueError, TypeError, IndexError) as exc:
+            except (KeyError, ValueError, TypeError, IndexError, OverflowError) as exc:
                 if isinstance(exc, DataError):
                     raise
                 raise damaged(path, exc) from exc
@@ -93,10 +97,12 @@ class WorkbookFormat:
                 "text with control characters, or over 32767 letters",
                 lambda s: has_text(s, fits),
             )
-            if group.n_samples > _MOST_ROWS - 2 or len(group.signals) > _MOST_COLUMNS - 1:
+            if group.time_s is not None and not np.isfinite(group.time_s).all():
+                lost.append(f"Time stamps of group '{group.name}' that are no numbers are empty.")
+            if group.n_samples > MOST_ROWS - 2 or len(group.signals) > _MOST_COLUMNS - 1:
                 lost.append(
                     f"Group '{group.name}' has {group.n_samples} samples of {len(group.signals)} "
-                    f"signals; a sheet ends at {_MOST_ROWS} rows and {_MOST_COLUMNS} columns."
+                    f"signals; a sheet ends at {MOST_ROWS} rows and {_MOST_COLUMNS} columns."
                 )
         odd = [repr(word[:40]) for word in words_of(content) if not fits(word)]
         if odd:
@@ -121,7 +127,7 @@ class WorkbookFormat:
             When the file cannot be written.
         """
         book = _openpyxl(path).Workbook(write_only=True)
-        put_acquisition(book, content, most_rows=_MOST_ROWS - 2)
+        put_acquisition(book, content, most_rows=MOST_ROWS - 2)
         with whole_file(path, "Make room or name another place.") as partial:
             book.save(partial)
 
@@ -143,6 +149,7 @@ def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # styles and extensions it does not know
+            _check_parts(path)
             with path.open("rb") as stream:
                 values = openpyxl.load_workbook(stream, data_only=True)
             with path.open("rb") as stream:
@@ -157,22 +164,41 @@ def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
         raise damaged(path, exc) from exc
 
 
+def _check_parts(path: Path) -> None:
+    """Refuse a damaged part of the file: openpyxl leaves out sheets that it cannot find.
+
+    Raises
+    ------
+    ValueError
+        When a part is not what its checksum or its name says.
+    """
+    with zipfile.ZipFile(path) as parts:
+        wrong = parts.testzip()
+    if wrong is not None:
+        raise ValueError(f"the part {wrong} is damaged")
+
+
 def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
-    rows = list(values.iter_rows(min_row=1, min_col=1, values_only=True))
-    while rows and all(cell is None for cell in rows[-1]):
-        rows.pop()
-    open_formulas = {
-        (cell.row - 1, cell.column - 1)
-        for row in formulas.iter_rows(min_row=1, min_col=1, max_row=len(rows) or 1)
-        for cell in row
-        if cell.data_type == "f" and values.cell(cell.row, cell.column).value is None
-    }
-    last = max((row for row, _ in open_formulas), default=-1)
-    width = max([len(row) for row in rows] + [k + 1 for _, k in open_formulas] + [1])
-    rows += [()] * (last + 1 - len(rows))
+    # The cells that there are: a stray one in the last corner makes a rectangle of 1.7e10.
+    filled = {at: c.value for at, c in values._cells.items() if c.value is not None}
+    unknown = {at for at, c in formulas._cells.items() if c.data_type == "f" and at not in filled}
+    used = filled.keys() | unknown
+    n_rows = max((row for row, _ in used), default=0)
+    width = max((column for _, column in used), default=1)
+    if n_rows * width > _MOST_CELLS:
+        row, column = max(used)
+        raise DataError(
+            f"{path.name}, {values.title}!{letters(column - 1)}{row}: cells are filled in as far "
+            f"as here, {n_rows} rows and {width} columns; expected a table of at most "
+            f"{_MOST_CELLS:,} cells. Empty what stands apart.",
+            path=str(path),
+        )
+    rows: list[list[Any]] = [[None] * width for _ in range(n_rows)]
+    for (row, column), value in filled.items():
+        rows[row - 1][column - 1] = value
     merged = tuple(
         (r.min_row - 1, r.min_col - 1, r.max_row - 1, r.max_col - 1)
         for r in values.merged_cells.ranges
     )
-    rows = [tuple(row) + (None,) * (width - len(row)) for row in rows]
-    return Sheet(path.name, values.title, rows, frozenset(open_formulas), merged)
+    open_formulas = frozenset((row - 1, column - 1) for row, column in unknown)
+    return Sheet(path.name, values.title, [tuple(row) for row in rows], open_formulas, merged)

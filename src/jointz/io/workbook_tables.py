@@ -7,7 +7,9 @@ with the address of its cell.
 
 import datetime as dt
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -15,7 +17,7 @@ import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError, UnitError
-from jointz.io.column_names import is_time, unit_in_name, with_clock
+from jointz.io.column_names import is_time, seconds_of_one, unit_in_name, with_clock
 from jointz.io.losses import NOTE
 from jointz.io.units import si_unit_of
 
@@ -25,6 +27,8 @@ _NO_UNIT = ("", "-", "1", "n/a", "none")
 _MOST_HEADER_ROWS = 200
 _DATES = (dt.date, dt.time, dt.timedelta)
 _DATE_NOTE = NOTE + "dates and times, written as ISO 8601"
+#: Of all numbers in double precision, in which spreadsheet programs calculate.
+LARGEST = sys.float_info.max
 _MISSING = ("NA", "NaN", "nan", "N/A", "n/a")
 
 
@@ -137,12 +141,15 @@ def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
                 first_column,
                 "expected one sample a cell, found merged cells. Unmerge them.",
             )
+    _refuse_names_above(sheet, table)
     names = _names(sheet, table)
-    blocks = _blocks(table.columns, names)
+    clocks = [k for k in table.columns if _is_clock(sheet, table, k, names[k])]
+    blocks = _blocks(table.columns, clocks)
     groups = []
     for block in blocks:
         name = sheet.title if len(blocks) == 1 else f"{sheet.title}!{letters(block[0])}"
-        group, told = _group(sheet, table, name, {k: names[k] for k in block})
+        own = [k for k in clocks if k in block]
+        group, told = _group(sheet, table, name, ({k: names[k] for k in block}, own))
         groups.append(group)
         metadata |= told
     return groups, metadata
@@ -201,12 +208,12 @@ def _looks_like_number(value: Any) -> bool:
 
 
 def _is_units(sheet: Sheet, row: int) -> bool:
-    """Whether a row holds units: all its cells are text, and most can be read as units."""
+    """Whether a row holds units: all its cells are text, and half of them can be read as units."""
     cells = [sheet.rows[row][k] for k in _filled(sheet, row)]
     if not cells or not all(isinstance(cell, str) for cell in cells):
         return False
     units = [_bare_unit(cell) for cell in cells]
-    return 2 * sum(_is_unit(unit) for unit in units) > len(units)
+    return 2 * sum(_is_unit(unit) for unit in units) >= len(units)
 
 
 def _bare_unit(cell: str) -> str:
@@ -241,9 +248,9 @@ def _names(sheet: Sheet, table: Table) -> dict[int, str]:
                 table.names_row, k, "samples stand under it, and it is empty. Name the column."
             )
     over = _heads(sheet, table)
-    repeated = {name for name in names.values() if list(names.values()).count(name) > 1}
+    counts = Counter(names.values())
     return {
-        k: f"{over[k]} {name}" if name in repeated and k in over and not is_time(name) else name
+        k: f"{over[k]} {name}" if counts[name] > 1 and k in over and not is_time(name) else name
         for k, name in names.items()
     }
 
@@ -259,22 +266,45 @@ def _heads(sheet: Sheet, table: Table) -> dict[int, str]:
     }
 
 
-def _blocks(columns: Sequence[int], names: Mapping[int, str]) -> list[list[int]]:
+def _refuse_names_above(sheet: Sheet, table: Table) -> None:
+    """Refuse names that look like the units of names right above them."""
+    above = table.names_row - 1
+    if above < 0 or table.units_row is not None or _filled(sheet, above) != list(table.columns):
+        return
+    upper, lower = ([str(sheet.rows[r][k]) for k in table.columns] for r in (above, above + 1))
+    if not all(isinstance(sheet.rows[above][k], str) for k in table.columns):
+        return
+    units = any(_is_unit(_bare_unit(cell)) for cell in lower)
+    if units or (any(map(is_time, upper)) and not any(map(is_time, lower))):
+        sheet.refuse(
+            above,
+            table.columns[0],
+            f"two full rows of texts stand over the numbers, '{upper[0]}' and '{lower[0]}'; which "
+            "are the names, cannot be told. Correct the units under them, or empty a row between.",
+        )
+
+
+def _is_clock(sheet: Sheet, table: Table, column: int, name: str) -> bool:
+    """Whether a column holds times: ``T [Nm]`` is a torque."""
+    unit = _unit(sheet, table, column, name)
+    return is_time(name) and seconds_of_one(Signal(name, np.empty(0), unit)) is not None
+
+
+def _blocks(columns: Sequence[int], clocks: Sequence[int]) -> list[list[int]]:
     """Return the columns of each group: where there are several times, each begins one."""
-    times = [k for k in columns if is_time(names[k])]
-    if len(times) < 2 or times[0] != columns[0]:
+    if len(clocks) < 2 or clocks[0] != columns[0]:
         return [list(columns)]
-    ends = [*times[1:], max(columns) + 1]
+    ends = [*clocks[1:], max(columns) + 1]
     return [
-        [k for k in columns if start <= k < end] for start, end in zip(times, ends, strict=True)
+        [k for k in columns if start <= k < end] for start, end in zip(clocks, ends, strict=True)
     ]
 
 
 def _group(
-    sheet: Sheet, table: Table, name: str, names: Mapping[int, str]
+    sheet: Sheet, table: Table, name: str, columns: tuple[Mapping[int, str], Sequence[int]]
 ) -> tuple[SignalGroup, dict[str, str]]:
+    names, clocks = columns
     ends = {k: _end(sheet, table, k) for k in names}
-    clocks = [k for k in names if is_time(names[k])]
     n = ends[clocks[0]] if clocks else max(ends.values())
     for k, end in ends.items():
         if end == n or (clocks and end < n):
@@ -293,14 +323,30 @@ def _group(
             "aligns them. Give a column of time, or put columns of other length on other sheets.",
         )
     _refuse_twice(sheet, table, names)
-    signals = [
-        _signal(sheet, table, k, name=names[k], rows=range(table.first_row, n)) for k in names
-    ]
-    for k, signal in zip(names, signals, strict=True):
-        if k in clocks[:1] and not signal.is_text and np.isnan(signal.values).any():
-            at = table.first_row + int(np.flatnonzero(np.isnan(signal.values))[0])
+    signals = {
+        k: _signal(sheet, table, k, name=names[k], rows=range(table.first_row, n)) for k in names
+    }
+    for k in clocks[:1]:
+        if not signals[k].is_text and np.isnan(signals[k].values).any():
+            at = table.first_row + int(np.flatnonzero(np.isnan(signals[k].values))[0])
             sheet.refuse(at, k, "expected a time stamp, found an empty cell. Fill it in.")
-    return with_clock(name, signals, row=table.first_row + 1)
+    for k in clocks[1:]:
+        if not _same_times(signals[clocks[0]], signals[k]):
+            sheet.refuse(
+                table.names_row,
+                k,
+                f"'{names[k]}' holds other times than '{names[clocks[0]]}', and which columns "
+                "belong to it cannot be told. Put a column of time before all others, or each "
+                "table on a sheet of its own.",
+            )
+    return with_clock(name, list(signals.values()), row=table.first_row + 1)
+
+
+def _same_times(one: Signal, other: Signal) -> bool:
+    if one.is_text or other.is_text:
+        return False
+    factors = [float(seconds_of_one(signal) or 1.0) for signal in (one, other)]
+    return np.allclose(factors[0] * one.values, factors[1] * other.values, rtol=1e-9, atol=1e-9)
 
 
 def _refuse_twice(sheet: Sheet, table: Table, names: Mapping[int, str]) -> None:
@@ -334,20 +380,26 @@ def _signal(sheet: Sheet, table: Table, column: int, *, name: str, rows: range) 
                 "a formula without a value: the program that wrote it did not calculate. Open the "
                 "workbook in a spreadsheet program and save it.",
             )
-    unit = unit_in_name(name)
-    if table.units_row is not None and not _is_empty(sheet.rows[table.units_row][column]):
-        stated = _bare_unit(str(sheet.rows[table.units_row][column]))
-        unit = "" if stated.lower() in _NO_UNIT[1:] and stated != "1" else stated
+    unit = _unit(sheet, table, column, name)
     kinds = [_kind(cell) for cell in cells]
     kind = "text" if "text" in kinds else next((k for k in kinds if k != "empty"), "number")
+    others = frozenset(kinds)
     for r, cell, found in zip(rows, cells, kinds, strict=True):
-        _check_kind(sheet, r, column, (cell, found, kinds))
+        _check_kind(sheet, r, column, (cell, found, others))
     if kind == "number":
         values = [np.nan if _kind(c) == "empty" else float(c) for c in cells]
         return Signal(name, np.array(values, dtype=np.float64), unit)
     texts = np.empty(len(cells), dtype=object)
     texts[:] = ["" if cell is None else _text(cell) for cell in cells]
     return Signal(name, texts, unit, _DATE_NOTE if kind == "date" else "")
+
+
+def _unit(sheet: Sheet, table: Table, column: int, name: str) -> str:
+    """Return the unit of a column, from the row of units or its name."""
+    if table.units_row is None or _is_empty(sheet.rows[table.units_row][column]):
+        return unit_in_name(name)
+    stated = _bare_unit(str(sheet.rows[table.units_row][column]))
+    return "" if stated.lower() in _NO_UNIT[1:] and stated != "1" else stated
 
 
 def _kind(cell: Any) -> str:
@@ -358,7 +410,7 @@ def _kind(cell: Any) -> str:
     return "text" if isinstance(cell, str) else "number"
 
 
-def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Sequence[str]]) -> None:
+def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Set[str]]) -> None:
     """Refuse text among numbers, numbers written as text, and errors of formulas."""
     value, kind, kinds = cell
     if kind == "text":
@@ -377,6 +429,8 @@ def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Seque
             )
     elif kind == "date" and "number" in kinds:
         sheet.refuse(row, column, f"expected a number, found the date {value}. Correct it.")
+    elif kind == "number" and abs(value) > LARGEST:
+        sheet.refuse(row, column, "the number is larger than any that a cell holds. Correct it.")
 
 
 def _text(cell: Any) -> str:

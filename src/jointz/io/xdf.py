@@ -2,10 +2,13 @@
 
 import io
 import logging
+import re
 import struct
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +36,11 @@ _LIBRARY_ERRORS = (
     RuntimeError,
     MemoryError,
     EOFError,
+    SyntaxError,  # of XML
     struct.error,
 )
+#: What pyxdf logs where offsets of a clock lead to no correction.
+_UNUSED = re.compile(r"Stream (\d+): Clock offsets .* cannot be used for synchronization")
 #: What became groups and signals, or is made by pyxdf, and is not told again as metadata.
 _TOLD = frozenset(
     ("name", "channel_count", "channel_format", "nominal_srate", "stream_id", "effective_srate")
@@ -71,9 +77,9 @@ class XdfFormat:
         """
         content = path.read_bytes()
         walked = walk(path, content)
-        streams, header = _load(path, content)
+        loaded = _load(path, content)
         try:
-            return _acquisition(path, walked, streams, header)
+            return _acquisition(path, walked, loaded)
         except DataError:
             raise
         except ValueError as exc:  # a number in a description that is none
@@ -109,31 +115,38 @@ class XdfFormat:
             partial.write_bytes(raw)
 
 
-def _acquisition(
-    path: Path,
-    walked: Mapping[int, Stream],
-    streams: list[dict[str, Any]],
-    header: Mapping[str, Any],
-) -> Acquisition:
-    found = {int(stream["info"]["stream_id"]): stream for stream in streams}
-    names = _names(found)
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    """What pyxdf read: streams by number, header, and how often offsets led to no correction."""
+
+    streams: dict[int, dict[str, Any]]
+    header: Mapping[str, Any]
+    unused: Counter[int]
+
+
+def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> Acquisition:
+    names = _names(loaded.streams)
     groups: list[SignalGroup] = []
     events: list[Event] = []
-    metadata = flat(header.get("info") or {})
+    info = loaded.header.get("info")
+    metadata = flat(info) if isinstance(info, Mapping) else {}
     metadata.pop("version", None)
-    for number, stream in found.items():
-        own, described = _described(stream, names[number])
-        group = _group(path, names[number], stream, _clock(walked[number], stream, own))
+    for number, stream in loaded.streams.items():
+        name, own = names[number], _own(stream)
+        group = _group(path, name, stream, _clock(path, walked[number], stream, own))
+        remarks = _remarks(walked[number], stream, group)
+        remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
         if own.get(EVENTS) != "only":
             groups.append(group)
-            metadata |= described | _remarks(names[number], walked[number], stream)
+            metadata |= _described(stream, name, own)
+            metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
         if own.get(EVENTS, "yes" if _is_markers(stream) else "no") != "no":
             events += events_of(group)
     events.sort(key=lambda event: event.time_s)
     return Acquisition(tuple(groups), tuple(events), metadata)
 
 
-def _load(path: Path, content: bytes) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+def _load(path: Path, content: bytes) -> _Loaded:
     """Have pyxdf read a file; what it would only log is an error here."""
     try:
         import pyxdf
@@ -154,20 +167,23 @@ def _load(path: Path, content: bytes) -> tuple[list[dict[str, Any]], dict[str, A
             )
     except _LIBRARY_ERRORS as exc:
         raise damaged(path, exc) from exc
-    if said:
-        raise damaged(path, ValueError(said[0]))
-    return streams, header
+    errors = [record for record in said if record.levelno >= logging.ERROR]
+    if errors:
+        raise damaged(path, ValueError(errors[0].getMessage()))
+    unused = [match for record in said if (match := _UNUSED.match(record.getMessage()))]
+    by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}
+    return _Loaded(by_number, header, Counter(int(match[1]) for match in unused))
 
 
 @contextmanager
-def _overheard(name: str) -> Iterator[list[str]]:
-    """Collect the errors that a logger tells meanwhile, and keep them from the terminal."""
-    said: list[str] = []
+def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
+    """Collect the warnings that a logger tells meanwhile, and keep them from the terminal."""
+    said: list[logging.LogRecord] = []
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            if record.levelno >= logging.ERROR:
-                said.append(record.getMessage())
+            if record.levelno >= logging.WARNING:
+                said.append(record)
 
     logger, listener = logging.getLogger(name), Listener()
     before = logger.propagate
@@ -208,8 +224,8 @@ def _own(stream: Mapping[str, Any]) -> dict[str, str]:
     return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}
 
 
-def _described(stream: Mapping[str, Any], name: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return jointz's own words about a stream, and what its header says besides, as metadata."""
+def _described(stream: Mapping[str, Any], name: str, own: Mapping[str, str]) -> dict[str, str]:
+    """Return what a stream's header says besides what jointz wrote for itself, as metadata."""
     info = {tag: nodes for tag, nodes in stream["info"].items() if tag not in _NOT_IN_HEADER}
     texts = flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
     labelled = {
@@ -222,13 +238,12 @@ def _described(stream: Mapping[str, Any], name: str) -> tuple[dict[str, str], di
         for k, text in texts.items()
         if k not in labelled and not k.startswith(OWN)
     }
-    own = _own(stream)
     if own.get("type"):  # said for other programs
         found.pop(f"{name}.type", None)
     nominal = _first(stream, "nominal_srate")
     if float(nominal) > 0 and own.get("clock") != Clock.UNIFORM:
         found[f"{name}.nominal_srate"] = nominal
-    return own, found
+    return found
 
 
 def _channel_places(stream: Mapping[str, Any]) -> list[str]:
@@ -236,7 +251,9 @@ def _channel_places(stream: Mapping[str, Any]) -> list[str]:
     return [f"desc.channels.channel{f'.{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 
-def _clock(walked: Stream, stream: Mapping[str, Any], own: Mapping[str, str]) -> SignalGroup:
+def _clock(
+    path: Path, walked: Stream, stream: Mapping[str, Any], own: Mapping[str, str]
+) -> SignalGroup:
     """Return a stream's clock: its stamps, or first stamp and rate where it has no others."""
     stamps = np.array(stream["time_stamps"], dtype=np.float64)
     rate = float(_first(stream, "nominal_srate"))
@@ -248,7 +265,20 @@ def _clock(walked: Stream, stream: Mapping[str, Any], own: Mapping[str, str]) ->
         return SignalGroup("", (), rate_hz=rate, start_s=start)
     if told == Clock.NONE or (told is None and walked.n_samples and not walked.stamped + rate):
         return SignalGroup("", ())
+    if walked.n_samples and not walked.first_stamped:
+        raise _unstamped(path, walked, "its first sample has none to count from")
+    if walked.stamped < walked.n_samples and not rate:
+        missing = walked.n_samples - walked.stamped
+        raise _unstamped(path, walked, f"{missing} of {walked.n_samples} have none, nor a rate")
     return SignalGroup("", (), time_s=stamps)
+
+
+def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
+    return DataError(
+        f"{path.name}, stream '{walked.name}': expected a time stamp a sample, or a first one and "
+        f"a nominal rate; {found}. Record or export it again.",
+        path=str(path),
+    )
 
 
 def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup) -> SignalGroup:
@@ -294,7 +324,7 @@ def _is_markers(stream: Mapping[str, Any]) -> bool:
     return irregular and _first(stream, "channel_format") == "string"
 
 
-def _remarks(name: str, walked: Stream, stream: Mapping[str, Any]) -> dict[str, str]:
+def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:
     """Say what looks odd about a stream."""
     remarks = []
     if walked.footer_count is None:
@@ -305,6 +335,40 @@ def _remarks(name: str, walked: Stream, stream: Mapping[str, Any]) -> dict[str, 
         remarks.append("pyxdf left out samples after its end, known to be wrong.")
     if walked.n_garbled:
         remarks.append(f"{walked.n_garbled} texts are no UTF-8; what cannot be read is \ufffd.")
-    if walked.n_offsets:
-        remarks.append(f"Time stamps are corrected by {walked.n_offsets} offsets of its clock.")
-    return {f"{READING}{name}": " ".join(remarks)} if remarks else {}
+    made_up = walked.n_samples - walked.stamped
+    if made_up and group.time_s is not None:
+        remarks.append(f"{made_up} of {walked.n_samples} time stamps follow from the nominal rate.")
+    return remarks
+
+
+def _synchronised(
+    path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
+) -> list[str]:
+    """Say what became of the measured offsets of a stream's clock.
+
+    Raises
+    ------
+    DataError
+        When some parts of the stream are corrected, and others are not.
+    """
+    segments = stream["info"]["clock_segments"]
+    if not (walked.n_offsets and walked.n_samples):
+        return []
+    if n_unused and len(segments) > 1:
+        raise DataError(
+            f"{path.name}, stream '{walked.name}': expected offsets of its clock that pyxdf can "
+            f"use, found {n_unused} of {len(segments)} parts without; their times are not known. "
+            "Record or export it again.",
+            path=str(path),
+        )
+    if n_unused:
+        return [
+            f"None of the {walked.n_offsets} offsets of its clock can be used: its time stamps are "
+            "NOT on the clock of the other streams."
+        ]
+    resets = len(segments) - 1
+    told = f" Its clock was reset {resets} time(s); each part has a correction of its own."
+    return [
+        f"Time stamps are corrected by {walked.n_offsets} offsets of its clock."
+        + (told if resets > 0 else "")
+    ]

@@ -5,6 +5,7 @@ would lose samples in silence, or have it ask for more memory than there is. So 
 checked first: its length, its kind, the stream it belongs to, and each sample in it.
 """
 
+import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -31,6 +32,8 @@ VALUE_BYTES: Mapping[str, int] = {
 _STAMPED = 8
 _OFFSET_BYTES = 16
 _LENGTHS = {1: "<B", 4: "<I", 8: "<Q"}
+_WHOLE = re.compile(r"\s*-?\d{1,18}\s*", re.ASCII)
+_MOST_CHANNELS = 65_536
 
 
 @dataclass(slots=True)
@@ -184,8 +187,8 @@ def _of_stream(file: _Walk, tag: int, number: int, span: tuple[int, int]) -> Non
     if tag == SAMPLES:
         _samples(file, stream, at, end)
     elif tag == FOOTER:
-        count = xml_of(file.path, at, file.content[at:end]).findtext("sample_count") or "-1"
-        stream.footer_count = int(count) if count.lstrip("-").isdecimal() else -1
+        count = xml_of(file.path, at, file.content[at:end]).findtext("sample_count") or ""
+        stream.footer_count = _whole(count, -1)
     else:
         if end - at != _OFFSET_BYTES:
             raise file.refuse(at, f"a clock offset of {_OFFSET_BYTES} bytes", f"{end - at}")
@@ -204,15 +207,22 @@ def _header(file: _Walk, at: int, end: int) -> Stream:
         raise file.refuse(at, "the name of a stream", "none")
     if kind not in VALUE_BYTES:
         raise file.refuse(at, f"a channel_format among {', '.join(VALUE_BYTES)}", repr(kind))
-    if not count.strip().isdecimal() or not 0 < int(count) <= len(file.content):
-        raise file.refuse(at, "a channel_count from 1 on", repr(count))
+    n_channels = _whole(count, 0)
+    if not 0 < n_channels <= _MOST_CHANNELS:
+        found = repr(count[:40])
+        raise file.refuse(at, f"a channel_count from 1 to {_MOST_CHANNELS}", found)
     try:
         nominal = float(rate)
     except ValueError:
         nominal = np.nan
     if not 0 <= nominal < np.inf:
         raise file.refuse(at, "a nominal_srate from 0 on", repr(rate))
-    return Stream(name, int(count), VALUE_BYTES[kind])
+    return Stream(name, n_channels, VALUE_BYTES[kind])
+
+
+def _whole(text: str, default: int) -> int:
+    """Return the whole number that a text says, of a size that can be counted."""
+    return int(text) if _WHOLE.fullmatch(text) else default
 
 
 def _samples(file: _Walk, stream: Stream, at: int, end: int) -> None:

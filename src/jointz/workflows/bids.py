@@ -10,7 +10,7 @@ from typing import Any
 
 import xarray as xr
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, OutputError
 from jointz.core.provenance import own_version
 from jointz.core.study import ParticipantSpec, RecordingSpec, Study
 from jointz.gait.timestamps import rate_hz
@@ -18,15 +18,19 @@ from jointz.identify.preparation.pulses import Pulse
 from jointz.io.bids import DESCRIPTION
 from jointz.io.bids_tables import NOTHING, label_of
 from jointz.io.bids_write import MotionChannel, MotionRecording, write_motion
-from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.io.recordings import read_recording
+from jointz.io.registry import file_sha256
 from jointz.io.study import open_study
+from jointz.workflows.participants import pulse_tables
 from jointz.workflows.results_folder import new_folder, write_marker
-from jointz.workflows.study_pulses import given_pulses, positive_direction
+from jointz.workflows.study_pulses import amplitude_unit, given_pulses, positive_direction
 
 BIDS_VERSION = "1.10.0"
 #: Shows a folder to be ours; it is named in .bidsignore.
 MARKER = "jointz.json"
 MADE_BY = "bids"
+_HASHES = "sha256"
+_MOST_SHOWN = 3
 _PERSON = {
     "mass_kg": ("Body mass.", "kg"),
     "height_m": ("Body height.", "m"),
@@ -77,12 +81,15 @@ class BidsWritten:
 
     def summary(self) -> str:
         """Return a short text."""
-        head = (
+        notes = (f"  Note: {note}" for note in self.notes)
+        return "\n".join([self.headline(), *(f"  {name}" for name in self.recordings), *notes])
+
+    def headline(self) -> str:
+        """Return how much was written, in a line."""
+        return (
             f"{self.folder}: {len(self.recordings)} recording(s) of {len(self.participants)} "
             f"participant(s), {self.n_events} pulse(s), Motion-BIDS {BIDS_VERSION}"
         )
-        notes = (f"  Note: {note}" for note in self.notes)
-        return "\n".join([head, *(f"  {name}" for name in self.recordings), *notes])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -102,7 +109,7 @@ def write_bids(
     out : path
         The folder to make.
     overwrite : bool
-        Replace a BIDS folder that jointz made.
+        Replace a BIDS folder that jointz made, and in which nothing was changed since.
 
     Returns
     -------
@@ -119,10 +126,12 @@ def write_bids(
     opened = open_study(study)
     target = Path(out)
     with new_folder(target, marker=MARKER, overwrite=overwrite, made_by=MADE_BY) as folder:
-        people = _labels((p.id for p in opened.spec.participants), "participants")
-        written, notes = _write_recordings(opened, folder, people)
+        _check_unchanged(target)
+        people, notes = _people(opened)
+        written, more = _write_recordings(opened, folder, people)
+        notes += more
         _write_top(opened, folder, people)
-        made = {"made_by": MADE_BY, "study_sha256": opened.sha256}
+        made = {"made_by": MADE_BY, "study_sha256": opened.sha256, _HASHES: _hashes(folder)}
         write_marker(folder, MARKER, made)
     return BidsWritten(
         folder=str(target),
@@ -133,15 +142,49 @@ def write_bids(
     )
 
 
+def _people(study: Study) -> tuple[dict[str, str], list[str]]:
+    """Return the labels of those of whom there is a recording, and a note about the others."""
+    labels = _labels((p.id for p in study.spec.participants), "participants")
+    recorded = {entry.participant for entry in study.spec.recordings}
+    others = [name for name in labels if name not in recorded]
+    # A participant without a folder of its own is against the rules of BIDS.
+    note = f"without a recording, and so not in participants.tsv: {', '.join(others)}."
+    people = {name: label for name, label in labels.items() if name in recorded}
+    return people, [note] if others else []
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """Return the hash of every file in a folder but the marker."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p != folder / MARKER)
+    return {p.relative_to(folder).as_posix(): file_sha256(p) for p in files}
+
+
+def _check_unchanged(folder: Path) -> None:
+    """Refuse to replace a folder in which somebody changed what jointz wrote."""
+    if not (folder / MARKER).is_file():
+        return
+    written = json.loads((folder / MARKER).read_text(encoding="utf-8")).get(_HASHES, {})
+    changed = [name for name, found in _hashes(folder).items() if written.get(name, found) != found]
+    if changed:
+        more = ", ..." if len(changed) > _MOST_SHOWN else ""
+        raise OutputError(
+            f"{folder}: changed since jointz wrote it, and kept: "
+            f"{', '.join(changed[:_MOST_SHOWN])}{more}. Move what you want to keep, or name "
+            "another folder."
+        )
+
+
 def _labels(names: Iterable[str], what: str) -> dict[str, str]:
     """Return the label of each name; they must differ."""
     labels = {name: label_of(name) for name in names}
-    counts = Counter(labels.values())
-    same = [name for name, label in labels.items() if not label or counts[label] > 1]
+    # Some systems take S01 and s01 for one name of a file.
+    counts = Counter(label.casefold() for label in labels.values())
+    same = [name for name, label in labels.items() if counts[label.casefold()] > 1 or not label]
     if same:
         raise DataError(
-            f"study.toml, {what}: BIDS names are made of letters and digits alone, which leaves "
-            f"{', '.join(map(repr, same))} without a name of its own. Rename them."
+            f"study.toml, {what}: BIDS names are made of letters and digits alone, capital or "
+            f"not, which leaves {', '.join(map(repr, same))} without a name of its own. Rename "
+            "them."
         )
     return labels
 
@@ -158,10 +201,10 @@ def _write_recordings(
     in_files = any(entry.condition is None for entry in study.spec.recordings)
     runs: Counter[tuple[str, ...]] = Counter()
     for entry in study.spec.recordings:
-        table = read_pulse_table(study, entry)
         pieces = read_recording(study, entry)
+        tables = pulse_tables(study, entry, pieces)
         several = in_files or len(pieces) > 1 or cells[_cell(entry)] > 1
-        for piece in pieces:
+        for piece, table in zip(pieces, tables, strict=True):
             entities = _entities(study, entry, piece, people, sessions)
             runs[tuple(entities.values())] += 1
             if several:
@@ -215,6 +258,7 @@ def _recording(
         sidecar=_sidecar(study, piece),
         told=_told(study, piece),
         events=events,
+        amplitude_unit=amplitude_unit(study),
     )
 
 
@@ -277,12 +321,13 @@ def _write_top(study: Study, folder: Path, people: Mapping[str, str]) -> None:
         "GeneratedBy": [{"Name": "jointz", "Version": own_version()}],
     }
     _text(folder / DESCRIPTION, _json(description))
-    columns, about = _person_columns(spec.participants)
-    rows = [_person_row(p, people[p.id], columns) for p in spec.participants]
+    recorded = [p for p in spec.participants if p.id in people]
+    columns, about = _person_columns(recorded)
+    rows = [_person_row(p, people[p.id], columns) for p in recorded]
     lines = [["participant_id", "study_id", *columns], *rows]
     _text(folder / "participants.tsv", "".join("\t".join(line) + "\n" for line in lines))
     _text(folder / "participants.json", _json(about))
-    _text(folder / "README", _readme(study))
+    _text(folder / "README", _readme(study, len(people)))
     _text(folder / ".bidsignore", f"{MARKER}\n")
 
 
@@ -303,11 +348,11 @@ def _person_row(person: ParticipantSpec, label: str, columns: Sequence[str]) -> 
     return [f"sub-{label}", " ".join(person.id.split()), *cells]
 
 
-def _readme(study: Study) -> str:
+def _readme(study: Study, n_people: int) -> str:
     spec = study.spec
     return (
         f"Recordings of the {spec.joint} ({spec.kind}), written by jointz {own_version()} from a "
-        f"study with {len(spec.participants)} participant(s).\n\n"
+        f"study with {n_people} participant(s).\n\n"
         "Every *_motion.tsv holds SI units: angles in rad (type JNTANG), torques in N.m. "
         f"{_torque_note(study)}\n\n"
         "The condition of a recording (unperturbed, perturbed, no_device) is the label acq- of "

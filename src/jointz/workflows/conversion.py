@@ -7,11 +7,12 @@ from typing import Any
 
 from jointz.core.acquisition import Acquisition, Event, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.core.study import FilesSpec
+from jointz.core.study import FilesSpec, Study
 from jointz.io.column_names import READING
 from jointz.io.formats import format_of, read_acquisition, write_acquisition
-from jointz.io.study import open_study
+from jointz.io.study import data_file, open_study
 
+_STUDY_FILE = "study.toml"
 _BIDS_FILE = "dataset_description.json"
 
 
@@ -129,10 +130,28 @@ def _check_target(source: Path, target: Path, *, overwrite: bool) -> None:
         raise OutputError(f"{target}: is the file to be read. Give another name.")
     if not overwrite:
         raise OutputError(f"{target}: exists. Give another name, or --overwrite to replace it.")
+    folder = source.parent if source.name == _STUDY_FILE else source
+    if folder.is_dir() and target.resolve().is_relative_to(folder.resolve()):
+        raise OutputError(
+            f"{target}: is a file of the folder that is to be read, and kept. Give another name, "
+            "or one outside it."
+        )
+
+
+def _check_recordings(study: Study, target: Path) -> None:
+    """Refuse a target that a study reads, wherever it lies."""
+    if not target.exists():
+        return
+    for entry in study.spec.recordings:
+        for name in (entry.file, entry.perturbations):
+            if name is not None and data_file(study.root, name).samefile(target):
+                raise OutputError(
+                    f"{target}: is a file of the study to be read. Give another name."
+                )
 
 
 def _is_study(source: Path) -> bool:
-    return (source.is_dir() and (source / "study.toml").is_file()) or source.name == "study.toml"
+    return (source.is_dir() and (source / _STUDY_FILE).is_file()) or source.name == _STUDY_FILE
 
 
 def _study_to_file(source: Path, target: Path) -> Conversion:
@@ -144,7 +163,9 @@ def _study_to_file(source: Path, target: Path) -> Conversion:
         )
     from jointz.workflows.matlab_study import write_matlab_study
 
-    content, notes = write_matlab_study(open_study(source), target)
+    study = open_study(source)
+    _check_recordings(study, target)
+    content, notes = write_matlab_study(study, target)
     return Conversion(
         source=str(source), target=str(target), kind="MATLAB .mat", content=content, notes=notes
     )
@@ -164,7 +185,8 @@ def _to_bids(source: Path, target: Path, *, overwrite: bool) -> Conversion:
         source=str(source),
         target=str(target),
         kind="Motion-BIDS",
-        content=tuple(written.summary().splitlines()),
+        content=(written.headline(), *written.recordings),
+        notes=written.notes,
     )
 
 
@@ -188,9 +210,14 @@ def _bids_content(source: Path) -> Acquisition:
             groups.append(_renamed(group, own))
         if len(found) == 1:
             events += content.events
-        metadata |= {f"{name}.{key}": value for key, value in content.metadata.items()}
+        metadata |= {_prefixed(name, key): value for key, value in content.metadata.items()}
         metadata |= _event_lines(name, content) if len(found) > 1 else {}
     return Acquisition(tuple(groups), tuple(events), metadata)
+
+
+def _prefixed(name: str, key: str) -> str:
+    """Return a key for one of several recordings; what the reader decided stays a note."""
+    return f"{key}.{name}" if key.startswith(READING) else f"{name}.{key}"
 
 
 def _renamed(group: SignalGroup, name: str) -> SignalGroup:

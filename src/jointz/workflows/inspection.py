@@ -9,6 +9,7 @@ import numpy as np
 
 from jointz.core.inspection import Inspection, SeenChannel, SeenClock
 from jointz.core.study import FilesSpec
+from jointz.io.losses import is_plain, plainly
 from jointz.workflows.inspection_content import Content, GroupClock, read_content
 from jointz.workflows.inspection_findings import (
     Given,
@@ -32,7 +33,7 @@ from jointz.workflows.inspection_guess import (
     looked_at,
     si_of,
 )
-from jointz.workflows.inspection_names import GAIT_WORDS, Words, words_of
+from jointz.workflows.inspection_names import GAIT_WORDS, Words, unreadable_unit, words_of
 from jointz.workflows.inspection_signals import clock_of, overflow_note
 from jointz.workflows.inspection_study import (
     Guess,
@@ -84,19 +85,20 @@ def inspect_file(
     overflow = _overflows(given)
     in_group = [c for c in columns if c.column.group == group]
     obstacles, todo = _verdict(in_group, given, clock, overflow)
+    obstacles = (*_bad_name(file), *obstacles)
     proposal = _proposal(
         _name_in(file, study_folder), in_group, given, names=names, clock=clock,
-        obstacles=obstacles, files=content.files,
+        obstacles=obstacles, files=content.files, overflow=overflow,
     )  # fmt: skip
     return Inspection(
-        file=file.name,
+        file=plainly(file.name),
         layout=_layout(content.files),
         channels=_seen(columns, given, overflow),
         clocks=clocks,
         n_events=content.n_events,
         notes=(*content.notes, *_group_notes(content, group, given)),
         obstacles=obstacles,
-        advice=todo or _advice(file.name, proposal),
+        advice=todo or _advice(plainly(file.name), proposal),
         toml=study_text(proposal),
     )
 
@@ -106,9 +108,19 @@ def _stem(file: Path) -> str:
 
 
 def _name_in(file: Path, folder: str | os.PathLike[str] | None) -> str:
+    """Return what a study calls the file; bytes that are no letters are written by their codes."""
     if folder is None:
-        return file.name
-    return Path(os.path.relpath(file.resolve(), Path(folder).resolve())).as_posix()
+        return plainly(file.name)
+    return plainly(Path(os.path.relpath(file.resolve(), Path(folder).resolve())).as_posix())
+
+
+def _bad_name(file: Path) -> list[str]:
+    if is_plain(str(file.resolve())):
+        return []
+    return [
+        "a study cannot name it: the name of the file, or of a folder above it, is not UTF-8. "
+        "Rename it."
+    ]
 
 
 def _main_group(
@@ -158,7 +170,7 @@ def _verdict(
         return (why,), (todo,)
     bad = [*bad_channels(given, overflow), *clock_obstacles(given, clock)]
     wrong = ("Repair what is wrong with the file; nothing of it can be trusted before.",)
-    return (*missing_channels(columns, given), *bad), wrong if bad else ()
+    return (*missing_channels(columns, given, clock), *bad), wrong if bad else ()
 
 
 def _advice(file: str, proposal: Proposal) -> tuple[str, ...]:
@@ -178,10 +190,12 @@ def _proposal(
     clock: SeenClock,
     obstacles: tuple[str, ...],
     files: FilesSpec | None,
+    overflow: Mapping[str, str],
 ) -> Proposal:
     joint, why = guessed_joint(columns, names)
     side, side_why = guessed_side(columns, names, joint)
-    pulses = find_pulses(given, clock)
+    sound = {name: column for name, column in given.items() if name not in overflow}
+    pulses = find_pulses(sound, clock)
     kind = _kind(columns, given, names)
     levels = condition_levels(given["condition"][0]) if "condition" in given else {}
     return Proposal(
@@ -189,7 +203,7 @@ def _proposal(
         given=given,
         joint=Guess(joint or _USUAL_JOINT, why or "nothing says which one"),
         kind=kind,
-        acts_on=_acts_on(given, clock, pulses, walking=kind.value == "walking"),
+        acts_on=_acts_on(sound, clock, pulses, walking=kind.value == "walking"),
         side=Guess(side, side_why),
         condition=_condition(file, given, pulses),
         pulses=pulses,
@@ -253,8 +267,17 @@ def _seen(
 def _seen_one(looked: Looked, taken: Mapping[int, Any], overflow: Mapping[str, str]) -> SeenChannel:
     column, course, own = looked.column, looked.course, taken.get(id(looked))
     unit = own.unit if own else (column.unit or looked.words.unit)
-    unit_is = ("guessed" if own and own.unit_why else "stated") if unit else ""
-    notes = (*course.notes, *([overflow[own.channel]] if own and own.channel in overflow else []))
+    guessed = own.unit_why if own else column.unit_why
+    unit_is = ("guessed" if guessed else "stated") if unit else ""
+    notes = (
+        *course.notes,
+        *([overflow[own.channel]] if own and own.channel in overflow else []),
+        *(
+            [f"its unit '{odd}' cannot be read"]
+            if (odd := unreadable_unit(looked.title, column.unit))
+            else []
+        ),
+    )
     return SeenChannel(
         group=column.group,
         column=str(column.key),
@@ -286,10 +309,10 @@ def _group_notes(content: Content, group: str, given: Given) -> list[str]:
     for channel in ("angle", "torque"):
         if channel in given:
             values = given[channel][0].column.values
-            runs = np.flatnonzero(np.diff(np.isnan(values).astype(np.int8)) == 1)
-            if runs.size:
+            begins = np.flatnonzero(np.diff(np.isnan(values).astype(np.int8), prepend=0) == 1)
+            if begins.size:
                 notes.append(
-                    f"{channel}: numbers are missing in {runs.size} place(s), first behind sample "
-                    f"{int(runs[0]) + 1}; an analysis leaves out what they touch."
+                    f"{channel}: numbers are missing in {begins.size} place(s), first from sample "
+                    f"{int(begins[0]) + 1} on; an analysis leaves out what they touch."
                 )
     return notes

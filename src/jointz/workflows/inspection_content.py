@@ -1,7 +1,7 @@
 """All columns of a file of any format, for looking at them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,9 @@ import pandas as pd
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_names import CLOCK_COLUMN, is_time, time_column_key
+from jointz.io.acquisition_tables import SUFFIXES, TIME, study_columns
+from jointz.io.column_names import CLOCK_COLUMN, READING, time_column_key
+from jointz.io.delimited import as_written_with_point
 from jointz.io.registry import RawTable, read_table
 from jointz.io.text_layout import TextLayout, find_layout
 from jointz.io.vendor_logs import with_vendor_units
@@ -38,6 +40,8 @@ class Column:
         As the file states it.
     stray : str
         Why a study would refuse the column: a cell that is no number; "" where none is.
+    unit_why : str
+        Where the unit comes from if not from the file, "" if it does.
     """
 
     group: str
@@ -46,6 +50,7 @@ class Column:
     values: np.ndarray
     unit: str = ""
     stray: str = ""
+    unit_why: str = ""
 
     @property
     def is_text(self) -> bool:
@@ -123,27 +128,31 @@ def read_content(path: Path, given: Mapping[str, Any] | None = None) -> Content:
         return _text_content(path, find_layout(path, given))
     from jointz.io.formats import read_acquisition
 
-    return _content(read_acquisition(path))
+    return _content(path, read_acquisition(path))
 
 
 def _text_content(path: Path, layout: TextLayout) -> Content:
     keys = [int(c) if not layout.files.header else c for c in layout.columns]
     table, refused = _read(path, keys, layout.files)
     units = layout.units or ("",) * len(keys)
-    signals, log = with_vendor_units(
-        [
-            Signal(title or str(key), _numbers(table.columns[str(key)]), unit)
-            for key, title, unit in zip(keys, layout.names, units, strict=True)
-        ]
-    )
+    found = [
+        Signal(title or str(key), _numbers(table.columns[str(key)], layout.files.decimal), unit)
+        for key, title, unit in zip(keys, layout.names, units, strict=True)
+    ]
+    signals, log = with_vendor_units(found)
+    why = f"by the documentation of {log}"
     columns = tuple(
-        _text_column(key, title, signal, refused.get(key, ""))
-        for key, title, signal in zip(keys, layout.names, signals, strict=True)
+        replace(
+            _text_column(key, title, signal, refused.get(key, "")),
+            unit_why=why if signal.unit != stated.unit else "",
+        )
+        for key, title, signal, stated in zip(keys, layout.names, signals, found, strict=True)
     )
     clock = GroupClock("", len(columns[0].values) if columns else 0)
     strays = [c.stray for c in columns if c.stray]
     more = [f"({len(strays)} columns hold such cells.)"] if len(strays) > 1 else []
-    notes = (*layout.notes, *([log] if log else []), " ".join([*strays[:1], *more]))
+    told = f"taken for a log of {log}: units that it does not state are by its documentation."
+    notes = (*layout.notes, told if log else "", " ".join([*strays[:1], *more]))
     return Content(columns, (clock,), files=layout.files, notes=tuple(n for n in notes if n))
 
 
@@ -169,25 +178,42 @@ def _read(
             refused[key] = str(exc)
 
 
-def _numbers(cells: np.ndarray) -> np.ndarray:
+def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:
     """Return text that is mostly numbers as numbers, NaN for the cells that are none."""
     if cells.dtype.kind != "O":
         return cells
-    numbers = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce")
+    points = [as_written_with_point(str(cell), decimal) for cell in cells]
+    numbers = pd.to_numeric(pd.Series(points, dtype=object), errors="coerce")
     there = int(sum(bool(cell) for cell in cells))
     few = int(numbers.notna().sum()) <= _MOSTLY * there
     return cells if not there or few else numbers.to_numpy(dtype=float)
 
 
-def _content(content: Acquisition) -> Content:
-    columns = tuple(c for group in content.groups for c in _columns(group, content.metadata))
+def _content(path: Path, content: Acquisition) -> Content:
+    names = study_columns(content) if path.name.lower().endswith(SUFFIXES) else None
+    columns = tuple(c for group in content.groups for c in _columns(group, content.metadata, names))
     clocks = tuple(GroupClock(g.name, g.n_samples, g.rate_hz, g.time_s) for g in content.groups)
-    return Content(columns, clocks, n_events=len(content.events))
+    notes = tuple(text for key, text in content.metadata.items() if key.startswith(READING))
+    return Content(columns, clocks, n_events=len(content.events), notes=notes)
 
 
-def _columns(group: SignalGroup, metadata: Mapping[str, str]) -> list[Column]:
-    columns = [Column(group.name, s.name, "", s.values, s.unit) for s in group.signals]
-    if group.time_s is not None and not any(is_time(s.name) for s in group.signals):
-        name = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
-        columns.insert(0, Column(group.name, name, "", group.time_s, "s"))
+def _columns(
+    group: SignalGroup, metadata: Mapping[str, str], names: Mapping[tuple[str, str], str] | None
+) -> list[Column]:
+    """Return the columns of a group under the keys by which a study reads them."""
+    keys = [
+        s.column or s.name if names is None else names.get((group.name, s.name), s.name)
+        for s in group.signals
+    ]
+    columns = [
+        Column(group.name, key, s.name if s.name != key else "", s.values, s.unit)
+        for key, s in zip(keys, group.signals, strict=True)
+    ]
+    if group.time_s is not None:
+        title = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
+        own = group.time_column or title
+        key = own if names is None else names.get((group.name, TIME), TIME)
+        shown = title if title != key else ""
+        clock = Column(group.name, key, shown, group.time_s, "s")
+        columns = [clock, *columns] if key not in keys else columns
     return columns

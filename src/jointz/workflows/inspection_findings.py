@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import FilesSpec
 from jointz.identify.preparation.pulses import pulses_from_angle
 from jointz.workflows.inspection_guess import Looked, Taken, in_seconds, si_of
+from jointz.workflows.inspection_names import channel_scores
 
 Given = Mapping[str, tuple[Looked, Taken]]
 
@@ -21,6 +22,7 @@ _FOLLOWS = 0.6
 _FEWEST_PULSES = 3
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
+_MOST_SHOWN = 3
 _CYCLE_POINTS = (2, 1001)
 
 
@@ -202,7 +204,7 @@ def _stamps(looked: Looked) -> bool:
     return looked.course.rises and not looked.course.whole
 
 
-def missing_channels(columns: Sequence[Looked], given: Given) -> list[str]:
+def missing_channels(columns: Sequence[Looked], given: Given, clock: SeenClock) -> list[str]:
     """Return what a study needs and the file has not, a sentence each.
 
     Parameters
@@ -211,6 +213,8 @@ def missing_channels(columns: Sequence[Looked], given: Given) -> list[str]:
         The columns.
     given : mapping
         Channel -> column.
+    clock : SeenClock
+        Its clock.
     """
     found = []
     names = {w for c in columns for w in c.words.found}
@@ -224,10 +228,37 @@ def missing_channels(columns: Sequence[Looked], given: Given) -> list[str]:
             why += " (there are markers: inverse kinematics and dynamics make angles of them)"
         elif "motor_velocity" in given or "current" in given:
             why += " (it is a log of the actuator alone)"
+        why += _in_other_units(columns, "angle")
         found.append(f"{why}; every study needs it.")
     if "torque" not in given and "current" not in given:
-        found.append("no column holds a torque, nor a motor's current to compute it from.")
+        why = "no column holds a torque, nor a motor's current to compute it from"
+        found.append(f"{why}{_in_other_units(columns, 'torque')}.")
+    if "time" not in given and clock.rate_hz is None:
+        found.append(
+            f"no column holds time in numbers{_time_as_text(columns)}"
+            f"{_in_other_units(columns, 'time')}, and the file states no rate: give the one that "
+            "you know as sample_rate_hz."
+        )
     return found
+
+
+def _in_other_units(columns: Sequence[Looked], channel: str) -> str:
+    """Return which columns are named like a channel and measure something else."""
+    named = [
+        f"'{c.title}' is in '{c.words.unit}'"
+        for c in columns
+        if channel not in channel_scores(c.words)
+        and channel in channel_scores(replace(c.words, unit=""))
+    ]
+    return f" (named like it, {', '.join(named[:_MOST_SHOWN])})" if named else ""
+
+
+def _time_as_text(columns: Sequence[Looked]) -> str:
+    for looked in columns:
+        if looked.column.is_text and "time" in channel_scores(looked.words):
+            example = next(iter(looked.course.levels), "")
+            return f" (column '{looked.title}' holds text such as '{example}')"
+    return ""
 
 
 def _named(looked: Looked) -> bool:
@@ -319,7 +350,7 @@ def command_advice(file: str, given: Given, files: FilesSpec | None, *, acts_on:
             f"actuator {own} --model friction --current {said['current']} --velocity "
             f"{said['motor_velocity']} --torque {said['torque']} --gear-ratio G"
         )
-    if "command" in given and np.nanstd(given["command"][0].column.values):
+    if "command" in given and given["command"][0].course.low != given["command"][0].course.high:
         commands.append(
             f"bandwidth {own} --command {said['command']} --torque {said['torque']}{_clock(said)}"
         )

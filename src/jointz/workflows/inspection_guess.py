@@ -1,8 +1,9 @@
 """Which channels of a study the columns of a file seem to be, and why."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,10 +27,11 @@ _ORDER = (
     *("current", "motor_velocity", "motor_acceleration", "motor_angle", "torque", "angle"),
     *("velocity", "cycle"),
 )
+_BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # no joint bends so far
 _FULL_TURN = 2 * np.pi
-_LONGEST_STEP_S = 0.5
+_LONGEST_STEP_S = 0.1
 _MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
 _CHANGES = 0.05  # a label that changes more often than this share of samples is none
 _UNPERTURBED = word_set("unperturbed unpert npc enp normal baseline rest off no 0 false")
@@ -46,7 +48,7 @@ class Looked:
     column : Column
         The column.
     words : Words
-        Its name.
+        Its name, with the unit that stands beside it where one does.
     course : Course
         Its samples.
     """
@@ -59,6 +61,11 @@ class Looked:
     def key(self) -> str | int:
         """What a study calls the column."""
         return self.column.key
+
+    @property
+    def title(self) -> str:
+        """What people call the column."""
+        return str(self.column.title or self.column.key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +98,9 @@ def looked_at(column: Column) -> Looked:
     column : Column
         The column.
     """
-    return Looked(column, words_of(str(column.title or column.key)), course_of(column))
+    words = words_of(str(column.title or column.key))
+    stated = readable_unit(column.unit)
+    return Looked(column, replace(words, unit=stated) if stated else words, course_of(column))
 
 
 def guessed_joint(columns: Sequence[Looked], file: Words) -> tuple[str, str]:
@@ -183,11 +192,13 @@ def _fits(channel: str, looked: Looked) -> bool:
         return False
     if channel == "contact" and channel_scores(looked.words)[channel] == 1:
         return looked.words.unit == "V" or len(looked.course.levels) == 2
+    if channel == "time" and _BARE_T.fullmatch(looked.title) and not looked.words.unit:
+        return False  # a torque, or a temperature
     return channel != "time" or looked.course.rises or _begins_again(looked)
 
 
 def _score(channel: str, looked: Looked) -> tuple[float, float]:
-    level = 0.0
+    level = float(channel == "time" and bool(looked.words.unit))
     if channel == "ground_reaction_force":  # of three axes, the one that bears the body
         values = looked.column.values
         level = float(np.nanmean(values)) if np.isfinite(values).any() else 0.0
@@ -246,11 +257,9 @@ def _taken(channel: str, looked: Looked, why: str) -> Taken:
         return Taken(channel, why)
     if channel == "contact":
         volts = len(looked.course.levels) != 2
-        stated = readable_unit(looked.column.unit) or looked.words.unit or "V"
-        return Taken(channel, why, stated if volts else "")
-    stated = readable_unit(looked.column.unit) or looked.words.unit
-    if stated:
-        return Taken(channel, why, stated)
+        return Taken(channel, why, (looked.words.unit or "V") if volts else "")
+    if looked.words.unit:
+        return Taken(channel, why, looked.words.unit, looked.column.unit_why)
     unit, unit_why = guessed_unit(channel, looked)
     return Taken(channel, why, unit, unit_why)
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import UnitError
+from jointz.io.column_names import unit_in_name
 from jointz.io.units import si_unit_of
 
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
@@ -26,6 +27,7 @@ def word_set(text: str) -> frozenset[str]:
 
 
 #: Last parts of names that are axes, counters or words, whatever unit they spell too.
+_NO_UNIT = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
 _NO_UNITS = word_set(
     "x y z in t h g k j w c l r rev max min mean out id no m a n",
 )
@@ -126,6 +128,27 @@ def readable_unit(text: str) -> str:
     except UnitError:
         return ""
     return plain
+
+
+def unreadable_unit(name: str, stated: str) -> str:
+    """Return the unit that a column states and nobody can read, "" where there is none.
+
+    Parameters
+    ----------
+    name : str
+        The column.
+    stated : str
+        What stands beside the name, in a row of units or an attribute.
+
+    Examples
+    --------
+    >>> unreadable_unit("torque", "Nmm/grad"), unreadable_unit("knee [deg]", "")
+    ('Nmm/grad', '')
+    """
+    unit = (stated or unit_in_name(name)).strip()
+    if unit.casefold() in _NO_UNIT or unit.isdecimal():
+        return ""
+    return "" if readable_unit(unit) else unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ _LEVEL_SHARE = 0.05  # more different values than this share of the samples are 
 _AT_THE_END = 0.01  # this share of samples at the largest or smallest number: cut off there
 _IN_A_ROW = 5
 _HELD = 0.5
+_HUGE = 1e300  # above it sums and differences may not fit into a number
 _SHORTEST = 50  # samples below which levels and ends say nothing
 #: Numbers that no sensor of a joint shows, by SI unit.
 _LARGEST: Mapping[str, float] = {
@@ -68,7 +69,8 @@ def course_of(column: Column) -> Course:
     values = column.values
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
-    steps = np.diff(finite)
+    with np.errstate(over="ignore"):
+        steps = np.diff(finite)
     return Course(
         n=values.size,
         n_missing=int(values.size - finite.size),
@@ -100,7 +102,14 @@ def _levels(finite: np.ndarray) -> tuple[str, ...]:
 def _outline(values: np.ndarray) -> tuple[float | None, ...]:
     parts = np.array_split(values, min(_POINTS, max(values.size, 1)))
     kept = [part[np.isfinite(part)] for part in parts]
-    return tuple(float(f"{part.mean():.4g}") if part.size else None for part in kept)
+    return tuple(_mean(part) if part.size else None for part in kept)
+
+
+def _mean(part: np.ndarray) -> float:
+    """Return a mean to four digits; of numbers near the largest ones there are, too."""
+    mean = float((part / part.size).sum()) if np.abs(part).max() > _HUGE else float(part.mean())
+    rounded = float(f"{mean:.4g}")
+    return rounded if np.isfinite(rounded) else mean
 
 
 def _notes(values: np.ndarray, finite: np.ndarray) -> list[str]:
@@ -110,7 +119,7 @@ def _notes(values: np.ndarray, finite: np.ndarray) -> list[str]:
     endless = int(np.isinf(values).sum())
     if endless:
         notes.append(f"{endless} infinite number(s)")
-    if values.size > 1 and np.ptp(finite) == 0:
+    if values.size > 1 and finite.min() == finite.max():
         return [*notes, f"constant at {finite[0]:.6g}"]
     if np.unique(finite[:1000]).size > _MOST_LEVELS:
         notes += [*_cut_off(finite), *_held(finite)]
@@ -142,7 +151,8 @@ def _held(finite: np.ndarray) -> list[str]:
     """Return a note about samples that repeat the one before: a slower source."""
     moving = np.flatnonzero(finite != finite[0])
     part = finite[moving[0] : moving[-1]] if moving.size > _SHORTEST else finite
-    steps = np.diff(part)
+    with np.errstate(over="ignore"):
+        steps = np.diff(part)
     share = float((steps == 0).mean()) if steps.size else 0.0
     if share < _HELD or np.unique(part[:1000]).size < len(part[:1000]) * 0.05:
         return []

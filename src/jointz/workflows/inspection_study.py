@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
-from jointz.io.toml_text import written_key, written_text
+from jointz.io.toml_text import written_comment, written_key, written_text
 from jointz.workflows.inspection_findings import Given, Pulses
 from jointz.workflows.inspection_guess import Looked, Taken, guessed_condition
 
@@ -15,6 +16,7 @@ _PERSON = re.compile(
 )
 _POSITIVE = {"ankle": "dorsiflexion"}
 _MOST_OTHERS = 12
+_CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +85,12 @@ def study_text(proposal: Proposal) -> str:
         What goes into it.
     """
     lines = [
-        f"# Proposed by jointz inspect for {proposal.file}.",
+        f"# Proposed by jointz inspect for {written_comment(proposal.file)}.",
         "# Lines marked 'guess' are guesses: look at each, correct it, and take the mark away.",
-        *(f"# Cannot be analysed as it is: {reason}" for reason in proposal.obstacles),
+        *(
+            f"# Cannot be analysed as it is: {written_comment(reason)}"
+            for reason in proposal.obstacles
+        ),
         "jointz = 1",
         _line("joint", proposal.joint),
         _line("kind", proposal.kind),
@@ -102,7 +107,7 @@ def study_text(proposal: Proposal) -> str:
 
 def _line(key: str, guess: Guess, *, raw: bool = False) -> str:
     value = guess.value if raw else written_text(guess.value)
-    mark = f"  # guess: {guess.why}" if guess.why else ""
+    mark = f"  # guess: {written_comment(guess.why)}" if guess.why else ""
     return f"{key} = {value}{mark}"
 
 
@@ -160,10 +165,11 @@ def _missing(proposal: Proposal) -> list[str]:
 def _others(free: Sequence[Looked]) -> list[str]:
     if not free:
         return []
-    names = [str(c.column.title or c.key) for c in free[:_MOST_OTHERS]]
+    names = [written_comment(c.title) for c in free[:_MOST_OTHERS]]
     more = f" and {len(free) - _MOST_OTHERS} more" if len(free) > _MOST_OTHERS else ""
     word = re.sub(r"\W+", "_", names[0].casefold(), flags=re.ASCII).strip("_")
     one = word if word and not word.isdecimal() else "own"
+    one = f"own_{one}" if one in _CHANNELS else one
     return [
         "",
         f"# Columns that are no channel here: {', '.join(names)}{more}. One that you want to keep:",

@@ -13,6 +13,7 @@ from jointz.identify.preparation.pulses import (
     with_measured_amplitudes,
 )
 
+_MOST_SHOWN = 5
 #: Channels that have no direction.
 _NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial", "cycle")
 
@@ -29,15 +30,15 @@ def given_pulses(
     recording : xarray.Dataset
         One of its recordings, or a part of one.
     table : pandas.DataFrame or None
-        The pulse table of its file.
+        Its own part of the pulse table of its file.
     """
     settings = study.spec.perturbations
     condition = recording.attrs["condition"]
     if condition == "no_device":
         return (), ""
     if table is not None and settings.source in (None, "table"):
-        own = _within(pulses_from_table(table), recording)
-        return with_measured_amplitudes(own, recording), ""
+        own, note = _within(pulses_from_table(table), recording)
+        return with_measured_amplitudes(own, recording), note
     if "command" in recording and settings.source in (None, "command"):
         return pulses_from_command(recording), ""
     if condition != "perturbed":
@@ -48,6 +49,17 @@ def given_pulses(
         f"{recording.attrs['file']}: its pulses are found by comparison with another recording; "
         "they are in pulses.csv of jointz analyze, not here."
     )
+
+
+def amplitude_unit(study: Study) -> str:
+    """Return the unit of the amplitudes of a study's pulses.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    """
+    return "rad" if study.spec.perturbations.source == "angle" else "N*m"
 
 
 def positive_direction(study: Study, channel: str) -> str:
@@ -67,7 +79,15 @@ def positive_direction(study: Study, channel: str) -> str:
     return study.spec.positive
 
 
-def _within(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[Pulse, ...]:
-    """Return the pulses of a table that fall into a part of its file."""
+def _within(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[tuple[Pulse, ...], str]:
+    """Return the pulses of a table that fall into the samples, and a note about the others."""
     time = recording["time"].to_numpy()
-    return tuple(p for p in pulses if time[0] <= p.onset_s <= time[-1])
+    inside = tuple(p for p in pulses if time[0] <= p.onset_s <= time[-1])
+    outside = [f"{p.onset_s:g}" for p in pulses if p not in inside]
+    if not outside:
+        return inside, ""
+    shown = ", ".join(outside[:_MOST_SHOWN]) + (", ..." if len(outside) > _MOST_SHOWN else "")
+    return inside, (
+        f"{recording.attrs['file']}: {len(outside)} pulse(s) of its table lie outside its "
+        f"perturbed samples and are left out: onset {shown} s."
+    )

@@ -1,5 +1,7 @@
 """What an entry must say, and the results that a collection gives."""
 
+import json
+import math
 import tomllib
 
 import pandas as pd
@@ -101,6 +103,39 @@ def test_a_build_names_what_it_skipped():
     assert frame.loc["sound"].tolist() == [True, 0]
     assert "1 entry skipped" in made.summary()
     assert made.to_dict()["people"] == 12
+
+
+def test_the_median_onset_is_one_on_the_cycle():
+    empty = {name: "" if kind == "text" else float("nan") for name, kind in CATALOG_COLUMNS.items()}
+    row = empty | {"study": "a", "status": "ok", "value": 1.0}
+    onsets = {"TSW": [99.0, 1.0, 98.5], "LRE": [7.0, 8.5], "strike": [99.5, 0.5], "all": [math.nan]}
+    table = pd.DataFrame(
+        [row | {"timing_point": p, "onset_gait_pct": x} for p, xs in onsets.items() for x in xs]
+    )
+
+    groups = QueryResult(table, CatalogFilter()).groups().set_index("timing_point")
+
+    assert groups["onset_gait_pct"].dropna().to_dict() == {"strike": 0.0, "LRE": 7.75, "TSW": 99.0}
+    assert groups.index.tolist() == ["strike", "LRE", "TSW", "all"]
+
+
+def test_an_infinite_value_is_told_in_json_and_comes_back():
+    empty = {name: "" if kind == "text" else float("nan") for name, kind in CATALOG_COLUMNS.items()}
+    table = pd.DataFrame([empty | {"value": math.inf, "ci_low": -math.inf, "ci_high": 2.0}])
+    made = QueryResult(table, CatalogFilter())
+
+    text = json.dumps(made.to_dict(), allow_nan=False)
+    back = QueryResult.from_dict(json.loads(text))
+
+    assert '"value": "inf"' in text
+    assert back.table[["value", "ci_low", "ci_high"]].iloc[0].tolist() == [math.inf, -math.inf, 2.0]
+
+
+def test_what_is_accepted_somewhere_must_be_a_condition_of_the_entry(content):
+    told = {"code": "sign", "reason": "a load that pushes"}
+    content["accepted"] = [told | {"where": {"condition": "nowhere"}}, told]
+
+    assert set(problems(content)) == {"accepted.0.where.condition"}
 
 
 def test_a_query_counts_people_not_rows():

@@ -1,6 +1,7 @@
 """Motion-BIDS folders: damaged ones, and those of others."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -46,10 +47,11 @@ def test_a_foreign_dataset_is_read_as_it_stands(tmp_path):
     assert [(s.name, s.unit) for s in group.signals] == [("knee", "deg"), ("acc", "m/s^2")]
     np.testing.assert_array_equal(group.time_s, [0.0, 0.01, 0.02])
     np.testing.assert_array_equal(group.signals[0].values, [1.5, np.nan, 1e-3])
-    assert [(e.time_s, e.label, e.duration_s) for e in content.events] == [
-        (0.005, "start", 0.1),
-        (0.01, "step speed=1.2", 0.0),
+    assert [(e.time_s, e.label) for e in content.events] == [
+        (0.005, "start"),
+        (0.01, "step speed=1.2"),
     ]
+    np.testing.assert_array_equal([e.duration_s for e in content.events], [0.1, np.nan])
     assert content.metadata["subject.age"] == "31"
     assert content.metadata["bids.file"] == f"{STEM}_motion.tsv"
 
@@ -75,6 +77,54 @@ def test_the_nearest_sidecar_stands_over_the_others(tmp_path):
 
     assert content.groups[0].rate_hz == 250.5
     assert content.metadata["sidecar.TaskName"] == "w"
+
+
+def reading(root: Path, key: str) -> tuple[float | None, str]:
+    """The rate of the one recording, and what its reader noted under a key."""
+    (content,) = read_bids(root).values()
+    return content.groups[0].rate_hz, content.metadata.get(f"reading.{key}", "")
+
+
+def changed(root: Path, ending: str, old: str, new: str) -> Path:
+    path = root / f"sub-01/motion/{STEM}_{ending}"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    return root
+
+
+def test_the_effective_rate_of_others_is_the_clock(tmp_path):
+    sidecar = '{"SamplingFrequency": 100, "SamplingFrequencyEffective": 98.5}'
+    root = foreign(tmp_path, **{"task-walking_tracksys-imu_motion.json": sidecar})
+    changed(root, "channels.tsv", "LATENCY", "MISC")
+
+    rate, note = reading(root, "rate")
+
+    assert rate == 98.5
+    assert note == (
+        "the clock runs at SamplingFrequencyEffective, 98.5 Hz; SamplingFrequency is 100 Hz"
+    )
+
+
+@pytest.mark.parametrize(
+    ("ending", "old", "new", "said"),
+    [
+        ("channels.tsv", "n/a\ts\n", "n/a\tms\n", "it is in 'ms', expected s"),
+        ("motion.tsv", "0.020000", "0.005000", "it does not increase"),
+        ("channels.tsv", "ACCEL", "LATENCY", "'t', 'acc' of type LATENCY .* expected one"),
+    ],
+)
+def test_a_latency_that_is_not_the_clock_is_told(ending, old, new, said, tmp_path):
+    rate, note = reading(changed(foreign(tmp_path), ending, old, new), "clock")
+
+    assert rate == 100.0
+    assert re.search(said, note)
+
+
+def test_positive_directions_are_read(tmp_path):
+    (content,) = read_bids(own(tmp_path)).values()
+
+    assert content.metadata["positive.angle"] == "flexion"
+    assert content.metadata["positive.latency"] == ""
 
 
 @pytest.mark.parametrize(

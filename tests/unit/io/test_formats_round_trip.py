@@ -119,7 +119,9 @@ def test_columns_of_text_tables_come_back_under_the_names_they_stand_under(
 
     write_acquisition(content, path)
 
-    assert read_acquisition(path).equals(content)
+    back = read_acquisition(path)
+    own = {key: text for key, text in back.metadata.items() if not key.startswith("reading.")}
+    assert replace(back, metadata=own).equals(content)
 
 
 @pytest.mark.parametrize("name", [*WHOLE, *ALONE])
@@ -150,13 +152,16 @@ def holding(*groups_: SignalGroup, **more: object) -> Acquisition:
     return Acquisition(groups_, **more)  # type: ignore[arg-type]
 
 
+SHORT = ramp("short", n=2)
 LOSSES: list[tuple[str, Acquisition, str]] = [
     ("csv", holding(SignalGroup("a", (ramp(),)), SignalGroup("b", (ramp(),))), "left out: 'b'"),
     ("csv", holding(SignalGroup("", (ramp(),)), events=(Event(0.0, "HS"),)), "events (1"),
     ("csv", holding(SignalGroup("", (ramp(),)), metadata={"subject": "S01"}), "subject"),
     ("csv", holding(SignalGroup("", (replace(ramp(), description="left"),))), "descriptions"),
-    ("csv", holding(SignalGroup("", (Signal("id", objects(["1", "2"])),))), "looks like one"),
-    ("csv", holding(SignalGroup("", (Signal("id", objects(["a\nb", "c"])),))), "line ends"),
+    ("csv", holding(SignalGroup("", (Signal("id", objects(["1", "2"])), SHORT))), "looks like one"),
+    ("csv", holding(SignalGroup("", (Signal("id", objects(["1", "a"])), SHORT))), "looks like one"),
+    ("csv", holding(SignalGroup("", (Signal("id", objects(["a\nb", "c"])), SHORT))), "line ends"),
+    ("csv", holding(SignalGroup("", (Signal("id", objects(["a", "c"])),))), "text alone"),
     ("csv", holding(SignalGroup("", (ramp("a\nb"),))), "the name"),
     ("sto", holding(SignalGroup("", (Signal("id", objects(["x"])),), 1.0)), "text: id"),
     ("sto", holding(SignalGroup("", (ramp(),))), "no clock"),

@@ -62,7 +62,11 @@ def test_variables_come_with_units_through_groups_unpacked(path):
 
 
 def test_variables_of_all_groups_are_listed(path):
-    assert sorted(list_columns(path, PLAIN)) == ["grid", "knee/angle", "lag", "side", "t"]
+    assert sorted(list_columns(path, PLAIN)) == [
+        *("grid", "grid.1", "grid.2", "grid.3", "knee/angle", "lag", "side", "t"),
+    ]
+    column = read_table(path, numeric=["grid.2"], files=PLAIN).columns["grid.2"]
+    assert column.shape == (2,)
 
 
 def test_a_missing_variable_or_a_matrix_is_refused(path):

@@ -125,6 +125,7 @@ def test_elements_of_vectors_become_columns(tmp_path):
         ("nRows=3", "nRows=4", ["header says 4 rows", "has 3", "cut off"]),
         ("nColumns=5", "nColumns=6", ["header says 6 columns", "row 11"]),
         ("nRows=3", "nRows=three", ["row 3", "whole number", "three"]),
+        ("nRows=3", f"nRows={'9' * 5000}", ["row 3", "whole number", "999"]),
         ("endheader", "end of header", ["endheader"]),
         ("13.0\tnan", "13.0", ["row 13", "expected 5 values, found 4"]),
         ("13.0\tnan", "1x3.0\tnan", ["row 13", "hip_flexion_r_moment", "1x3.0"]),
@@ -177,3 +178,88 @@ def test_it_is_text_that_is_refused_where_it_is_none(tmp_path):
     (tmp_path / "a.sto").write_bytes(b"\xff\xfe\x00endheader")
     with pytest.raises(DataError, match=r"a\.sto: expected text, found the byte 0xff"):
         read_acquisition(tmp_path / "a.sto")
+
+
+@pytest.mark.parametrize("n_cut", [2, 3, 4, 5, 6])
+def test_a_last_number_that_is_cut_off_is_refused(tmp_path, n_cut):
+    with pytest.raises(DataError, match=r"a\.mot, row 14") as caught:
+        read(tmp_path, MOTION[:-n_cut])
+
+    assert n_cut == 6 or "end that line where it is whole" in str(caught.value)
+
+
+def test_a_last_line_without_an_end_is_told_of_where_it_may_be_whole(tmp_path):
+    content = read(tmp_path, MOTION[:-1])
+
+    assert signals(content)["ground_force_vy"].values[-1] == 702.0
+    assert content.metadata["reading.end"].endswith("its last number, 702.0, may be cut off.")
+    assert "reading.end" not in read(tmp_path, MOTION).metadata
+
+
+def test_cut_off_anywhere_it_is_refused_or_a_note_tells_it(tmp_path):
+    whole = read(tmp_path, MOTION)
+    for at in range(len(MOTION)):
+        try:
+            found = read(tmp_path, MOTION[:at])
+        except DataError:
+            continue
+        assert "reading.end" in found.metadata, at
+        assert at >= len(MOTION) - 1
+        assert signals(found).keys() == signals(whole).keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("Speeds", "deg/s"), ("Accelerations", "deg/s^2"), ("Coordinates", "deg")]
+)
+def test_the_first_line_tells_speeds_and_accelerations_from_angles(tmp_path, name, unit):
+    found = signals(read(tmp_path, MOTION.replace("Coordinates", name, 1), "a.sto"))
+
+    assert found["knee_angle_r"].unit == unit
+
+
+OWN = Acquisition(
+    (
+        SignalGroup(
+            "",
+            (Signal("knee_angle_r", np.arange(3.0), "deg"), Signal("Fx", np.arange(3.0) * 9, "N")),
+            rate_hz=100.0,
+        ),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("knee_angle_r\tFx", "Fx\tknee_angle_r", "number 1 is 'knee_angle_r' there, and 'Fx' in"),
+        ("\n0.01\t", "\n0.015\t", "100 Hz, and sample 2 is at 0.015 s, not at 0.01 s"),
+        ('"rate_hz": 100.0', '"rate_hz": 50.0', "50 Hz, and sample 2 is at 0.01 s, not at 0.02 s"),
+        ('"rate_hz": 100.0', '"rate_hz": null', "tells of no clock"),
+        ('"rate_hz": 100.0', '"rate_hz": 0', "0 Hz, and sample 1"),
+        ('"start_s": 0.0', f'"start_s": {"9" * 400}', "damaged (OverflowError"),
+        (', ["Fx", "N", "", false]', "", "number 2 is 'none' there, and 'Fx' in the table"),
+        ('"N", "", false', '"N", "", true', "tells of 1 columns of text, the table has 0"),
+        ("9.0\n0.02\t2.0\t18.0\n", "9.0\n0.02\t2.0\t18.0", "the last line has no end"),
+    ],
+)
+def test_a_table_that_is_not_the_one_its_jointz_line_tells_of_is_refused(tmp_path, old, new, words):
+    write_acquisition(OWN, tmp_path / "own.sto")
+    text = (tmp_path / "own.sto").read_text()
+    assert old in text
+
+    with pytest.raises(DataError, match=r"a\.sto") as caught:
+        read(tmp_path, text.replace(old, new), "a.sto")
+
+    assert words in str(caught.value)
+
+
+def test_times_that_another_program_rounded_are_those_of_the_rate(tmp_path):
+    third = Acquisition((SignalGroup("", (Signal("x", np.arange(3.0)),), rate_hz=30.0),))
+    write_acquisition(third, tmp_path / "own.sto")
+    text = (tmp_path / "own.sto").read_text()
+
+    rounded = text.replace("0.03333333333333333", "0.033333").replace(
+        "0.06666666666666667", "0.0667"
+    )
+
+    assert read(tmp_path, rounded, "a.sto").groups[0].rate_hz == 30.0

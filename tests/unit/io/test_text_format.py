@@ -109,6 +109,61 @@ def test_a_delimiter_that_is_not_told_is_found_and_said(tmp_path):
     assert content.metadata["reading.delimiter"] == "columns stand apart by a semicolon"
 
 
+@pytest.mark.parametrize(
+    ("delimiter", "called"), [(" ", "a blank"), ("   ", "a blank"), ("|", "a bar"), ("\t", "a tab")]
+)
+def test_signs_between_columns_are_found_as_inspect_finds_them(tmp_path, delimiter, called):
+    lines = [("t", "knee", "hip"), ("0.0", "1.5", "2"), ("0.1", "2.5", "3")]
+
+    content = read(tmp_path, "".join(f"{delimiter.join(line)}\n" for line in lines), "a.txt")
+
+    np.testing.assert_array_equal(signals(content)["hip"].values, [2, 3])
+    np.testing.assert_array_equal(content.groups[0].time_s, [0.0, 0.1])
+    assert content.metadata["reading.delimiter"] == f"columns stand apart by {called}"
+
+
+@pytest.mark.parametrize("text", ["Lab of gait\nt;knee\n0.0;1.5\n0.1;2.5\n", "a,b\nx,y\nz,w\n"])
+def test_a_table_without_a_column_of_numbers_is_refused(tmp_path, text):
+    with pytest.raises(DataError, match=r"a\.csv: no column holds numbers.*--skip-rows.*inspect"):
+        read(tmp_path, text)
+
+
+def test_columns_of_text_are_told(tmp_path):
+    content = read(tmp_path, "time,side,knee\n0,left,1\n0.5,right,2\n")
+
+    assert content.metadata["reading.text"] == "read as text: 'side'"
+
+
+def test_a_time_of_the_day_is_no_clock_and_that_is_told(tmp_path):
+    content = read(tmp_path, "Time,knee\n12:00:01.5,1\n12:00:01.6,2\n")
+
+    assert content.groups[0].time_s is None
+    assert content.metadata["reading.time"] == (
+        "column 'Time' holds text ('12:00:01.5'), no numbers: not the clock"
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        ("T,time [s],knee", [0.0, 0.5]),  # a torque, or a temperature
+        ("time,time_ms,knee", [0.0, 0.0005]),  # one that says its unit
+        ("time_ms,Time (s),knee", [0.0, 0.5]),
+        ("time_s,knee,time", [1.0, 2.0]),  # one that increases
+        ("T,x,knee", None),
+    ],
+)
+def test_of_several_columns_of_time_the_clearest_that_increases_is_the_clock(
+    tmp_path, header, expected
+):
+    (group,) = read(tmp_path, f"{header}\n20.5,0,1\n20.4,0.5,2\n").groups
+
+    if expected is None:
+        assert group.time_s is None
+    else:
+        np.testing.assert_allclose(group.time_s, expected)
+
+
 def test_decimal_commas_need_to_be_told(tmp_path):
     with pytest.raises(DataError, match=r"row 2, column 'a'.*decimal"):
         read(tmp_path, "a;b\n1,5;2,5\n3,5;4,5\n")
@@ -139,7 +194,7 @@ def test_a_log_of_an_actpack_has_the_units_of_its_fields(tmp_path):
         "mine": "",
     }
     assert "16384 a turn" in found["mot_ang"].description
-    assert content.metadata["reading.log"] == "Dephy ActPack"
+    assert "log of Dephy ActPack: units by its doc" in content.metadata["reading.log"]
     np.testing.assert_allclose(content.groups[0].time_s, [0.010, 0.012], rtol=1e-15)
 
 
@@ -154,7 +209,7 @@ def test_a_log_of_opensourceleg_has_the_units_of_its_attributes(tmp_path):
         "knee.output_torque": "N*m",
         "fz": "",
     }
-    assert content.metadata["reading.log"] == "opensourceleg"
+    assert "log of opensourceleg: units by its doc" in content.metadata["reading.log"]
 
 
 def test_other_files_get_no_units_of_known_devices(tmp_path):

@@ -26,7 +26,7 @@ def layout_of(folder: Path, text: str, name="a.csv", **known):
     return find_layout(folder / name, known)
 
 
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", "|"])
 @pytest.mark.parametrize("decimal", [".", ","])
 @pytest.mark.parametrize("n_head", [0, 1, 6])
 def test_signs_and_lines_above_the_names_are_found(delimiter, decimal, n_head, tmp_path):
@@ -90,6 +90,46 @@ def test_gzip_is_looked_into(tmp_path):
     assert find_layout(tmp_path / "a.csv.gz").files.delimiter == ";"
 
 
+@pytest.mark.parametrize("width", [2, 3])
+def test_lines_of_facts_above_are_not_the_table(width, tmp_path):
+    facts = ["Mass;70", "Height;1.8", "Age;31"]
+    rows = [row[:width] for row in ROWS]
+    text = table(delimiter=";", head=facts, names=NAMES[:width], rows=rows)
+
+    found = layout_of(tmp_path, text)
+
+    assert (found.files.skip_rows, found.columns) == (3, tuple(NAMES[:width]))
+
+
+def test_a_stray_text_in_the_first_row_does_not_make_it_the_names(tmp_path):
+    rows = [[0.0, "#DIV/0!", -3.25], *ROWS[1:]]
+
+    assert layout_of(tmp_path, table(rows=rows)).columns == tuple(NAMES)
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ({"delimiter": ",", "decimal": ","}, "cannot be both delimiter and decimal sign"),
+        ({"delimiter": ";;"}, "expected one ASCII character, got ';;'"),
+        ({"delimiter": "\\t"}, r"expected one ASCII character.* A tab is written \$'"),
+    ],
+)
+def test_signs_that_are_none_are_refused(known, said, tmp_path):
+    with pytest.raises(DataError, match=said):
+        layout_of(tmp_path, table(), **known)
+
+
+def test_a_table_far_below_is_found_where_its_place_is_said(tmp_path):
+    text = "prose of a long log\n" * 450 + table(delimiter=";")
+
+    with pytest.raises(DataError, match=r"no table of numbers .*\(--skip-rows\)"):
+        layout_of(tmp_path, text)
+
+    found = layout_of(tmp_path, text, skip_rows=450)
+    assert (found.columns, found.files.delimiter) == (tuple(NAMES), ";")
+
+
 def test_what_is_known_is_kept(tmp_path):
     text = table(delimiter=";", decimal=",")
 
@@ -111,6 +151,36 @@ def test_an_empty_and_a_damaged_file_are_errors(tmp_path):
     (tmp_path / "b.csv.gz").write_bytes(gzip.compress(table().encode())[:20])
     with pytest.raises(DataError, match="cut off or damaged"):
         find_layout(tmp_path / "b.csv.gz")
+
+
+KNOWN = st.fixed_dictionaries(
+    {},
+    optional={
+        "delimiter": st.sampled_from([",", ";", "\t", " ", "|", ";;", "\\t", "", '"', "ä", "."]),
+        "decimal": st.sampled_from([".", ","]),
+        "skip_rows": st.integers(0, 12),
+        "header": st.booleans(),
+    },
+)
+LINES = st.lists(st.sampled_from(["t;a", "0;1,5", "0.5,2", "Mass;70", "", "x y", "1|2", "#"]))
+
+
+@given(lines=LINES, known=KNOWN)
+def test_whatever_is_said_ends_in_a_layout_or_an_error(tmp_path_factory, lines, known):
+    file = tmp_path_factory.getbasetemp() / "known.csv"
+    file.write_text("".join(f"{line}\n" for line in lines))
+
+    try:
+        found = find_layout(file, known)
+    except DataError as exc:
+        said, found = str(exc), None
+    else:
+        said = ""
+
+    assert found is None or len(found.columns) == len(found.names)
+    assert found is None or found.files.skip_rows >= known.get("skip_rows", 0)
+    assert found is None or known.get("delimiter") in (None, "", found.files.delimiter)
+    assert found is not None or "known.csv" in said or "delimiter" in said
 
 
 @given(st.binary(max_size=300))

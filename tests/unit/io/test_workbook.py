@@ -2,6 +2,7 @@
 
 import datetime as dt
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -146,6 +147,102 @@ def test_what_cannot_be_told_is_named_by_its_address(book, cell, value, address,
     assert words in str(caught.value)
 
 
+def test_a_torque_called_t_aligns_nothing(book):
+    (group,) = book([["Frame", "T [Nm]", "Angle"], [1, 5.0, 1.0], [2, 4.0, 2.0]]).groups
+
+    assert group.time_s is None
+    assert [(s.name, s.unit) for s in group.signals][1] == ("T [Nm]", "Nm")
+    with pytest.raises(DataError, match=r"Trial 1!C3: 'Angle' ends here"):
+        book([["Frame", "T [Nm]", "Angle"], [1, 5.0, 1.0], [2, 4.0, None]])
+
+
+TWO_CLOCKS: Rows = [
+    ["Subject", "Time [s]", "Angle", "Time [ms]", "Torque"],
+    ["S01", 0.0, 1.0, 0, 7.0],
+    ["S01", 0.1, 2.0, 50, 8.0],
+    ["S01", 0.2, 3.0, 100, 9.0],
+]
+
+
+def test_two_clocks_after_another_column_are_refused_unless_they_are_one(book):
+    with pytest.raises(DataError, match=r"Trial 1!D1: 'Time \[ms\]' holds other times than 'Ti"):
+        book(TWO_CLOCKS)
+
+    (group,) = book([TWO_CLOCKS[0], *[[*r[:3], 1000 * r[1], r[4]] for r in TWO_CLOCKS[1:]]]).groups
+    np.testing.assert_array_equal(group.time_s, [0.0, 0.1, 0.2])
+
+
+def test_units_half_of_which_are_known_are_units(book):
+    (group,) = book([["Time", "Load cell"], ["s", "counts"], [0, 1], [1, 2]]).groups
+
+    assert [(s.name, s.unit) for s in group.signals] == [("Load cell", "counts")]
+    np.testing.assert_array_equal(group.time_s, [0.0, 1.0])
+
+
+def test_names_that_look_like_units_of_names_above_are_refused(book):
+    rows = [["Time", "Load", "Force"], ["s", "counts", "ticks"], [0, 1, 2], [1, 2, 3]]
+    with pytest.raises(DataError, match=r"Trial 1!A1: two full rows of texts.*'Time' and 's'"):
+        book(rows)
+
+    assert book([["Subject", "S01"], ["Time [s]", "Load"], [0, 1], [1, 2]]).groups[0].n_samples == 2
+
+
+def test_a_stray_cell_far_away_is_named_and_no_rectangle_is_made(book):
+    def stray(made):
+        made.active["XFD1048576"] = "?"
+
+    with pytest.raises(DataError, match=r"lab\.xlsx, Trial 1!XFD1048576: cells are filled in as"):
+        book(LAB, stray)
+
+
+def test_cells_that_are_only_formatted_belong_to_no_table(book):
+    def paint(made):
+        made.active["XFD1048576"].number_format = "0.00"
+
+    assert book(LAB, paint).groups[0].n_samples == 3
+
+
+def test_a_number_beyond_all_is_refused_by_its_address(tmp_path):
+    def huge(text):
+        return text.replace(b"<v>2.5</v>", b"<v>" + b"9" * 400 + b"</v>")
+
+    with pytest.raises(DataError, match=r"b\.xlsx, Trial 1!C8: the number is larger than any"):
+        repacked(tmp_path, LAB, "Trial 1", huge)
+
+
+def test_a_compression_that_is_none_is_damage(tmp_path):
+    made = openpyxl.Workbook()
+    made.active.append(["a"])
+    made.save(tmp_path / "a.xlsx")
+    raw = bytearray((tmp_path / "a.xlsx").read_bytes())
+    for mark, at in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        place = raw.find(mark)
+        while place >= 0:
+            raw[place + at] = 14
+            place = raw.find(mark, place + 4)
+    (tmp_path / "a.xlsx").write_bytes(raw)
+
+    with pytest.raises(DataError, match=r"a\.xlsx: cannot be read as a \.xlsx file"):
+        read_acquisition(tmp_path / "a.xlsx")
+
+
+def repacked(tmp_path, rows, title, change):
+    """Write a workbook, change the XML of its first sheet, and read it."""
+    made = openpyxl.Workbook()
+    made.active.title = title
+    for row in rows:
+        made.active.append(row)
+    made.save(tmp_path / "a.xlsx")
+    with (
+        zipfile.ZipFile(tmp_path / "a.xlsx") as old,
+        zipfile.ZipFile(tmp_path / "b.xlsx", "w") as new,
+    ):
+        for name in old.namelist():
+            text = old.read(name)
+            new.writestr(name, change(text) if name.endswith("sheet1.xml") else text)
+    return read_acquisition(tmp_path / "b.xlsx")
+
+
 def test_all_decimal_commas_are_refused_too(book):
     with pytest.raises(DataError, match=r"Trial 1!A2.*decimal comma"):
         book([["Time", "x"], ["0,00", "1,5"], ["0,01", "1,6"]])
@@ -168,26 +265,16 @@ def test_a_book_of_prose_is_refused(book):
 
 def test_formulas_that_a_spreadsheet_program_calculated_are_read_by_their_values(tmp_path):
     """A stored value stands beside the formula, as spreadsheet programs write it."""
-    import zipfile
 
-    made = openpyxl.Workbook()
-    for row in [["x", "twice"], [1.5, "=A2*2"], [2.5, "=A3*2"]]:
-        made.active.append(row)
-    made.save(tmp_path / "a.xlsx")
-    with (
-        zipfile.ZipFile(tmp_path / "a.xlsx") as old,
-        zipfile.ZipFile(tmp_path / "b.xlsx", "w") as new,
-    ):
-        for name in old.namelist():
-            text = old.read(name)
-            if name.endswith("sheet1.xml"):
-                text = text.replace(b"<f>A2*2</f><v></v>", b"<f>A2*2</f><v>3</v>")
-                text = text.replace(b"<f>A2*2</f><v />", b"<f>A2*2</f><v>3</v>")
-                text = text.replace(b"<f>A3*2</f><v></v>", b"<f>A3*2</f><v>5</v>")
-                text = text.replace(b"<f>A3*2</f><v />", b"<f>A3*2</f><v>5</v>")
-            new.writestr(name, text)
+    def calculate(text):
+        for formula, value in ((b"A2*2", b"3"), (b"A3*2", b"5")):
+            for empty in (b"<v></v>", b"<v />"):
+                stored = b"<f>" + formula + b"</f>"
+                text = text.replace(stored + empty, stored + b"<v>" + value + b"</v>")
+        return text
 
-    (group,) = read_acquisition(tmp_path / "b.xlsx").groups
+    rows = [["x", "twice"], [1.5, "=A2*2"], [2.5, "=A3*2"]]
+    (group,) = repacked(tmp_path, rows, "Trial 1", calculate).groups
 
     np.testing.assert_array_equal(group.signals[1].values, [3.0, 5.0])
 
@@ -201,6 +288,97 @@ def test_what_jointz_writes_reads_well_in_a_spreadsheet_program(tmp_path):
     assert book.sheetnames == ["points", "jointz"]
     rows = list(book["points"].iter_rows(values_only=True))
     assert rows == [("time [s]", "knee"), ("s", "deg"), (0.0, 0.1), (0.01, 0.2)]
+
+
+OWN = Acquisition(
+    (
+        SignalGroup(
+            "points",
+            (
+                Signal("knee", np.array([0.1, np.nan, 0.3]), "deg"),
+                Signal("phase", np.array(["a", "", "c"], dtype=object)),
+            ),
+            100.0,
+        ),
+    )
+)
+
+
+def edited(tmp_path, change, content=OWN):
+    """Write a workbook of jointz, change it as a spreadsheet program would, and read it."""
+    write_acquisition(content, tmp_path / "own.xlsx")
+    book = openpyxl.load_workbook(tmp_path / "own.xlsx")
+    change(book)
+    book.save(tmp_path / "own.xlsx")
+    return read_acquisition(tmp_path / "own.xlsx")
+
+
+def put(cell, value):
+    def change(book):
+        book["points"][cell] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "address", "words"),
+    [
+        (lambda b: b["points"].append([0.03, 0.4, "d"]), "points!A6", "has 3 samples; this row"),
+        (lambda b: b["points"].delete_rows(5), "points!A5", "sample 3 of 3, found no time"),
+        (lambda b: b["points"].delete_rows(4), "points!A5", "sample 3 of 3, found no time"),
+        (lambda b: b["points"].insert_cols(2), "points!B1", "expected the name 'knee', found ''"),
+        (lambda b: b["points"].delete_cols(2), "points!B1", "the name 'knee', found 'phase'"),
+        (put("D1", "mine"), "points!D1", "expected the name '', found 'mine'"),
+        (put("B5", "=B3*2"), "points!B5", "a formula without a value"),
+        (put("A4", 0.011), "points!A4", "100 Hz, and this time was changed to 0.011"),
+        (put("A4", None), "points!A4", "sample 2 of 3, found no time"),
+        (put("B3", "0,1"), "points!B3", "expected a number, found '0,1'"),
+        (put("B3", True), "points!B3", "expected a number, found 'True'"),
+        (put("B3", dt.datetime(2024, 5, 1)), "points!B3", "found '2024-05-01"),  # noqa: DTZ001
+        (
+            lambda b: setattr(b["points"], "title", "Points 1"),
+            "jointz!B1",
+            "there is no sheet 'points'",
+        ),
+        (lambda b: b["jointz"].__setitem__("D1", "9" * 30), "jointz!D1", "how many samples"),
+        (lambda b: b["jointz"].__setitem__("D1", -1), "jointz!D1", "how many samples"),
+        (lambda b: b["jointz"].__setitem__("E1", "time"), "jointz!E1", "expected one of rate, sta"),
+    ],
+)
+def test_a_workbook_of_jointz_that_was_edited_is_refused_by_the_address(
+    tmp_path, change, address, words
+):
+    with pytest.raises(DataError) as caught:
+        edited(tmp_path, change)
+
+    assert str(caught.value).startswith(f"own.xlsx, {address}:")
+    assert words in str(caught.value)
+
+
+def test_a_workbook_of_jointz_whose_samples_were_corrected_is_read(tmp_path):
+    def correct(book):
+        book["points"]["B4"] = 0.25
+        book["points"]["C4"] = "b"
+        book.create_sheet("Notes", 0).append(["checked"])
+
+    content = edited(tmp_path, correct)
+
+    knee, phase = content.groups[0].signals
+    np.testing.assert_array_equal(knee.values, [0.1, 0.25, 0.3])
+    assert phase.values.tolist() == ["a", "b", "c"]
+    assert content.metadata == {"reading.sheets": "not read, not of jointz: Notes"}
+
+
+def test_time_stamps_that_are_no_numbers_are_named_and_left_empty(tmp_path):
+    values = (Signal("x", np.arange(3.0)),)
+    holes = Acquisition((SignalGroup("g", values, time_s=np.array([0.0, np.nan, 2.0])),))
+
+    (lost,) = write_acquisition(holes, tmp_path / "a.xlsx", lossy=True)
+
+    assert lost == "Time stamps of group 'g' that are no numbers are empty."
+    np.testing.assert_array_equal(
+        read_acquisition(tmp_path / "a.xlsx").groups[0].time_s, [0.0, np.nan, 2.0]
+    )
 
 
 def test_without_openpyxl_the_extra_is_named(tmp_path, monkeypatch):

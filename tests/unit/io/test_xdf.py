@@ -199,7 +199,9 @@ def chunk(tag: int, body: bytes) -> bytes:
     return struct.pack("<BIH", 4, len(body) + 2, tag) + body
 
 
-def header(number: int, fmt: str, *, rate: str = "0", more: str = "", channels: int = 1) -> bytes:
+def header(
+    number: int, fmt: str, *, rate: str = "0", more: str = "", channels: object = 1
+) -> bytes:
     xml = (
         f'<?xml version="1.0"?><info><name>s{number % 10}</name><channel_count>{channels}'
         f"</channel_count><nominal_srate>{rate}</nominal_srate><channel_format>{fmt}"
@@ -262,6 +264,61 @@ def test_offsets_of_a_clock_are_put_to_account(tmp_path: Path) -> None:
     assert "corrected by 3 offsets" in content.metadata["reading.s1"]
 
 
+DOUBLE = struct.pack("<d", 1)
+
+
+@pytest.mark.parametrize(
+    ("rate", "stamps", "words"),
+    [
+        ("100", [None, None, None], "its first sample has none to count from"),
+        ("100", [None, 5.0, None], "its first sample has none to count from"),
+        ("0", [None, 5.0, None], "its first sample has none to count from"),
+        ("0", [5.0, None, None], "2 of 3 have none, nor a rate"),
+    ],
+)
+def test_time_stamps_are_not_made_up(
+    rate: str, stamps: list[float | None], words: str, tmp_path: Path
+) -> None:
+    raw = xdf(header(1, "double64", rate=rate), samples(1, [(t, DOUBLE) for t in stamps]))
+    with pytest.raises(DataError, match="stream 's1': expected a time stamp a") as caught:
+        read(raw, tmp_path)
+    assert words in str(caught.value)
+
+
+def test_time_stamps_that_follow_from_the_rate_are_counted(tmp_path: Path) -> None:
+    rows = [(t, DOUBLE) for t in (4.0, None, 5.0, None)]
+    content = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path)
+    assert "2 of 4 time stamps follow from the nominal rate" in content.metadata["reading.s1"]
+    rows = [(None, DOUBLE)] * 2  # neither stamps nor rate: no clock, and none made up
+    assert read(xdf(header(1, "double64"), samples(1, rows)), tmp_path).groups[0].times_s() is None
+
+
+def offset(time_s: float, value_s: float) -> bytes:
+    return chunk(4, struct.pack("<Idd", 1, time_s, value_s))
+
+
+def test_offsets_that_correct_nothing_are_told(tmp_path: Path) -> None:
+    rows = [(t, DOUBLE) for t in (10.0, 20.0)]
+    raw = xdf(header(1, "double64"), samples(1, rows), offset(10.0, 99.0), offset(10.0, 99.0))
+    content = read(raw, tmp_path)
+    assert content.groups[0].times_s().tolist() == [10.0, 20.0]  # type: ignore[union-attr]
+    assert "None of the 2 offsets" in content.metadata["reading.s1"]
+    assert "corrected by" not in content.metadata["reading.s1"]
+
+
+def test_a_stream_of_which_only_parts_are_corrected_is_refused(tmp_path: Path) -> None:
+    rows = [(t, DOUBLE) for t in (10.0, 20.0, 300.0, 310.0)]
+    late = [offset(300.0 + i, 900.0) for i in range(20)]
+    raw = xdf(header(1, "double64"), samples(1, rows), *[offset(10.0, 1.0)] * 40, *late)
+    with pytest.raises(DataError, match="stream 's1': expected offsets of its clock that pyxdf"):
+        read(raw, tmp_path)
+    early = [offset(10.0 + i / 2, 1.0) for i in range(40)]
+    content = read(xdf(header(1, "double64"), samples(1, rows), *early, *late), tmp_path)
+    assert "Its clock was reset 1 time(s)" in content.metadata["reading.s1"]
+    times = content.groups[0].times_s()
+    np.testing.assert_allclose(times, [11.0, 21.0, 1200.0, 1210.0], rtol=0, atol=1e-6)
+
+
 def test_streams_of_one_name_are_told_apart(tmp_path: Path) -> None:
     one, two = header(1, "int8"), header(11, "int8")
     assert [g.name for g in read(xdf(one, two), tmp_path).groups] == ["s1 (1)", "s1 (11)"]
@@ -304,7 +361,20 @@ GOOD = xdf(header(1, "double64"), samples(1, [(1.0, bytes(8)), (2.0, bytes(8))])
         (xdf(samples(1, [])), "a header of stream 1 before its chunks"),
         (xdf(header(1, "int8"), header(1, "int8")), "one header of stream 1"),
         (xdf(header(1, "double32")), "a channel_format among"),
-        (xdf(header(1, "int8", channels=0)), "a channel_count from 1 on"),
+        (xdf(header(1, "int8", channels=0)), "a channel_count from 1 to 65536"),
+        (xdf(header(1, "int8", channels="9" * 5000)), "a channel_count from 1 to 65536, found '99"),
+        (xdf(header(1, "int8", channels=65_537)), "a channel_count from 1 to 65536, found '65537'"),
+        (
+            xdf(chunk(1, b'<?xml version="1.0" encoding="UTF-16"?><info/>')),
+            "cannot be read as a .xdf file",
+        ),
+        (
+            xdf(
+                header(1, "int8"),
+                chunk(6, b"\1\0\0\0<info><sample_count>--5</sample_count></info>"),
+            ),
+            "cannot be read as a .xdf file",
+        ),
         (xdf(header(1, "int8", rate="fast")), "a nominal_srate from 0 on"),
         (xdf(chunk(2, b"\1\0\0\0<info>")), "a description in XML"),
         (xdf(chunk(2, b"\1\0\0\0<other/>")), "expected <info>, found <other>"),
@@ -365,6 +435,63 @@ def test_200_damaged_files_end_in_an_error_or_in_what_they_still_say(tmp_path: P
             assert whole or any(key.startswith("reading.") for key in found.metadata)
             assert i % 4 in (0, 1, 2)
     assert refused >= 150
+
+
+def test_a_file_header_of_plain_text_is_no_metadata(tmp_path: Path) -> None:
+    raw = b"XDF:" + chunk(1, b"<info>abc</info>") + GOOD[len(xdf()) :]
+    assert [g.n_samples for g in read(raw, tmp_path).groups] == [2]
+
+
+def begins_like(found: Acquisition, whole: Acquisition) -> bool:
+    """Whether every sample that was read is that of the whole file."""
+    pairs = zip(found.groups, whole.groups, strict=False)
+    return all(
+        np.array_equal(s.values, twin.values[: len(s.values)])
+        for group, other in pairs
+        for s, twin in zip(group.signals, other.signals, strict=True)
+    )
+
+
+def frames_of_chunks(raw: bytes) -> list[int]:
+    """Where lengths, kinds and stream numbers stand: what parts a file into chunks."""
+    found, at = [], 4
+    while at < len(raw):
+        size = 1 + raw[at]
+        length = int.from_bytes(raw[at + 1 : at + size], "little")
+        found += range(at, at + size + 2 + 4 * (raw[at + size] != 1))
+        at += size + length
+    return found
+
+
+def test_a_file_that_is_cut_off_is_refused_or_its_beginning_with_a_note(tmp_path: Path) -> None:
+    path = written(small(), tmp_path / "good.xdf")
+    raw, whole, n_read = path.read_bytes(), read_acquisition(path), 0
+    ends = {at for at in frames_of_chunks(raw) if at - 1 not in frames_of_chunks(raw)}
+    for at in sorted(ends | set(range(0, len(raw), 17))):
+        path.write_bytes(raw[:at])
+        found = outcome(path)
+        if isinstance(found, Acquisition):
+            n_read += 1
+            assert begins_like(found, whole)
+            noted = {key.removeprefix("reading.") for key in found.metadata if "reading." in key}
+            assert noted or not found.groups
+            for group, twin in zip(found.groups, whole.groups, strict=False):
+                assert group.name in noted or group.n_samples == twin.n_samples
+    assert n_read >= 5  # between chunks
+
+
+def test_bits_that_turn_between_samples_do_not_change_samples(tmp_path: Path) -> None:
+    path = written(small(), tmp_path / "good.xdf")
+    raw, whole = path.read_bytes(), read_acquisition(path)
+    rng = np.random.default_rng(5)
+    for place in frames_of_chunks(raw):
+        spoilt = bytearray(raw)
+        spoilt[place] ^= 1 << rng.integers(0, 8)
+        path.write_bytes(spoilt)
+        found = outcome(path)
+        if isinstance(found, Acquisition) and not any("reading." in k for k in found.metadata):
+            assert begins_like(found, whole), place
+            assert [g.n_samples for g in found.groups] == [5, 3], place
 
 
 def test_a_recording_over_loopback_opens_with_the_numbers_that_were_sent(tmp_path: Path) -> None:

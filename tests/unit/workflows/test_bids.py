@@ -179,14 +179,142 @@ def test_a_table_of_pulses_gives_events_with_their_timing_points(study, tmp_path
     ]
 
 
-def test_ids_that_lose_their_difference_are_refused(study, tmp_path):
-    toml = (study / "study.toml").read_text().replace("S-02", "S01")
+@pytest.mark.parametrize("other", ["S01", "s_01"])
+def test_ids_that_lose_their_difference_are_refused(other, study, tmp_path):
+    toml = (study / "study.toml").read_text().replace("S-02", other)
     (study / "study.toml").write_text(toml)
 
-    with pytest.raises(DataError, match=r"participants: .* leaves 'S_01', 'S01' without a name"):
+    with pytest.raises(DataError, match=rf"participants: .* leaves 'S_01', '{other}' without"):
         write_bids(study, tmp_path / "bids")
 
     assert not (tmp_path / "bids").exists()
+
+
+def test_somebody_without_a_recording_is_not_among_the_participants(study, tmp_path):
+    (study / "study.toml").write_text((study / "study.toml").read_text() + person("S_03"))
+
+    written = write_bids(study, tmp_path / "bids")
+
+    assert written.participants == ("sub-S01", "sub-S02")
+    assert "S03" not in (tmp_path / "bids" / "participants.tsv").read_text()
+    assert written.notes == ("without a recording, and so not in participants.tsv: S_03.",)
+
+
+TRIALS = '[channels.trial]\ncolumn = "trial"\n[channels.condition]\ncolumn = "phase"\n' + person(
+    "S01"
+)
+
+
+def in_trials(study: Path, *, restarts: bool, onsets: list[float]) -> Path:
+    """One file: an unperturbed trial and two perturbed ones of 4.5 s, and a table of pulses."""
+    parts = [
+        table(k, start_s=0.0 if restarts else 4.5 * k).assign(trial=k, phase=phase)
+        for k, phase in enumerate(["ENP", "EWP", "EWP"])
+    ]
+    pd.concat(parts).drop(columns="cmd").to_csv(study / "all.csv", index=False)
+    pd.DataFrame({"onset_s": onsets}).to_csv(study / "pulses.csv", index=False)
+    head = HEAD.replace('[channels.command]\ncolumn = "cmd"\n', "")
+    toml = head + TRIALS + entry(participant="S01", file="all.csv", perturbations="pulses.csv")
+    (study / "study.toml").write_text(toml)
+    return study
+
+
+def test_every_part_of_a_file_has_its_own_pulses_of_the_table(study, tmp_path):
+    in_trials(study, restarts=False, onsets=[1.0, 5.0, 6.0, 10.0])
+
+    written = write_bids(study, tmp_path / "bids")
+
+    found = read_bids(tmp_path / "bids")
+    events = [[e.time_s for e in found[name].events] for name in written.recordings]
+    assert [len(found[name].groups) for name in written.recordings] == [1, 1, 1]
+    np.testing.assert_allclose(events[1], [5.0, 6.0])
+    np.testing.assert_allclose(events[2], [10.0])
+    assert events[0] == []
+    assert written.notes == (
+        "all.csv: 1 pulse(s) of its table lie outside its perturbed samples and are left out: "
+        "onset 1 s.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("restarts", "onsets", "said"),
+    [
+        (True, [1.0, 2.0], "time starts again in its perturbed trials"),
+        (False, [50.0, 60.0], "all 2 onsets of its pulse table lie outside"),
+    ],
+)
+def test_a_table_that_could_mean_any_part_or_none_is_refused(
+    restarts, onsets, said, study, tmp_path
+):
+    in_trials(study, restarts=restarts, onsets=onsets)
+
+    with pytest.raises(DataError, match=said):
+        write_bids(study, tmp_path / "bids")
+
+    assert not (tmp_path / "bids").exists()
+
+
+def test_steps_of_the_angle_have_their_amplitude_in_rad(study, tmp_path):
+    s = np.arange(3000) / 500.0
+    steps = sum(0.1 * (s >= at) for at in (1.0, 2.0, 3.0, 4.0))
+    frame = pd.DataFrame({"t": s, "knee_deg": np.rad2deg(steps), "tq": 0 * s, "foot": 0})
+    frame.to_csv(study / "a.csv", index=False)
+    head = HEAD.replace('[channels.command]\ncolumn = "cmd"\n', "").replace("walking", "bench")
+    toml = head + person("S01") + entry(participant="S01", file="a.csv", condition="perturbed")
+    toml += '[perturbations]\nsource = "angle"\n'
+    (study / "study.toml").write_text(toml)
+
+    written = write_bids(study, tmp_path / "bids")
+
+    assert written.n_events == 4
+    about = json.loads(next((tmp_path / "bids").rglob("*_events.json")).read_text())
+    assert about["amplitude"]["Units"] == "rad"
+    (content,) = read_bids(tmp_path / "bids").values()
+    assert np.isnan([e.duration_s for e in content.events]).all()
+    sizes = [float(e.label.split("=")[1]) for e in content.events]
+    np.testing.assert_allclose(sizes, -0.1, rtol=1e-3)  # recorded positive in extension
+
+
+def test_a_study_with_a_current_and_a_table_of_pulses_is_written(study, tmp_path):
+    (study / "pulses.csv").write_text("onset_s,amplitude_nm\n3.0,7\n4.0,\n")
+    head = HEAD.replace('[channels.torque]\ncolumn = "tq"\nunit = "mNm"', "")
+    head = head.replace('[channels.command]\ncolumn = "cmd"', '[channels.current]\ncolumn = "cmd"')
+    toml = head + "[torque_model]\ngear_ratio = 9.0\ntorque_constant = 0.1\n" + person("S01")
+    toml += entry(participant="S01", file="0.csv", condition="perturbed",
+                  perturbations="pulses.csv")  # fmt: skip
+    (study / "study.toml").write_text(toml)
+
+    write_bids(study, tmp_path / "bids")
+
+    (content,) = read_bids(tmp_path / "bids").values()
+    assert [e.label for e in content.events] == ["pulse amplitude=7.0", "pulse"]
+
+
+def test_a_channel_of_ones_own_called_latency_keeps_its_name(study, tmp_path):
+    toml = HEAD + '[channels.latency]\ncolumn = "tq"\n' + person("S01")
+    toml = toml.replace('[channels.torque]\ncolumn = "tq"', '[channels.torque]\ncolumn = "foot"')
+    toml += entry(participant="S01", file="0.csv", condition="perturbed")
+    (study / "study.toml").write_text(toml)
+
+    write_bids(study, tmp_path / "bids")
+
+    (content,) = read_bids(tmp_path / "bids").values()
+    assert "latency" in [s.name for s in content.groups[0].signals]
+    names = next((tmp_path / "bids").rglob("*_channels.tsv")).read_text()
+    assert "\nlatency_2\t" in names
+
+
+def test_a_folder_that_was_edited_is_kept(study, tmp_path):
+    out = tmp_path / "bids"
+    write_bids(study, out)
+    edited = (out / "dataset_description.json").read_text().replace('"Name"', '"Authors"')
+    (out / "dataset_description.json").write_text(edited)
+
+    with pytest.raises(OutputError, match=r"changed since .*: dataset_description\.json\. Move"):
+        write_bids(study, out, overwrite=True)
+
+    assert (out / "dataset_description.json").read_text() == edited
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
 
 
 def test_only_a_folder_of_jointz_is_replaced(study, tmp_path):

@@ -69,6 +69,30 @@ def test_a_file_is_never_written_over_itself(walk):
         convert(walk, walk, overwrite=True)
 
 
+def test_no_recording_of_a_study_is_replaced(tmp_path, small_study):
+    inside = small_study.root / "more.mat"
+    convert(small_study.root, inside)
+    before = {p.name: p.read_bytes() for p in small_study.root.iterdir()}
+    outside = (small_study.root / "S01_perturbed.csv").rename(tmp_path / "a.mat")
+    small_study.edit_toml("S01_perturbed.csv", "../a.mat")
+    outside.write_bytes(before["S01_perturbed.csv"])
+
+    for source in (small_study.root, small_study.root / "study.toml"):
+        with pytest.raises(OutputError, match=r"more\.mat: is a file of the folder"):
+            convert(source, inside, overwrite=True)
+    (tmp_path / "a.mat").unlink()
+    scipy.io.savemat(tmp_path / "a.mat", {name: np.zeros(3) for name in COLUMNS})
+    kept = (tmp_path / "a.mat").read_bytes()
+    with pytest.raises(OutputError, match=r"a\.mat: is a file of the study to be read"):
+        convert(small_study.root, tmp_path / "a.mat", overwrite=True)
+
+    assert (tmp_path / "a.mat").read_bytes() == kept
+    assert inside.read_bytes() == before["more.mat"]
+
+
+COLUMNS = ("time", "angle", "torque", "command", "contact")
+
+
 def test_targets_that_cannot_be_are_told_before_anything_is_read(tmp_path, walk):
     with pytest.raises(DataError, match=r"a\.docx: no format"):
         convert(walk, tmp_path / "a.docx")
@@ -120,6 +144,28 @@ def test_the_pulses_of_a_study_go_with_their_recordings(tmp_path, small_study):
         assert len(at) == 6 * 4  # timing points, pulses at each
         assert (command[at] != 0).all()
         assert (np.sign(command[at]) == np.sign(pulses["amplitude"])).all()
+
+
+def test_pulses_of_a_table_outside_the_samples_are_told(tmp_path):
+    rows = "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(300))
+    (tmp_path / "a.csv").write_text(f"t,a,m\n{rows}")
+    (tmp_path / "pulses.csv").write_text("onset_s,amplitude_nm\n-1,5\n1,5\n99,5\n")
+    (tmp_path / "study.toml").write_text(
+        'jointz = 1\njoint = "knee"\nkind = "bench"\n[channels]\ntime.column = "t"\n'
+        'angle.column = "a"\ntorque.column = "m"\n[[participants]]\nid = "S01"\n'
+        '[[recordings]]\nparticipant = "S01"\nfile = "a.csv"\ncondition = "perturbed"\n'
+        'perturbations = "pulses.csv"\n'
+    )
+
+    into_matlab = convert(tmp_path, tmp_path / "a.mat")
+    into_bids = convert(tmp_path, tmp_path / "bids", to="bids")
+
+    assert into_matlab.notes == into_bids.notes
+    assert "2 pulse(s) of its table lie outside" in into_bids.notes[0]
+    assert into_bids.to_dict()["notes"] == list(into_bids.notes)
+    assert "Note" not in " ".join(into_bids.content)
+    pulses = scipy.io.loadmat(tmp_path / "a.mat", simplify_cells=True)["jointz"]["recordings"]
+    assert pulses["pulses"]["onset_s"] == 1.0
 
 
 def test_the_struct_of_a_study_is_read_again(tmp_path, small_study):
@@ -182,6 +228,35 @@ def test_a_study_goes_as_bids_and_comes_back_as_one_file(tmp_path, small_study):
     assert len(made.content) == len(study.spec.recordings)
     with pytest.raises(DataError, match="made of a study"):
         convert(tmp_path / "bids.nc", tmp_path / "again", to="bids")
+
+
+def test_signs_go_with_a_bids_folder_into_matlab(tmp_path, small_study):
+    small_study.edit_toml('[channels.angle]\ncolumn = "angle"\nunit = "rad"', ANGLE, 1)
+    convert(small_study.root, tmp_path / "bids", to="bids")
+
+    convert(tmp_path / "bids", tmp_path / "bids.mat")
+
+    found = scipy.io.loadmat(tmp_path / "bids.mat", simplify_cells=True)["jointz"]["groups"]
+    for group in found.values():
+        positive = {name: s["positive"] for name, s in group["signals"].items()}
+        assert positive["angle"] == positive["torque"] == "flexion"
+        assert len(positive["contact"]) == 0
+
+
+def test_events_of_an_unknown_length_go_into_every_format(tmp_path):
+    motion = tmp_path / "bids" / "sub-1" / "motion"
+    motion.mkdir(parents=True)
+    stem = "sub-1_task-w_tracksys-imu"
+    (tmp_path / "bids" / "dataset_description.json").write_text("{}")
+    (motion / f"{stem}_motion.json").write_text('{"SamplingFrequency": 100}')
+    (motion / f"{stem}_channels.tsv").write_text("name\ttype\tunits\nknee\tJNTANG\tdeg\n")
+    (motion / f"{stem}_motion.tsv").write_text("1\n2\n3\n")
+    (motion / f"{stem}_events.tsv").write_text("onset\tduration\n0.01\tn/a\n")
+
+    for name in ("a.nc", "a.mat", "a.xlsx", "a.parquet", "a.sto"):
+        made = convert(tmp_path / "bids", tmp_path / name, lossy=True)
+        (event,) = read_acquisition(tmp_path / name).events
+        assert np.isnan(event.duration_s), (name, made.left_out)
 
 
 def test_a_study_goes_into_no_table(tmp_path, small_study):

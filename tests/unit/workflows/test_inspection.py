@@ -167,6 +167,8 @@ def test_without_a_time_column_the_rate_is_asked_for(tmp_path):
     found = inspected(tmp_path, walking().drop(columns="Time (s)"))
 
     assert "sample_rate_hz = 1000.0  # guess: no column holds time" in found.toml
+    (reason,) = found.obstacles
+    assert reason.endswith("give the one that you know as sample_rate_hz.")
     assert len(opened(tmp_path, found)[1]) == 1
 
 
@@ -224,6 +226,132 @@ def test_every_guess_is_marked_with_its_reason(tmp_path):
     marked = [line for line in found.toml.splitlines() if "# guess:" in line]
     assert len(marked) == found.n_guesses > 5
     assert all(line.split("# guess:")[1].strip() for line in marked)
+
+
+def test_times_of_the_day_stand_in_the_way(tmp_path):
+    frame = walking()
+    frame["Time (s)"] = [f"12:00:{s:06.3f}" for s in frame["Time (s)"]]
+
+    (reason,) = inspected(tmp_path, frame.rename(columns={"Time (s)": "Time"})).obstacles
+
+    assert "(column 'Time' holds text such as '12:00:00.000')" in reason
+
+
+def test_a_torque_called_by_a_bare_t_is_not_the_time(tmp_path):
+    frame = walking()
+    frame.insert(0, "T", np.arange(len(frame)) / 7)
+
+    found = inspected(tmp_path, frame)
+
+    assert found.channel("time").column == "Time (s)"
+    assert found.clocks[0].rate_hz == pytest.approx(RATE_HZ)
+
+
+def test_of_two_columns_of_time_the_one_with_a_unit_is_taken(tmp_path):
+    frame = walking().rename(columns={"Time (s)": "time_ms"})
+    frame["time_ms"] *= 1e3
+    frame.insert(0, "time", np.arange(len(frame)))
+
+    assert inspected(tmp_path, frame).channel("time").column == "time_ms"
+
+
+def test_a_stray_cell_among_decimal_commas_leaves_the_other_numbers(tmp_path):
+    frame = walking()
+    frame["Knee angle"] = [f"{v:.4f}".replace(".", ",") for v in frame["Knee angle"]]
+    frame.loc[5, "Knee angle"] = "#NV"
+
+    found = inspected(tmp_path, frame, sep=";", decimal=",")
+
+    angle = found.channel("angle")
+    assert angle.n_missing == 1
+    assert angle.high == pytest.approx(30.0, abs=0.1)
+    (reason,) = found.obstacles
+    assert "found '#NV'" in reason
+
+
+def test_units_of_a_known_log_are_guesses_and_that_is_a_sentence(tmp_path):
+    s = np.arange(500) / RATE_HZ
+    log = {"output_position": np.sin(s), "output_torque": np.cos(s), "motor_current": 1e3 * s}
+    frame = pd.DataFrame({"time": s, **{f"knee.{name}": values for name, values in log.items()}})
+
+    found = inspected(tmp_path, frame)
+
+    torque = found.channel("torque")
+    assert (torque.unit, torque.unit_is) == ("N*m", "guessed")
+    assert 'unit = "N*m"  # guess: by the documentation of opensourceleg' in found.toml
+    assert any(n.startswith("taken for a log of opensourceleg: units") for n in found.notes)
+
+
+def with_units(folder: Path, units: dict[str, str]):
+    """Inspect a file with a row of units under its names."""
+    frame = walking().rename(columns=lambda name: name.partition(" (")[0])
+    text = frame.to_csv(index=False).splitlines()
+    row = ",".join(f"[{units.get(name, '-')}]" for name in frame.columns)
+    (folder / "S01.csv").write_text("\n".join([text[0], row, *text[1:]]) + "\n")
+    return inspect_file(folder / "S01.csv")
+
+
+KNOWN = {"Time": "s", "Torque": "Nm", "Knee angle": "deg", "commanded torque": "Nm"}
+
+
+def test_a_row_of_units_is_held_against_what_the_names_say(tmp_path):
+    assert with_units(tmp_path, KNOWN).obstacles == ()
+
+    (volts,) = with_units(tmp_path, KNOWN | {"Knee angle": "V"}).obstacles
+    (percent,) = with_units(tmp_path, KNOWN | {"Time": "%"}).obstacles
+
+    assert "'Knee angle' is in 'V'" in volts
+    assert "'Time' is in '%'" in percent
+
+
+def test_a_unit_that_cannot_be_read_is_told(tmp_path):
+    torque = with_units(tmp_path, KNOWN | {"Torque": "Nmm/gr"}).channel("torque")
+
+    assert "its unit 'Nmm/gr' cannot be read" in torque.notes
+    assert torque.unit_is == "guessed"
+
+
+@pytest.mark.parametrize("name", ["Note\n(mm)", "bell\x07", "del\x7f", 'quote"', "back\\slash"])
+def test_names_with_odd_letters_give_a_study_that_can_be_read(name, tmp_path):
+    frame = walking()
+    frame[name] = frame["Knee angle"]
+    signals = tuple(Signal(n, frame[n].to_numpy(float)) for n in list(frame.columns)[1:])
+    content = SignalGroup("", signals, time_s=frame["Time (s)"].to_numpy())
+    write_acquisition(Acquisition((content,)), tmp_path / "S01.parquet")
+
+    found = inspect_file(tmp_path / "S01.parquet")
+
+    assert len(opened(tmp_path, found)[1]) == 1
+
+
+@pytest.mark.parametrize(("name", "unit"), [("Torque\n(Nm)", "N*m"), ("torque\x7f", "N*m")])
+def test_a_channel_with_odd_letters_in_its_name_is_read(name, unit, tmp_path):
+    frame = walking().rename(columns={"Torque (Nm)": name})
+    signals = tuple(Signal(n, frame[n].to_numpy(float)) for n in list(frame.columns)[1:])
+    content = SignalGroup("", signals, time_s=frame["Time (s)"].to_numpy())
+    write_acquisition(Acquisition((content,)), tmp_path / "S01.parquet")
+
+    found = inspect_file(tmp_path / "S01.parquet")
+
+    assert found.channel("torque").unit == unit
+    assert len(opened(tmp_path, found)[1]) == 1
+
+
+def test_numbers_that_are_missing_from_the_first_sample_on_are_counted(tmp_path):
+    frame = walking()
+    frame.loc[:9, "Torque (Nm)"] = np.nan
+
+    notes = inspected(tmp_path, frame).notes
+
+    assert any("missing in 1 place(s), first from sample 1 on" in note for note in notes)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 2500.0, 8000.0])
+def test_milliseconds_are_told_from_seconds_at_any_rate(rate_hz, tmp_path):
+    s = np.arange(2000) / rate_hz
+    for name, times in (("s", s), ("ms", 1e3 * s)):
+        frame = walking().rename(columns={"Time (s)": "time"}).assign(time=times)
+        assert inspected(tmp_path, frame).channel("time").unit == name
 
 
 def test_a_missing_file_is_an_error(tmp_path):
