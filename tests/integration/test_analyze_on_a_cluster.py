@@ -7,7 +7,10 @@ import pytest
 pytest.importorskip("distributed", reason="dask is not installed")
 pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.slow]
 
-OLDER = "import jointz.workflows.engine_dask as there; there.own_version = lambda: '0.0.9'"
+OLDER = (
+    "import jointz.workflows.engine_dask as it; found = it._calculating(); "
+    "it._calculating = lambda: {**found, 'jointz': '0.0.9'}"
+)
 
 
 def joined(jointz, words, *, seconds=60):
@@ -41,6 +44,6 @@ def test_a_worker_of_another_version_is_refused(small_study, jointz, dask_cluste
         outcome = joined(jointz, words)
 
     assert outcome.code == 2
-    assert "on every worker; tcp://127.0.0.1" in outcome.err
-    assert "has 0.0.9" in outcome.err
+    assert "Expected every worker to calculate as this process does: tcp://127" in outcome.err
+    assert "has jointz 0.0.9 instead of" in outcome.err
     assert not out.exists()

@@ -74,9 +74,9 @@ def analyze(
         from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
         from jointz.workflows.task_store import TaskStore
 
-        store = TaskStore.beside(out)  # a run that is killed goes on from what is there
+        store = TaskStore.beside(out)  # a run that ends early goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
-        with progress_bar(shown=not (quiet or as_json)) as progress, store.until_done():
+        with progress_bar(shown=not (quiet or as_json)) as progress, store.told_with_errors():
             analysis = analyze_study(
                 opened,
                 method=method,
@@ -89,11 +89,27 @@ def analyze(
             if progress:
                 progress(1, 1, "drawing the report")
             report = write_results(analysis, out, overwrite=overwrite, engine=engine)
+        if not (broke := _broke(analysis)):
+            store.clear()
+    if broke and not quiet:
+        typer.echo(
+            f"{store.folder}: keeps everybody whose analysis did not break; the same command with "
+            "--overwrite does only the others again.",
+            err=True,
+        )
     if as_json:
         emit_json(_as_json(analysis, out))
     elif not quiet:
         _print(analysis, report)
     raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NOTHING_STANDS)
+
+
+def _broke(analysis: "StudyAnalysis") -> bool:
+    """Tell whether the program failed for somebody."""
+    from jointz.core.codes import Failure
+
+    broke = Failure.ANALYSIS_BROKE.status
+    return any(p.status == broke for cell in analysis.cells for p in cell.parameters)
 
 
 def _usage(check: Any, value: str) -> None:

@@ -31,7 +31,13 @@ from jointz.cli.reproduce import reproduce
 from jointz.cli.run import STILL_THERE
 from jointz.cli.run import run as run_experiment
 from jointz.cli.stream import stream as stream_session
-from jointz.core.errors import DeviceError, JointzError, WriteError
+from jointz.core.errors import (
+    DeviceError,
+    EngineError,
+    JointzError,
+    WorkerLostError,
+    WriteError,
+)
 
 _EXIT_STOPPED = 130
 _EXIT_BUG = 70
@@ -98,13 +104,13 @@ def run() -> None:
             _emit_error("UsageError", exc.format_message())
         sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
-        _report(type(exc).__name__, _with_notes(exc))
+        _report(type(exc).__name__, _with_notes(exc, str(exc)))
         sys.exit(_exit_of(exc))
     except (typer.Abort, KeyboardInterrupt):
         status = _EXIT_STOPPED
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
-        what = f"{type(exc).__name__}: {exc}"
-        _report("Bug", f"{what}. This is a bug in jointz; --debug shows where.")
+        what = _with_notes(exc, f"{type(exc).__name__}: {exc}")
+        _report("Bug", f"{what} This is a bug in jointz; --debug shows where.")
         sys.exit(_EXIT_BUG)
     if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not change the status
@@ -125,15 +131,16 @@ def _prepare_process() -> None:
             stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
 
 
-def _with_notes(exc: JointzError) -> str:
-    parts = [str(exc), *getattr(exc, "__notes__", ())]
-    return " ".join(part if part.endswith((".", "?")) else f"{part}." for part in parts)
+def _with_notes(exc: Exception, what: str) -> str:
+    parts = [what, *getattr(exc, "__notes__", ())]
+    between = "\n" if "\n" in what else " "  # a list of problems ends with its last
+    return between.join(part if part.endswith((".", "?")) else f"{part}." for part in parts)
 
 
 def _exit_of(exc: JointzError) -> int:
     if isinstance(exc, DeviceError):
         return EXIT_DEVICE
-    if isinstance(exc, WriteError):
+    if isinstance(exc, (WriteError, EngineError, WorkerLostError)):
         return EXIT_NOTHING_STANDS  # the input is not to blame
     return EXIT_BAD_INPUT
 

@@ -11,7 +11,7 @@ import typer
 
 from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
 from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
-from jointz.core.errors import DeviceError, WriteError
+from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
 
 if TYPE_CHECKING:
     from jointz.workflows.run import StudyRun
@@ -49,7 +49,8 @@ ConfigOption = Annotated[
     Path | None,
     typer.Option(
         "--config",
-        help="Real devices, as this device.toml names them. No driver was ever tried on hardware.",
+        help="Real devices, as this device.toml names them; on Linux only. No driver was ever "
+        "tried on hardware.",
     ),
 ]
 PresetOption = Annotated[
@@ -166,7 +167,7 @@ def _resume_advised(out: Path) -> Iterator[None]:
     """Say how to go on after what is nobody's mistake."""
     try:
         yield
-    except (DeviceError, WriteError) as exc:
+    except (DeviceError, WriteError, EngineError, WorkerLostError) as exc:
         if out.is_dir():
             exc.add_note(STILL_THERE)
         raise

@@ -10,7 +10,8 @@
     ├── DeviceError                 a device that cannot go on; exit status 3
     │   ├── NotConnectedError       it does not answer
     │   └── SafetyStop              the safety gate ended the trial
-    ├── WorkerLostError             a process that worked for this one was killed
+    ├── WorkerLostError             a process that worked for this one was killed; exit status 1
+    ├── EngineError                 what does the tasks of a job cannot go on; exit status 1
     ├── EstimationError             a single fit that has no answer
     └── OutputError                 a place to write to that may not be used; exit status 2
         └── WriteError              the system did not let it be written; exit status 1
@@ -178,3 +179,7 @@ class SafetyStop(DeviceError):  # noqa: N818 - it states the event
 
 class WorkerLostError(JointzError):
     """A process that worked for this one was killed."""
+
+
+class EngineError(JointzError):
+    """What does the tasks of a job cannot go on: no task is to blame, nor is the input."""

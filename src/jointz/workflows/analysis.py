@@ -10,7 +10,7 @@ from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.errors import OutputError, StudyError
+from jointz.core.errors import DataError, EngineError, OutputError, StudyError
 from jointz.core.estimates import CellEstimate
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
@@ -83,6 +83,8 @@ def analyze(
     ------
     StudyError
         When recordings cannot be trusted; all of them in one message.
+    EngineError
+        When the engine cannot go on; whoever is done stays in the store.
     ValueError
         For an unknown method or fewer than 2 resamples.
     """
@@ -125,8 +127,14 @@ class _Found:
         """Wait for a participant; one whose analysis breaks keeps nobody else back."""
         try:
             found = outcome()
-        except OutputError:  # nobody's result could be kept
+        except (OutputError, EngineError):  # everybody's: no result can be kept, or none made
             raise
+        except StudyError as exc:
+            self.problems += exc.problems
+            return
+        except DataError as exc:
+            self.problems.append(str(exc))
+            return
         except Exception as exc:
             if last_hope:
                 raise
@@ -134,9 +142,7 @@ class _Found:
             self.broken[person_id] = f"{type(exc).__name__}: {exc}"
             return
         self.inputs |= found.inputs
-        self.problems += found.problems
-        if found.result is not None:
-            self.results[person_id], self.virtual[person_id] = found.result, found.virtual
+        self.results[person_id], self.virtual[person_id] = found.result, found.virtual
 
 
 def _with_people_together(

@@ -10,15 +10,15 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from jointz.core.errors import DataError, WorkerLostError
+from jointz.core.errors import DataError, EngineError, WorkerLostError
 from jointz.workflows.process_pool import begin_worker, spawned_pool, workers_for
 from jointz.workflows.task_store import TaskStore
 
@@ -110,6 +110,19 @@ class Engine(ABC):
     def renew(self) -> None:
         """Start workers again where some were killed."""
 
+    def losses(self, future: Future[Any]) -> int:
+        """Wait for a call, and return how many workers it has lost; 0 where it was made.
+
+        Parameters
+        ----------
+        future : concurrent.futures.Future
+            Of :meth:`submit`.
+        """
+        try:
+            return int(isinstance(future.exception(), BrokenProcessPool))
+        except CancelledError:  # with the others of its pool
+            return 1
+
 
 class Serial(Engine):
     """Makes one call after the other, in this process."""
@@ -177,36 +190,6 @@ class Processes(Engine):
         self._opened.close()
 
 
-def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
-    """Have calls begun; each function returned waits for one result.
-
-    Parameters
-    ----------
-    engine : Engine
-        Who makes them; what the serial one does is done when its result is asked for.
-    calls : iterable of callable
-        Without arguments, fit for pickling; few, and not worth doing again elsewhere: what a
-        lost worker owed is done in this process.
-    """
-    if isinstance(engine, Serial):
-        return list(calls)
-    return [partial(_result, _begun(engine, call), call) for call in calls]
-
-
-def _begun(engine: Engine, call: Callable[[], Result]) -> Future[Result] | None:
-    try:
-        return engine.submit(call)
-    except BrokenProcessPool:
-        return None
-
-
-def _result(future: Future[Result] | None, call: Callable[[], Result]) -> Result:
-    try:
-        return call() if future is None else future.result()
-    except BrokenProcessPool:
-        return call()
-
-
 def on_one_thread(call: Callable[[], Result]) -> Result:
     """Make a call with one thread of linear algebra: how many there are changes last digits.
 
@@ -251,6 +234,8 @@ def open_engine(
     ------
     DataError
         When there is no such scheduler, or ``dask`` is not installed.
+    EngineError
+        When processes cannot be started.
     """
     if scheduler is not None:
         from jointz.workflows.engine_dask import open_cluster
@@ -265,7 +250,9 @@ def open_engine(
         yield Serial()
         return
     opening = partial(spawned_pool, count, begin_worker, needs=needs)
-    with closing(Processes(count, opening)) as engine:
+    with _engine_s_own_failures():
+        engine = Processes(count, opening)
+    with closing(engine):
         yield engine
 
 
@@ -288,6 +275,11 @@ def done_in_turn(
     Done
         One a task. A task that raises does not keep the others from being done.
 
+    Raises
+    ------
+    EngineError
+        When the engine itself cannot go on, which is no task's failure.
+
     Notes
     -----
     A worker that is killed costs what was under way. That is done again, one task after the
@@ -301,11 +293,28 @@ def done_in_turn(
                 line.append(_Place(task, store))
             if not line:
                 return
-            if _is_first_done(engine, line):
+            with _engine_s_own_failures():
+                ready = _is_first_done(engine, line)
+            if ready:
                 yield line.popleft().done()
     finally:
         for place in line:
             place.give_up()
+
+
+@contextmanager
+def _engine_s_own_failures() -> Iterator[None]:
+    """Tell whatever is raised as the engine's; what tasks raise is in their futures."""
+    try:
+        yield
+    except EngineError:
+        raise
+    except Exception as exc:
+        why = f"{type(exc).__name__}: {exc}".strip().rstrip(".:")
+        raise EngineError(
+            f"the workers cannot go on ({why}). See to the cluster, or to memory and processes of "
+            "this machine, and start again."
+        ) from exc
 
 
 class _Place(Generic[Result]):
@@ -325,21 +334,19 @@ class _Place(Generic[Result]):
         if self._future is None:
             self._future = engine.submit(self._call)
 
-    def is_lost(self) -> bool:
-        """Wait for it, and tell whether its worker was lost."""
-        if self._future is None:
-            return True
-        try:
-            return isinstance(self._future.exception(), BrokenProcessPool)
-        except CancelledError:  # with the others of its pool
-            return True
+    def losses(self, engine: Engine) -> int:
+        """Wait for it, and return how many workers it has lost; 0 where it is done."""
+        return 0 if self._future is None else engine.losses(self._future)
 
-    def forget(self, *, alone: bool) -> None:
+    def forget(self, engine: Engine) -> None:
         """Take note of a lost worker: what was not ready has to be done again."""
-        if self._future is None or (self._future.done() and not self.is_lost()):
+        if self._future is None or (self._future.done() and not self.losses(engine)):
             return
         self._future, self.suspect = None, True
-        self._losses += alone
+
+    def blame(self, losses: int) -> None:
+        """Take note of workers that it lost while nothing else was under way."""
+        self._losses += losses
 
     @property
     def is_hopeless(self) -> bool:
@@ -368,16 +375,16 @@ class _Place(Generic[Result]):
 def _is_first_done(engine: Engine, line: deque[_Place[Result]]) -> bool:
     """Wait for the first of the line; False when a worker was lost, and it is to be done again."""
     first = line[0]
-    alone = first.suspect
-    try:
+    with suppress(BrokenProcessPool):
         for place in takewhile(lambda place: not place.suspect, line):
             place.begin(engine)
         first.begin(engine)
-        if not first.is_lost():
+        losses = first.losses(engine)
+        if not losses:
             return True
-    except BrokenProcessPool:
-        pass
+        if first.suspect:  # nothing else was begun
+            first.blame(losses)
     for place in line:
-        place.forget(alone=alone)
+        place.forget(engine)
     engine.renew()
     return first.is_hopeless

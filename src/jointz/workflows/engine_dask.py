@@ -1,24 +1,35 @@
 """A Dask cluster as an engine: a lab's own, or one that is started here."""
 
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import ExitStack, contextmanager
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache, partial
 from importlib import import_module
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
-from jointz.core.errors import DataError
-from jointz.core.provenance import own_version
+from jointz.core.errors import DataError, EngineError
+from jointz.core.provenance import software
 from jointz.workflows.engine import Engine
+from jointz.workflows.process_pool import cores
 
 Result = TypeVar("Result")
 
 LOCAL = "local"
 _PATIENCE_S = 15
+#: How often the cluster is asked which workers it has.
+_LOOK_S = 1.0
+#: How long an analysis without a worker waits for one: a cluster starts those anew that died.
+_RETURN_S = 60.0
+#: What numbers are made by, beside Python and jointz itself.
+_CALCULATING = ("numpy", "scipy", "numba")
 
 
 class Cluster(Engine):
-    """Makes calls on the workers of a Dask cluster.
+    """Makes calls on the workers of a Dask cluster that calculate as this process does.
 
     Parameters
     ----------
@@ -26,18 +37,27 @@ class Cluster(Engine):
         Connected to it.
     address : str
         Of its scheduler, for messages.
+
+    Notes
+    -----
+    A call is sent to workers by their addresses: to those that are known to have the same
+    software. One that joins later is asked first, and gets none if it has another.
     """
 
     def __init__(self, client: Any, address: str) -> None:
         self._client = client
         self._address = address
-        self._executor: Executor = client.get_executor(pure=False)
-        self._refuse_other_versions()
+        self._fit: set[str] = set()
+        self._unfit: dict[str, str] = {}
+        self._asked: dict[str, Future[dict[str, Any]]] = {}
+        self._sent: WeakKeyDictionary[Future[Any], frozenset[str]] = WeakKeyDictionary()
+        self._next_look = 0.0
+        self._refuse_others()
 
     @property
     def workers(self) -> int:  # type: ignore[override]  # workers come and go
-        """How many threads the cluster has for calls."""
-        return max(1, sum(map(int, self._client.nthreads().values())))
+        """How many workers the cluster has for calls."""
+        return max(1, len(self._fit))
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
         """Have a call made on a worker.
@@ -46,23 +66,128 @@ class Cluster(Engine):
         ----------
         call : callable
             Without arguments, fit for pickling.
+
+        Raises
+        ------
+        BrokenProcessPool
+            When there is none just now.
         """
-        return self._executor.submit(_made_by_same_version, own_version(), call)
+        self._look()
+        if not self._fit:
+            raise BrokenProcessPool(f"{self._address}: no worker is left.")
+        future = self._on(self._fit).submit(call)
+        self._sent[future] = frozenset(self._fit)
+        return future
+
+    def losses(self, future: Future[Any]) -> int:
+        """Wait for a call, and return how many workers it has lost; 0 where it was made.
+
+        Parameters
+        ----------
+        future : concurrent.futures.Future
+            Of :meth:`submit`.
+        """
+        while not wait([future], timeout=_LOOK_S).done:
+            self._look()
+            if self._fit.isdisjoint(self._sent[future]):
+                return 1  # nobody is left of those that it was sent to
+        if future.cancelled():  # with the connection to the scheduler
+            return 1
+        error = future.exception()
+        killed = import_module("distributed").KilledWorker
+        return error.allowed_failures + 1 if isinstance(error, killed) else 0
 
     def renew(self) -> None:
-        """Do nothing: the cluster has its own means to start workers again."""
+        """Wait for workers that the cluster starts again.
 
-    def _refuse_other_versions(self) -> None:
-        found: dict[str, Any] = self._client.run(_version_there, on_error="return")
-        wrong = {worker: v for worker, v in found.items() if v != own_version()}
+        Raises
+        ------
+        EngineError
+            When none comes that may be sent calls.
+        """
+        for future in list(self._sent):
+            future.cancel()  # it would be made twice
+        until = time.monotonic() + _RETURN_S
+        self._look(now=True)
+        while not self._fit:
+            if time.monotonic() > until:
+                raise EngineError(
+                    f"{self._address}: no worker is left that may calculate. {self._complaint()}"
+                    "Start workers there, and then the same again."
+                )
+            time.sleep(_LOOK_S / 4)
+            self._look(now=True)
+
+    def _on(self, workers: set[str]) -> Executor:
+        executor: Executor = self._client.get_executor(pure=False, workers=sorted(workers))
+        return executor
+
+    def _look(self, *, now: bool = False) -> None:
+        """Take note of workers that are gone, and of those that have come; not too often."""
+        if not now and time.monotonic() < self._next_look:
+            return
+        threads: dict[str, int] = self._client.nthreads()
+        self._next_look = time.monotonic() + _LOOK_S
+        self._fit &= threads.keys()
+        for known in (self._unfit, self._asked):
+            for worker in known.keys() - threads.keys():
+                del known[worker]
+        for worker in threads.keys() - self._fit - self._unfit.keys() - self._asked.keys():
+            self._asked[worker] = _begun(partial(self._ask, [worker]))
+        for worker, answer in list(self._asked.items()):
+            if answer.done():
+                del self._asked[worker]
+                if found := answer.result():  # else it is asked again while it is there
+                    self._take_note(worker, found[worker], threads[worker])
+
+    def _ask(self, workers: list[str] | None = None) -> dict[str, Any]:
+        """Ask workers what they calculate with; a task would take one down that has no jointz."""
+        found: dict[str, Any] = self._client.run(
+            _calculating_there, workers=workers, on_error="return"
+        )
+        return found
+
+    def _take_note(self, worker: str, found: object, threads: int) -> None:
+        why = _difference(found, threads)
+        if why:
+            self._unfit[worker] = why
+        else:
+            self._fit.add(worker)
+
+    def _refuse_others(self) -> None:
+        found = self._ask()
+        threads: dict[str, int] = self._client.nthreads()
         if not found:
             raise DataError(f"{self._address}: the cluster has no workers. Start some first.")
-        if wrong:
-            told = "; ".join(f"{worker} has {_shown(v)}" for worker, v in sorted(wrong.items()))
-            raise DataError(
-                f"{self._address}: expected jointz {own_version()} on every worker; {told}. "
-                "Install the same version there: numbers must not depend on where they are made."
-            )
+        for worker in found.keys() & threads.keys():
+            self._take_note(worker, found[worker], threads[worker])
+        if self._unfit:
+            raise DataError(f"{self._address}: {self._complaint()}".rstrip())
+
+    def _complaint(self) -> str:
+        """Say what is wrong with workers that may not calculate; nothing where there are none."""
+        if not self._unfit:
+            return ""
+        told = "; ".join(f"{worker} has {why}" for worker, why in sorted(self._unfit.items()))
+        return (
+            f"Expected every worker to calculate as this process does: {told}. Install the same "
+            "versions there, and start workers with --nthreads 1: numbers must not depend on "
+            "where they are made. "
+        )
+
+
+def _begun(ask: Callable[[], dict[str, Any]]) -> Future[dict[str, Any]]:
+    """Ask in a thread of its own: who does not answer keeps nobody waiting."""
+    answer: Future[dict[str, Any]] = Future()
+
+    def asked() -> None:
+        found: dict[str, Any] = {}
+        with suppress(Exception):  # it is gone
+            found = {worker: one for worker, one in ask().items() if not isinstance(one, OSError)}
+        answer.set_result(found)
+
+    threading.Thread(target=asked, daemon=True).start()
+    return answer
 
 
 @contextmanager
@@ -84,7 +209,8 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     Raises
     ------
     DataError
-        When ``dask`` is not installed, nobody answers, or a worker has another jointz.
+        When ``dask`` is not installed, nobody answers, or a worker has other software or several
+        threads.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -96,10 +222,9 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     with ExitStack() as stack:
         address = scheduler
         if scheduler == LOCAL:
-            cores = len(os.sched_getaffinity(0))
             local = stack.enter_context(
                 distributed.LocalCluster(
-                    n_workers=workers or cores,
+                    n_workers=workers or cores(),
                     threads_per_worker=1,
                     dashboard_address=":0",
                     host="127.0.0.1",
@@ -118,17 +243,37 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
         yield Cluster(client, address)
 
 
-def _version_there() -> str:
-    """Return the version of whoever is asked."""
-    return own_version()
+@cache  # reading what is installed takes a while
+def _calculating() -> dict[str, str]:
+    """Return the versions of what calculates here."""
+    found = software()
+    packages: Mapping[str, str] = found["packages"]
+    return {
+        "jointz": found["jointz"],
+        "Python": ".".join(found["python"].split(".")[:2]),
+        **{name: packages[name] for name in _CALCULATING},
+    }
 
 
-def _made_by_same_version(version: str, call: Callable[[], Result]) -> Result:
-    """Make a call, unless this worker joined later with another version."""
-    if own_version() != version:
-        raise DataError(f"expected jointz {version} on every worker, found {own_version()}.")
-    return call()
+def _calculating_there() -> dict[str, str]:
+    """Return the versions of what calculates, of whoever is asked."""
+    return _calculating()
 
 
-def _shown(found: object) -> str:
-    return f"none ({found})" if isinstance(found, Exception) else str(found)
+def _difference(found: object, threads: int) -> str:
+    """Say how a worker differs from this process; nothing where it does not.
+
+    Linear algebra is kept to one thread, and figures to one style, a process: two tasks at once
+    in one would undo it for each other.
+    """
+    if not isinstance(found, dict):
+        return f"no jointz of this version ({found})"
+    expected = _calculating()
+    other = [
+        f"{name} {found.get(name, 'not installed')} instead of {version}"
+        for name, version in expected.items()
+        if found.get(name) != version
+    ]
+    if threads != 1:
+        other.append(f"{threads} threads instead of 1")
+    return ", ".join(other)

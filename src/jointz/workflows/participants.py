@@ -1,13 +1,12 @@
 """One participant after the other, or several at once in processes of their own."""
 
 import ctypes
-import hashlib
 import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import pandas as pd
@@ -24,6 +23,7 @@ from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.pulse_tables import share_table
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.io.registry import file_sha256
 from jointz.io.study import data_file
 from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.workflows.likelihood_pulses import likelihood_pulses
@@ -59,20 +59,17 @@ class Outcome:
 
     Parameters
     ----------
-    result : ParticipantResult or None
-        Without its evidence, which is large; None where recordings cannot be trusted.
+    result : ParticipantResult
+        Without its evidence, which is large.
     virtual : list of VirtualEstimate
         Known responses injected and estimated.
     inputs : dict
         Every file read, with its hash.
-    problems : tuple of str
-        Why recordings cannot be trusted.
     """
 
-    result: ParticipantResult | None
-    virtual: list[VirtualEstimate] = field(default_factory=list)
-    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
-    problems: tuple[str, ...] = ()
+    result: ParticipantResult
+    virtual: list[VirtualEstimate]
+    inputs: dict[str, dict[str, Any]]
 
 
 def outcomes(
@@ -93,6 +90,9 @@ def outcomes(
 
     Notes
     -----
+    A function raises DataError for recordings that cannot be trusted, and EngineError where
+    nobody else's outcome will come either.
+
     Memory does not grow with the number of participants: one a worker is in it, and with
     one worker alone another that is read ahead.
     """
@@ -137,49 +137,70 @@ def _in_turn(
     """Read one participant ahead in a thread, while the one before is analysed."""
     with ThreadPoolExecutor(max_workers=1) as reader:
 
-        def start(person_id: str) -> Future[list[RecordingInput]]:
-            return reader.submit(read_participant, asked.study, person_id, inputs[person_id])
+        def start(person_id: str) -> tuple[_Ahead, Future[None]]:
+            ahead = _Ahead(asked, person_id, store)
+            return ahead, reader.submit(ahead.read)
 
-        inputs: dict[str, dict[str, Any]] = {person_id: {} for person_id in people}
         coming = start(people[0])
         for person_id, following in zip(people, [*people[1:], None], strict=True):
-            current = coming
-            wait([current])
+            current, reading = coming
+            wait([reading])
             if following is not None:
                 coming = start(following)
             _give_back_memory()
-            outcome = partial(_outcome, asked, person_id, current.result, inputs[person_id])
-            call = partial(on_one_thread, outcome)
-            key = partial(_key, asked, person_id)
-            yield person_id, call if store is None else store.kept(key, call)
+            yield person_id, partial(current.outcome, reading)
+
+
+class _Ahead:
+    """A participant whose recordings are read ahead, unless the outcome is kept."""
+
+    def __init__(self, asked: Asked, person_id: str, store: TaskStore | None) -> None:
+        self._asked, self._person_id, self._store = asked, person_id, store
+        self._key = cache(partial(_key, asked, person_id))
+        self._inputs: dict[str, dict[str, Any]] = {}
+        self._recordings: list[RecordingInput] | None = None
+
+    def read(self) -> None:
+        """Read the recordings where they will be needed."""
+        if self._store is None or not self._store.holds(self._key()):
+            self._recordings = self._read()
+
+    def outcome(self, reading: Future[None]) -> Outcome:
+        """Return the outcome, or raise what the reading raised."""
+        reading.result()
+        call = partial(on_one_thread, self._made)
+        return call() if self._store is None else self._store.kept(self._key, call)()
+
+    def _made(self) -> Outcome:
+        recordings = self._recordings
+        if recordings is None:  # the one that was kept is damaged
+            recordings = self._read()
+        return _outcome(self._asked, self._person_id, recordings, self._inputs)
+
+    def _read(self) -> list[RecordingInput]:
+        return read_participant(self._asked.study, self._person_id, self._inputs)
 
 
 def _read_and_analyzed(asked: Asked, person_id: str) -> Outcome:
     inputs: dict[str, dict[str, Any]] = {}
     _give_back_memory()
-    return _outcome(
-        asked, person_id, lambda: read_participant(asked.study, person_id, inputs), inputs
-    )
+    recordings = read_participant(asked.study, person_id, inputs)
+    return _outcome(asked, person_id, recordings, inputs)
 
 
 def _outcome(
     asked: Asked,
     person_id: str,
-    read: Callable[[], list[RecordingInput]],
+    recordings: list[RecordingInput],
     inputs: dict[str, dict[str, Any]],
 ) -> Outcome:
     settings = participant_settings(
         asked.study, person_id, asked.method, resamples=asked.resamples, seed=asked.seed
     )
-    try:
-        found = _analyzed(person_id, read(), settings)
-        virtual = certify_participant(
-            found.evidence, Injection(), replicates=asked.injections, seed=asked.seed
-        )
-    except StudyError as exc:
-        return Outcome(None, inputs=inputs, problems=tuple(exc.problems))
-    except DataError as exc:
-        return Outcome(None, inputs=inputs, problems=(str(exc),))
+    found = _analyzed(person_id, recordings, settings)
+    virtual = certify_participant(
+        found.evidence, Injection(), replicates=asked.injections, seed=asked.seed
+    )
     return Outcome(replace(found, evidence=None), virtual, inputs)
 
 
@@ -248,7 +269,7 @@ def read_participant(
             continue
         try:
             pieces = read_recording(study, entry)
-            tables = _pulse_tables(study, entry, pieces)
+            tables = pulse_tables(study, entry, pieces)
         except DataError as exc:
             problems.append(str(exc))
             continue
@@ -267,10 +288,25 @@ def read_participant(
     return found
 
 
-def _pulse_tables(
+def pulse_tables(
     study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
 ) -> list[pd.DataFrame | None]:
-    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
+    """Return the pulse table of each piece of a file, None where pulses are read elsewhere.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    entry : RecordingSpec
+        One of its recordings.
+    pieces : sequence of xarray.Dataset
+        What its file holds.
+
+    Raises
+    ------
+    DataError
+        When the table cannot be read, or an onset could mean several pieces or none.
+    """
     table = read_pulse_table(study, entry)
     if table is None or study.spec.perturbations.source not in (None, "table"):
         return [None] * len(pieces)
@@ -317,8 +353,7 @@ def hashed(study: Study, file: str) -> dict[str, Any]:
     file : str
         As the study names it.
     """
-    content = data_file(study.root, file).read_bytes()
-    sha256 = hashlib.sha256(content).hexdigest()
+    sha256 = file_sha256(data_file(study.root, file))
     return {"file": file, "name": _shown(study, file), "sha256": sha256}
 
 

@@ -13,6 +13,9 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from typing import Any
 
+from jointz.core.errors import DataError
+from jointz.experiment.stop_signals import CAN_WAIT, STOP_SIGNALS, signals_held
+
 #: With fewer things to do, processes take as long to start as they save.
 _FEWEST = 4
 
@@ -27,11 +30,10 @@ def workers_for(tasks: int) -> int:
     tasks : int
         Of a second or so each.
     """
-    few = tasks < _FEWEST or not hasattr(signal, "pthread_sigmask")
-    return 1 if few else min(_cores(), tasks)
+    return 1 if tasks < _FEWEST or not CAN_WAIT else min(cores(), tasks)
 
 
-def _cores() -> int:
+def cores() -> int:
     """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -83,9 +85,17 @@ def spawned_pool(
     ------
     concurrent.futures.ProcessPoolExecutor
         The pool.
-    """
-    from jointz.experiment.stop_signals import signals_held  # not on every system
 
+    Raises
+    ------
+    DataError
+        Where a system has no POSIX signals.
+    """
+    if not CAN_WAIT:
+        raise DataError(
+            f"{workers} processes: expected a system with POSIX signals, without which a Ctrl-C "
+            "would leave them behind. Leave --workers out; one process does the work."
+        )
     context = spawn_context()
     until, open_end = context.Pipe(duplex=False)
     with signals_held():  # until the workers know what to do with them
@@ -107,8 +117,6 @@ def spawn_context() -> SpawnContext:
 
     A progress display has threads, and a fork would copy their locks.
     """
-    from jointz.experiment.stop_signals import signals_held
-
     with signals_held():
         resource_tracker.ensure_running()  # lets them through again when it has started
     return multiprocessing.get_context("spawn")
@@ -124,8 +132,6 @@ def begin_worker(until: Connection) -> None:
     """
     # A process a core: threads besides would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from jointz.experiment.stop_signals import STOP_SIGNALS
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     threading.Thread(target=_end_with_parent, args=(until,), daemon=True).start()

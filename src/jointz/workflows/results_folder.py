@@ -23,7 +23,8 @@ from jointz.report.page import render_report
 from jointz.report.style import figure_style
 from jointz.report.subjects import report_title
 from jointz.report.tables import captions_text, paper_tables
-from jointz.workflows.engine import Engine, Serial, shared_out
+from jointz.workflows.engine import Engine, Serial
+from jointz.workflows.engine_shared import shared_out
 
 #: The file that shows a folder to be one of ours, and so replaceable.
 MARKER = "provenance.json"

@@ -11,7 +11,7 @@ from typing import Any
 from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.provenance import now, software
 from jointz.experiment import file_lock
-from jointz.experiment.whole_files import append_whole, make_folder, read_object
+from jointz.experiment.whole_files import append_whole, make_folder, open_to_append, read_object
 from jointz.io.calibration_file import CalibrationFile
 from jointz.workflows.rigs import RigSettings
 from jointz.workflows.run_settings import SESSIONS, RunSettings
@@ -58,22 +58,32 @@ def claimed(
     was_there = study.exists()
     make_folder(study)
     try:
-        fd = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        fd = open_to_append(file)
     except OSError as exc:
         raise WriteError(str(file), exc, "Name a place that can be written.") from exc
+    refused = False
     try:
         file_lock.hold(fd, file)
         try:
             _enter(file, fd, _about(settings, rig, count), check)
         except BaseException:
-            if not os.fstat(fd).st_size and not (study / SESSIONS).exists():
-                file.unlink()
-                if not was_there:
-                    study.rmdir()
+            refused = True
             raise
         yield
     finally:
         os.close(fd)
+        if refused:  # not earlier: Windows removes no file that is open
+            _leave_as_found(file, folder_too=not was_there)
+
+
+def _leave_as_found(file: Path, *, folder_too: bool) -> None:
+    """Remove what was made for a run that is not begun."""
+    study = file.parent
+    if file.stat().st_size or (study / SESSIONS).exists():
+        return
+    file.unlink()
+    if folder_too:
+        study.rmdir()
 
 
 def _enter(file: Path, fd: int, about: Mapping[str, Any], check: Callable[[], None]) -> None:

@@ -2,10 +2,11 @@
 
 import hashlib
 import json
+import os
 import pickle
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,8 @@ from jointz.core.provenance import software
 from jointz.core.whole_file import whole_file
 
 Result = TypeVar("Result")
+
+_SUFFIX = ".result"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,7 @@ class TaskStore:
 
     @classmethod
     def beside(cls, out: Path) -> "TaskStore":
-        """Return the store of what becomes a folder: hidden beside it, where there is a place.
+        """Return the store of what becomes a folder: hidden beside it.
 
         Parameters
         ----------
@@ -40,8 +43,17 @@ class TaskStore:
             The folder, which need not be there yet.
         """
         whole = out.resolve()
-        place = next(folder for folder in whole.parents if folder.is_dir())
-        return cls(place / f".{whole.name}.tasks")
+        return cls(whole.parent / f".{whole.name}.tasks")
+
+    def holds(self, key: str) -> bool:
+        """Tell whether a result is there.
+
+        Parameters
+        ----------
+        key : str
+            Of :func:`task_key`.
+        """
+        return _file(self.folder, key).exists()
 
     def kept(self, key: Callable[[], str], call: Callable[[], Result]) -> Callable[[], Result]:
         """Return a call that keeps its result, or returns the one that was kept.
@@ -56,20 +68,16 @@ class TaskStore:
         return partial(_kept, self.folder, key, call)
 
     @contextmanager
-    def until_done(self) -> Iterator["TaskStore"]:
-        """Keep results while a block lasts, and after it only where it was interrupted.
-
-        Yields
-        ------
-        TaskStore
-            This one. A process that is killed leaves its results too.
-        """
+    def told_with_errors(self) -> Iterator[None]:
+        """Say with an error that leaves a block which results are kept."""
         try:
-            yield self
-        except Exception:  # the same would happen again, or the disk is full
-            self.clear()
+            yield
+        except Exception as exc:
+            if any(self.folder.glob(f"*{_SUFFIX}")):
+                exc.add_note(
+                    f"What is done is kept in {self.folder}: the same command goes on from there."
+                )
             raise
-        self.clear()
 
     def clear(self) -> None:
         """Remove all results."""
@@ -93,17 +101,20 @@ def task_key(*, what: str, inputs: Mapping[str, str], settings: Mapping[str, Any
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
+def _file(folder: Path, key: str) -> Path:
+    return folder / f"{key}{_SUFFIX}"
+
+
 def _kept(folder: Path, key: Callable[[], str], call: Callable[[], Result]) -> Result:
-    file = folder / f"{key()}.result"
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError:
-        content = b""
-    if content:
-        kept: Result = pickle.loads(content)  # this user's own
+    file = _file(folder, key())
+    with suppress(Exception):  # not there, damaged, or of a module that is gone: made again
+        kept: Result = pickle.loads(file.read_bytes())  # this user's own
         return kept
     result = call()
-    file.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as partial_file:
-        partial_file.write_bytes(pickle.dumps(result, protocol=pickle.HIGHEST_PROTOCOL))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with partial_file.open("wb") as stream:
+            pickle.dump(result, stream, protocol=pickle.HIGHEST_PROTOCOL)
+            stream.flush()
+            os.fsync(stream.fileno())  # or a name may outlive its content when the power fails
     return result

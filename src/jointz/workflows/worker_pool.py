@@ -5,7 +5,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from functools import partial
@@ -16,7 +16,15 @@ from typing import Any
 
 from jointz.experiment.session import Operator
 from jointz.experiment.stop_signals import STOP_SIGNALS
-from jointz.workflows.engine import Done, Engine, Processes, Task, done_in_turn, open_engine
+from jointz.workflows.engine import (
+    Done,
+    Engine,
+    Processes,
+    Serial,
+    Task,
+    done_in_turn,
+    open_engine,
+)
 from jointz.workflows.participant_run import run_participant
 from jointz.workflows.process_pool import spawn_context, spawned_pool
 from jointz.workflows.rigs import RigSettings, open_rig
@@ -62,32 +70,34 @@ def run_people(
     Raises
     ------
     Exception
-        What the first participant that failed raised; the others were run.
+        What the first participant that failed raised, with a note of who that was. Others that
+        are simulated were run; nobody else is put on real devices, or is called by an operator,
+        after one of them failed.
     """
     tell = progress or _silent
-    if scheduler is None and (workers == 1 or count == 1):
-        return [
-            run_participant(
-                (one := open_rig(rig, number)),
-                settings,
-                operator=operator,
-                progress=_named(tell, one.wearer.id),
-            )
-            for number in range(count)
-        ]
+    alone = scheduler is None and (workers == 1 or count == 1)
+    call = partial(_run_here, operator=operator, tell=tell) if alone else _run_one
     tasks = [
-        Task(f"participant {n + 1} (seed {rig.seed})", partial(_run_one, settings, rig, n))
+        Task(f"participant {n + 1} (seed {rig.seed})", partial(call, settings, rig, n))
         for n in range(count)
     ]
-    with _engine(scheduler, min(workers, count), tell) as engine:
-        return _reports(list(done_in_turn(engine, tasks)))
+    with _engine(scheduler, 1 if alone else min(workers, count), tell) as engine:
+        stops = rig.hardware is not None or settings.attended
+        return _reports(done_in_turn(engine, tasks), stops=stops)
 
 
-def _reports(done: list[Done[dict[str, Any]]]) -> list[dict[str, Any]]:
+def _reports(coming: Iterable[Done[dict[str, Any]]], *, stops: bool) -> list[dict[str, Any]]:
     """Return what every participant came to; who failed is told, the first by its own error."""
-    failed = [(one.name, one.error) for one in done if one.error is not None]
-    for name, error in failed[1:]:
-        failed[0][1].add_note(f"{name} failed too: {error}")
+    done: list[Done[dict[str, Any]]] = []
+    failed: list[tuple[str, Exception]] = []
+    for one in coming:
+        done.append(one)
+        if one.error is not None:
+            failed.append((one.name, one.error))
+            if stops:
+                break
+    for number, (name, error) in enumerate(failed):
+        failed[0][1].add_note(f"{name} failed too: {error}" if number else f"It was {name}.")
     return [one.result() for one in done]
 
 
@@ -96,6 +106,9 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
     if scheduler is not None:
         with open_engine(scheduler, workers=workers, tasks=workers, needs=__name__) as engine:
             yield engine
+        return
+    if workers == 1:
+        yield Serial()
         return
     # A session that was cut off goes on from its journal.
     with closing(Processes(workers, partial(_session_pool, workers, tell))) as processes:
@@ -171,6 +184,14 @@ def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, 
         tell = _silent if queue is None else (lambda *told: queue.put(told))
         progress = _named(tell, one.wearer.id)
         return run_participant(one, settings, operator=_Silent(), progress=progress)
+
+
+def _run_here(
+    settings: RunSettings, rig: RigSettings, number: int, *, operator: Operator, tell: RunProgress
+) -> dict[str, Any]:
+    one = open_rig(rig, number)
+    progress = _named(tell, one.wearer.id)
+    return run_participant(one, settings, operator=operator, progress=progress)
 
 
 class _Silent:

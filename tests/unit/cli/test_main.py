@@ -11,7 +11,8 @@ import typer
 from jointz import __version__
 from jointz.cli import main
 from jointz.cli.main import app
-from jointz.workflows import participants, results_folder
+from jointz.core.errors import EngineError, WorkerLostError
+from jointz.workflows import analysis, participants, results_folder, run
 
 FEW = ("--resamples", 20)
 
@@ -130,15 +131,71 @@ def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp
     def broken(*_, **__):
         raise OSError(errno.ENOSPC, "no space left on device")
 
-    monkeypatch.setattr(results_folder, "render_report", broken)
     out = tmp_path / "deep" / "out"
-    outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr(results_folder, "render_report", broken)
+        outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--json")
 
     assert outcome.code == 1
     assert outcome.json["error"] == "WriteError"
     assert f"{out}: cannot be written (no space left" in outcome.json["message"]
     assert "bug" not in outcome.err
-    assert [p.name for p in tmp_path.iterdir()] == ["study"]
+    kept = out.with_name(".out.tasks")
+    assert list(out.parent.iterdir()) == [kept]  # who was analysed need not be so again
+    assert f"What is done is kept in {kept}: the same command goes on" in outcome.json["message"]
+
+    monkeypatch.setattr(participants, "analyze_participant", None)
+    assert jointz("analyze", small_study.root, "--out", out, *FEW).code == 0
+    assert list(out.parent.iterdir()) == [out]
+
+
+def test_what_is_kept_stays_for_those_whose_analysis_broke(
+    jointz, small_study, tmp_path, monkeypatch
+):
+    def breaking(person_id, *given):
+        if person_id == "S01":
+            raise ZeroDivisionError("planted")
+        return analyzed(person_id, *given)
+
+    analyzed = participants.analyze_participant
+    out, kept = tmp_path / "out", tmp_path / ".out.tasks"
+    words = ("analyze", small_study.root, "--out", out, *FEW)
+    monkeypatch.setattr(participants, "analyze_participant", breaking)
+    first = jointz(*words, "--json")
+
+    assert (first.code, len(list(kept.iterdir()))) == (0, 1)
+    assert f"{kept}: keeps everybody whose analysis did not break" in first.err
+    monkeypatch.setattr(participants, "analyze_participant", analyzed)
+    again = jointz(*words, "--overwrite")
+    assert "analysis_broke" not in again.out
+    assert "keeps everybody" not in again.err
+    assert not kept.exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(EngineError("gone."), 1), (WorkerLostError("S01: killed."), 1)]
+)
+def test_what_was_killed_is_not_bad_input(jointz, small_study, tmp_path, monkeypatch, error, code):
+    def failing(*_, **__):
+        raise error
+
+    monkeypatch.setattr(analysis, "outcomes", failing)
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", "--json")
+
+    assert (outcome.code, outcome.json["error"]) == (code, type(error).__name__)
+
+
+def test_a_bug_is_told_with_its_notes(jointz, tmp_path, monkeypatch):
+    def failing(*_, **__):
+        bug = ZeroDivisionError("oops")
+        bug.add_note("It was participant 1 (seed 7).")
+        raise bug
+
+    monkeypatch.setattr(run, "run", failing)
+    outcome = jointz("run", "walking", "--out", tmp_path / "study")
+
+    told = "ZeroDivisionError: oops. It was participant 1 (seed 7). This is a bug in jointz;"
+    assert (outcome.code, told in outcome.err) == (70, True)
 
 
 def test_quiet_prints_nothing_and_writes_all(jointz, small_study, tmp_path):

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,11 +10,11 @@ import pytest
 
 import jointz
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.errors import StudyError
+from jointz.core.errors import DataError, EngineError, StudyError
 from jointz.io.study import open_study
 from jointz.workflows import participants
 from jointz.workflows.analysis import analyze, check_method
-from jointz.workflows.engine import open_engine
+from jointz.workflows.engine import Engine, Serial, open_engine
 from jointz.workflows.task_store import TaskStore
 
 
@@ -106,6 +107,99 @@ def test_an_analysis_goes_on_where_another_was_killed(small_study, tmp_path, mon
 
     with pytest.raises(TypeError):  # another question
         analyze(small_study.root, resamples=21, store=store)
+
+
+class GoneAfter(Engine):
+    """Does what it is told to a few times, and then is gone."""
+
+    def __init__(self, calls):
+        self._left, self._serial = calls, Serial()
+
+    @property
+    def ahead(self):
+        return 1
+
+    def submit(self, call):
+        if self._left == 0:
+            raise RuntimeError("the client is closed")
+        self._left -= 1
+        return self._serial.submit(call)
+
+    def renew(self):
+        raise AssertionError
+
+
+def test_an_engine_that_fails_is_nobody_s_failure_and_what_is_done_is_kept(
+    small_study, tmp_path, monkeypatch
+):
+    store = TaskStore(tmp_path / "tasks")
+    given = {"resamples": 20, "store": store}
+    with pytest.raises(EngineError, match="the client is closed"):
+        analyze(small_study.root, engine=GoneAfter(1), **given)
+
+    done = []
+    monkeypatch.setattr(participants, "_analyzed", noted(participants._analyzed, done))
+    assert analyze(small_study.root, **given).n_standing
+    assert done == ["S02"]
+
+
+def test_problems_are_not_kept_for_they_may_lie_outside_of_the_files(
+    small_study, tmp_path, monkeypatch
+):
+    def missing(study, entry):
+        if entry.participant == "S01":
+            raise DataError("a reader is not installed.")
+        return read_recording(study, entry)
+
+    store = TaskStore(tmp_path / "tasks")
+    read_recording = participants.read_recording
+    with monkeypatch.context() as patch:
+        patch.setattr(participants, "read_recording", missing)
+        with pytest.raises(StudyError, match="a reader is not installed"):
+            analyze(small_study.root, resamples=20, store=store)
+    assert len(list(store.folder.iterdir())) == 1
+    assert analyze(small_study.root, resamples=20, store=store).n_standing
+
+
+def test_who_is_kept_is_not_read_again_and_who_broke_is_done_again(
+    small_study, tmp_path, monkeypatch
+):
+    def broken(person_id, *given):
+        if person_id == "S02":
+            raise ZeroDivisionError("planted")
+        return analyze_participant(person_id, *given)
+
+    store = TaskStore(tmp_path / "tasks")
+    analyze_participant = participants.analyze_participant
+    with monkeypatch.context() as patch:
+        patch.setattr(participants, "analyze_participant", broken)
+        assert "planted" in str(analyze(small_study.root, resamples=20, store=store).statistics)
+    read = []
+    monkeypatch.setattr(
+        participants, "read_participant", noted(participants.read_participant, read)
+    )
+    again = analyze(small_study.root, resamples=20, store=store)
+
+    assert [second for _, second in read] == ["S02"]
+    assert "planted" not in str(again.statistics)
+
+
+def noted(call, calls):
+    """Return a call that notes what it was given first; of a study, with the participant."""
+
+    def made(first, *given):
+        calls.append(first if isinstance(first, str) else (first, given[0]))
+        return call(first, *given)
+
+    return made
+
+
+def test_a_file_is_hashed_as_a_stream(small_study, monkeypatch):
+    opened = open_study(small_study.root)
+    monkeypatch.setattr(Path, "read_bytes", None)  # a recording may be larger than memory
+    found = participants.hashed(opened, "S01_perturbed.csv")
+    with (small_study.root / "S01_perturbed.csv").open("rb") as file:
+        assert found["sha256"] == hashlib.sha256(file.read()).hexdigest()
 
 
 def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):

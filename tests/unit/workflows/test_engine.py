@@ -1,19 +1,24 @@
 """Tasks done by this process and by others: same results, and what becomes of the lost."""
 
 import os
+import pickle
 import random
 import signal
 import subprocess
 import threading
 import time
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
 import pytest
 from threadpoolctl import threadpool_info
 
-from jointz.core.errors import DataError, WorkerLostError
-from jointz.workflows.engine import Serial, Task, done_in_turn, open_engine, shared_out
+from jointz.core.errors import DataError, EngineError, WorkerLostError, WriteError
+from jointz.workflows import engine as engine_module
+from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, open_engine
+from jointz.workflows.engine_shared import shared_out
 from jointz.workflows.task_store import TaskStore, task_key
 
 
@@ -166,6 +171,61 @@ def test_what_failed_is_not_kept(engine, tmp_path):
     assert sorted(file.stem for file in tmp_path.iterdir()) == ["0", "1", "2"]
 
 
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"cut off", pickle.dumps(square)[:-4], b"cno_such_module\nThing\n."],
+    ids=["empty", "text", "cut off", "of a module that is gone"],
+)
+def test_a_kept_result_that_cannot_be_read_is_made_again(engine, tmp_path, content):
+    (tmp_path / "0.result").write_bytes(content)
+    store = TaskStore(tmp_path)
+    [done] = done_in_turn(engine, tasks(counted, 1, tmp_path, store=True), store=store)
+
+    assert done.result() == 0
+    assert pickle.loads((tmp_path / "0.result").read_bytes()) == 0
+
+
+def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.fstat(number).st_size))
+    TaskStore(tmp_path).kept(partial(str, 0), partial(square, 3))()
+
+    assert synced == [(tmp_path / "0.result").stat().st_size]
+
+
+def test_a_place_that_cannot_be_made_is_told_as_such(tmp_path):
+    (tmp_path / "file").touch()
+    store = TaskStore.beside(tmp_path / "file" / "results")
+    with pytest.raises(WriteError, match=r"0\.result: cannot be written"):
+        store.kept(partial(str, 0), partial(square, 3))()
+
+
+def test_stores_of_folders_of_the_same_name_are_apart(tmp_path):
+    """Though what they are to lie in is not there yet."""
+    first, second = (TaskStore.beside(tmp_path / name / "results") for name in "AB")
+    for store in (first, second):
+        store.kept(partial(str, 0), partial(square, 3))()
+    first.clear()
+
+    assert [file.name for file in second.folder.iterdir()] == ["0.result"]
+    assert second.folder == tmp_path / "B" / ".results.tasks"
+
+
+def test_an_error_says_what_is_kept(tmp_path):
+    store = TaskStore(tmp_path / "tasks")
+    with pytest.raises(ZeroDivisionError) as nothing, store.told_with_errors():
+        raise ZeroDivisionError
+    store.kept(partial(str, 0), partial(square, 3))()
+    with pytest.raises(ZeroDivisionError) as something, store.told_with_errors():
+        raise ZeroDivisionError
+
+    assert not hasattr(nothing.value, "__notes__")
+    assert something.value.__notes__ == [
+        f"What is done is kept in {store.folder}: the same command goes on from there."
+    ]
+    assert store.holds("0")
+
+
 def test_a_key_is_of_all_that_a_result_depends_on():
     def key(**changed):
         given = {"what": "analyze S01", "inputs": {"a.csv": "12"}, "settings": {"seed": 1}}
@@ -192,6 +252,55 @@ def test_what_a_killed_worker_owed_of_what_was_shared_out_is_done_here(processes
     assert killed() == os.getpid()
     (after,) = shared_out(processes, [os.getpid])
     assert after() == os.getpid()
+
+
+class Failing(Engine):
+    """Fails by itself where it is told to, at its so-manieth call."""
+
+    def __init__(self, *, at, call=3):
+        self._at, self._left, self._serial = at, call, Serial()
+
+    def submit(self, call):
+        self._left -= 1
+        if self._at == "submit" and self._left == 0:
+            raise RuntimeError("the client is closed")
+        made = self._serial.submit(call)
+        if self._at == "renew" and self._left == 0:
+            made = Future()
+            made.set_exception(BrokenProcessPool())
+        return made
+
+    def renew(self):
+        raise OSError("no more processes")
+
+
+@pytest.mark.parametrize("at", ["submit", "renew"])
+def test_what_an_engine_raises_is_no_task_s(tmp_path, at):
+    store = TaskStore(tmp_path)
+    coming = done_in_turn(Failing(at=at), tasks(square, 4, store=True), store=store)
+
+    with pytest.raises(EngineError, match=r"cannot go on .*(client is closed|no more processes)"):
+        list(coming)
+    assert {"0.result", "1.result"} <= {file.name for file in tmp_path.iterdir()}
+
+
+def test_what_is_shared_out_to_an_engine_that_is_gone_is_done_here():
+    for at in ("submit", "renew"):
+        engine = Failing(at=at, call=2)
+        found = [wait() for wait in shared_out(engine, [partial(square, k) for k in range(3)])]
+        assert found == [0, 1, 4]
+
+
+def test_processes_that_cannot_be_started_are_told(monkeypatch):
+    def refused(*_, **__):
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(engine_module, "spawned_pool", refused)
+    with (
+        pytest.raises(EngineError, match=r"Resource temporarily unavailable"),
+        open_engine(workers=2, tasks=9, needs="json"),
+    ):
+        pass
 
 
 def test_one_worker_is_this_process():

@@ -2,19 +2,23 @@
 
 import os
 import random
+import re
 import signal
 import subprocess
+import sys
 import threading
 import time
+from contextlib import ExitStack, contextmanager
 from functools import partial
 
 import pytest
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, EngineError, WorkerLostError
 from jointz.workflows import engine_dask
 from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.workflows.engine_shared import shared_out
 
-pytest.importorskip("distributed", reason="dask is not installed")
+distributed = pytest.importorskip("distributed", reason="dask is not installed")
 pytestmark = pytest.mark.filterwarnings("default")  # its own, about loops and sockets
 
 
@@ -52,13 +56,110 @@ def test_a_task_that_raises_is_told_and_the_rest_is_done(joined):
     assert isinstance(done[0].error, ZeroDivisionError)
 
 
-def test_another_version_on_a_worker_is_refused(joined, address, monkeypatch):
-    monkeypatch.setattr(engine_dask, "own_version", lambda: "99.0")
-    with (
-        pytest.raises(DataError, match=r"expected jointz 99\.0 on every worker; tcp://.* has 0\."),
-        open_engine(address, tasks=1, needs="json"),
-    ):
+@pytest.mark.parametrize("name", ["jointz", "Python", "numpy", "scipy", "numba"])
+def test_other_software_on_a_worker_is_refused(joined, address, monkeypatch, name):
+    there = engine_dask._calculating()
+    assert there[name][0].isdigit()
+    monkeypatch.setattr(engine_dask, "_calculating", lambda: {**there, name: "99.0"})
+    told = rf"tcp://\S+ has {name} {re.escape(there[name])} instead of 99\.0; tcp://"
+    with pytest.raises(DataError, match=told), open_engine(address, tasks=1, needs="json"):
         pass
+
+
+def started_now(address, stack):
+    """Join a cluster as soon as it has a worker."""
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            return stack.enter_context(open_engine(address, tasks=9, needs="json"))
+        except DataError:  # its worker is on its way
+            assert time.monotonic() < deadline
+
+
+@contextmanager
+def late_workers(folder, *many):
+    """Start workers that join the cluster of a folder, each with options of its own."""
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    joins = ["--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", "scheduler.json"]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", *joins]
+    running = [subprocess.Popen([*command, *words], **quiet) for words in many]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.terminate()
+        for process in running:
+            process.wait()
+
+
+#: Tells which worker made it; the workers cannot import this module.
+WHO = Task("who", partial(eval, "__import__('distributed').get_worker().address"))
+OLDER = "import jointz.workflows.engine_dask as it; it._calculating = lambda: {'numpy': '1.0'}"
+WITHOUT = "import sys; sys.modules['jointz'] = None"
+
+
+@pytest.mark.slow
+def test_a_worker_that_joins_late_gets_nothing_where_it_differs(
+    dask_cluster, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(engine_dask, "_RETURN_S", 0.5)
+    late = [("--nthreads", "1", "--preload", preload) for preload in (OLDER, WITHOUT)]
+    with dask_cluster(tmp_path, "") as address, ExitStack() as stack:
+        engine = started_now(address, stack)
+        [fit] = engine._fit
+        stack.enter_context(late_workers(tmp_path, *late, ("--nthreads", "2")))
+        deadline = time.monotonic() + 60
+        while len(engine._unfit) < 3 and time.monotonic() < deadline:
+            assert {d.result() for d in done_in_turn(engine, [WHO] * 4)} == {fit}
+        assert {d.result() for d in done_in_turn(engine, [WHO] * 20)} == {fit}
+
+        engine._client.retire_workers([fit])
+        with pytest.raises(EngineError, match="no worker is left") as refused:
+            list(done_in_turn(engine, [WHO]))
+        shared = [wait() for wait in shared_out(engine, [partial(divmod, 7, 2)] * 2)]
+
+    assert shared == [(3, 1)] * 2
+    for told in ("numpy 1.0 instead of", "no jointz of this version (", "2 threads instead of 1"):
+        assert told in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_worker_that_the_cluster_started_again_goes_on(dask_cluster, tmp_path):
+    dies = f"test -e '{tmp_path}/died' || {{ touch '{tmp_path}/died'; kill -9 $PPID; }}"
+    with dask_cluster(tmp_path, "") as address, ExitStack() as stack:
+        engine = started_now(address, stack)
+        [before] = engine._fit
+        once = Task("dies once", partial(subprocess.run, ["sh", "-c", dies], check=True))
+        done = list(done_in_turn(engine, [once, *[WHO] * 3]))
+
+    assert done[0].result().returncode == 0
+    assert before not in [d.result() for d in done[1:]]
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_its_worker_is_told_and_the_rest_is_done():
+    kills = Task("killer", partial(subprocess.run, ["sh", "-c", "kill -9 $PPID"], check=True))
+    with open_engine("local", workers=1, tasks=4, needs="json") as engine:
+        done = list(done_in_turn(engine, [kills, *[WHO] * 3]))
+
+    assert isinstance(done[0].error, WorkerLostError)
+    assert all(d.result().startswith("tcp://") for d in done[1:])
+
+
+@pytest.mark.slow
+def test_a_cluster_that_is_gone_is_told(dask_cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine_dask, "_PATIENCE_S", 2)
+    monkeypatch.setattr(engine_dask, "_RETURN_S", 2)
+    with dask_cluster(tmp_path, "") as address, ExitStack() as stack:
+        engine = started_now(address, stack)
+        coming = done_in_turn(engine, [Task(str(k), partial(divmod, k, 3)) for k in range(20)])
+        assert next(coming).result() == (0, 0)
+        with distributed.Client(address, set_as_default=False) as other:
+            other.shutdown()
+        with pytest.raises(EngineError, match=r"the workers cannot go on|no worker is left"):
+            list(coming)
+        [shared] = shared_out(engine, [partial(divmod, 7, 2)])
+        assert shared() == (3, 1)
 
 
 def test_nobody_answers(monkeypatch):

@@ -5,6 +5,10 @@ import subprocess
 import sys
 import time
 
+import pytest
+
+from jointz.core.errors import DataError
+from jointz.workflows import process_pool as process_pool_module
 from jointz.workflows.process_pool import process_pool, workers_for
 
 _HOLD = """
@@ -22,6 +26,17 @@ def test_few_things_to_do_start_no_process():
     assert workers_for(1000) == len(os.sched_getaffinity(0))
     with process_pool(1, needs="json") as pool:
         assert pool is None
+
+
+def test_without_posix_signals_there_are_no_processes(monkeypatch):
+    monkeypatch.setattr(process_pool_module, "CAN_WAIT", False)
+
+    assert workers_for(1000) == 1
+    with (
+        pytest.raises(DataError, match="Leave --workers out"),
+        process_pool(2, needs="json"),
+    ):
+        pass
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
