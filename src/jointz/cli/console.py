@@ -97,7 +97,8 @@ def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> 
         table.add_column(name, justify="left" if k == 0 else "right")
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    # Names are as people wrote them: brackets in them are no styles, colons no pictures.
+    Console(markup=False, emoji=False).print(table)
 
 
 def _is_terminal(stream: TextIO | None) -> bool:
@@ -131,7 +132,7 @@ def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
     )
 
     columns = (
-        TextColumn("{task.description:<24}"),
+        TextColumn("{task.description:<24}", markup=False),
         BarColumn(),
         TextColumn("{task.completed:.0f}/{task.total:.0f}"),
         TextColumn("{task.fields[rate]}"),
@@ -198,9 +199,9 @@ def experiment_bars(*, shown: bool) -> Iterator[Bars]:
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     columns = (
-        TextColumn("{task.description:<20}"),
+        TextColumn("{task.description:<20}", markup=False),
         BarColumn(),
-        TextColumn("{task.fields[told]:<28}"),
+        TextColumn("{task.fields[told]:<28}", markup=False),
         TimeElapsedColumn(),
     )
     tasks: dict[str, TaskID] = {}

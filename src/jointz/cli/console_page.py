@@ -46,8 +46,8 @@ def console(
     """Run an experiment from a page: see what the device does, start, pause and stop it.
 
     The session runs in a process of its own and goes on without the page, or stops, as the
-    protocol says. The emergency stop in the wearer's hand is no part of this. Needs the
-    extra: pip install "jointz[app]".
+    protocol says. The emergency stop in the wearer's hand is no part of this. On Linux only.
+    Needs the extra: pip install "jointz[app]".
 
     Example: jointz console walking --out study --participants 2 --seed 1
     """

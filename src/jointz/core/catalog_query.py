@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from jointz.core.collection_tables import CATALOG_COLUMNS
@@ -49,6 +50,11 @@ class CatalogFilter:
     kind: str = "estimates"
     standing: bool = False
 
+    def told(self) -> dict[str, Any]:
+        """Return what narrows the question, as plain values; the kind of values does not."""
+        asked = {name: value for name, value in asdict(self).items() if name != "kind" and value}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asked.items()}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QueryResult:
@@ -65,12 +71,16 @@ class QueryResult:
         estimates, or the other way.
     cites : mapping of str to str
         Study -> how to cite it.
+    without_onset : int
+        Rows that are not in it for want of an onset, where phases were asked for: failures, and
+        values that all timing points share.
     """
 
     table: pd.DataFrame
     asked: CatalogFilter
     also: int = 0
     cites: Mapping[str, str] = field(default_factory=dict)
+    without_onset: int = 0
 
     def __eq__(self, other: object) -> bool:
         # Tables have no single truth; their plain values do, categories or not.
@@ -91,14 +101,15 @@ class QueryResult:
         -------
         pandas.DataFrame
             ``joint``, ``condition``, ``timing_point``, ``parameter``, ``unit``, ``statistic``,
-            ``onset_gait_pct`` (median), ``studies``, ``people``, ``estimates`` (that stand),
-            ``median`` (of those: to look at, not pooled), in the order of the gait cycle.
+            ``onset_gait_pct`` (median on the cycle, where 99 and 1 are 2 apart), ``studies``,
+            ``people``, ``estimates`` (that stand), ``median`` (of those: to look at, not pooled),
+            in the order of the gait cycle.
         """
         keys = ["joint", "condition", "timing_point", "parameter", "unit", "statistic"]
         held = self._standing()
         who = held["study"].astype(object) + "/" + held["participant"].astype(object)
         return (
-            held.assign(_who=who)
+            held.assign(_who=who, onset_gait_pct=_near_their_mean(held, keys))
             .groupby(keys, sort=False, observed=True)
             .agg(
                 onset_gait_pct=("onset_gait_pct", "median"),
@@ -108,6 +119,7 @@ class QueryResult:
                 median=("value", "median"),
             )
             .reset_index()
+            .assign(onset_gait_pct=lambda groups: groups["onset_gait_pct"] % 100.0)
             .sort_values(["joint", "condition", "parameter", "onset_gait_pct"], ignore_index=True)
         )
 
@@ -127,6 +139,8 @@ class QueryResult:
             f"{len(self.table)} {kind} of {people} people in {studies}; "
             f"{self.also} {other} would fit too and are kept apart."
         ]
+        if self.without_onset:
+            lines.append(f"  {without_onset_told(self.without_onset)}")
         return "\n".join(lines + [f"  cite: {text}" for text in self.cites.values()])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
@@ -168,6 +182,7 @@ class QueryResult:
             "rows": plain_rows(self.to_frame()),
             "also": self.also,
             "cites": dict(self.cites),
+            "without_onset": self.without_onset,
         }
 
     @classmethod
@@ -189,4 +204,29 @@ class QueryResult:
             k: tuple(v) if isinstance(v, list) else v for k, v in held["asked"].items()
         }
         table = typed_table(held["rows"], CATALOG_COLUMNS)
-        return cls(table, CatalogFilter(**asked), held["also"], dict(held["cites"]))
+        cites, without_onset = dict(held["cites"]), held.get("without_onset", 0)
+        return cls(table, CatalogFilter(**asked), held["also"], cites, without_onset)
+
+
+def without_onset_told(n: int) -> str:
+    """Return a sentence on rows that a range of phases leaves out for want of an onset.
+
+    Parameters
+    ----------
+    n : int
+        How many.
+    """
+    rows = "1 row" if n == 1 else f"{n} rows"
+    return f"--phase leaves out {rows} without an onset: failures, and what timing points share."
+
+
+def _near_their_mean(rows: pd.DataFrame, keys: list[str]) -> pd.Series:
+    """Return onsets within half a cycle of the mean of their group: 1 % beside 99 % is 101 %."""
+    onset = rows["onset_gait_pct"].astype(float)
+    turn = 2.0 * np.pi * onset / 100.0
+    parts = pd.DataFrame({"sine": np.sin(turn), "cosine": np.cos(turn)})
+    means = parts.groupby([rows[key] for key in keys], observed=True).transform("mean")
+    angle = np.arctan2(means["sine"].to_numpy(), means["cosine"].to_numpy())
+    mean = pd.Series(angle, rows.index) * 100.0 / (2.0 * np.pi)
+    turns = ((mean - onset) / 100.0).round()
+    return onset + 100.0 * turns

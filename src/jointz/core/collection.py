@@ -151,11 +151,22 @@ class RawData(CheckedModel):
     sha256: str = ""
 
 
+class Place(CheckedModel):
+    """Where in an entry: a condition by its name, a parameter, or both; empty is anywhere."""
+
+    condition: str = ""
+    parameter: str = ""
+
+
 class Accepted(CheckedModel):
-    """A finding of ``collect check`` on plausibility that was looked into, and why it stands."""
+    """A finding of ``collect check`` on plausibility that was looked into, and why it stands.
+
+    It is accepted in the whole entry where ``where`` says nothing.
+    """
 
     code: Text
     reason: Text
+    where: Place = Place()
 
 
 class Entry(CheckedModel):
@@ -192,6 +203,7 @@ class Entry(CheckedModel):
             self._calibration_is_told,
             self._conditions_differ,
             self._gait_is_described,
+            self._accepted_conditions_are_there,
         )
 
     def _people_are_described(self) -> Iterator[Problem]:
@@ -230,6 +242,13 @@ class Entry(CheckedModel):
             for key in needed if in_gait else ():
                 if getattr(condition, key) in (None, ""):
                     yield Problem(("conditions", i, key), f"missing; {needed[key]}")
+
+    def _accepted_conditions_are_there(self) -> Iterator[Problem]:
+        names = [condition.name for condition in self.conditions]
+        for i, accepted in enumerate(self.accepted):
+            if accepted.where.condition not in ("", *names):
+                told = f"expected one of {', '.join(names)}; got {accepted.where.condition!r}."
+                yield Problem(("accepted", i, "where", "condition"), told)
 
     @property
     def kind(self) -> Literal["estimates", "printed"]:

@@ -57,11 +57,14 @@ class CollectionCheck:
         Everything found, by entry.
     accepted : tuple of Finding
         On plausibility, and accepted by the entry itself with a reason.
+    not_sized : tuple of str
+        Entries with the joint and parameters whose size nobody looked at, for want of a range.
     """
 
     entries: tuple[str, ...]
     findings: tuple[Finding, ...]
     accepted: tuple[Finding, ...] = ()
+    not_sized: tuple[str, ...] = ()
 
     @property
     def clean(self) -> bool:
@@ -84,11 +87,12 @@ class CollectionCheck:
         return pd.DataFrame(rows, columns=list(Finding.__dataclass_fields__), dtype=object)
 
     def summary(self) -> str:
-        """Return a line for each finding, and one of them all."""
+        """Return a line for each finding, one of them all, and what was not looked at."""
         broken = len({finding.entry for finding in self.findings})
         told = f"{_counted(len(self.findings), 'problem')} in {broken} of them."
         head = f"{_counted(len(self.entries), 'entry')}: {told if broken else 'no problems.'}"
-        return "\n".join([head, *_lines(self.findings, self.accepted)])
+        unseen = [f"  size not looked at: {told}" for told in self.not_sized]
+        return "\n".join([head, *_lines(self.findings, self.accepted), *unseen])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw how many problems each entry has.
@@ -112,6 +116,7 @@ class CollectionCheck:
             "entries": list(self.entries),
             "findings": [asdict(finding) for finding in self.findings],
             "accepted": [asdict(finding) for finding in self.accepted],
+            "not_sized": list(self.not_sized),
         }
 
     @classmethod
@@ -130,7 +135,7 @@ class CollectionCheck:
         """
         held = checked_values(data, CHECK_SCHEMA)
         findings, accepted = _findings(held["findings"]), _findings(held["accepted"])
-        return cls(tuple(held["entries"]), findings, accepted)
+        return cls(tuple(held["entries"]), findings, accepted, tuple(held.get("not_sized", ())))
 
 
 @dataclass(frozen=True, slots=True)

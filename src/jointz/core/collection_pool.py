@@ -1,7 +1,7 @@
 """A collection pooled: a mean over studies at every place, and the studies behind it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -60,6 +60,9 @@ class CollectionPool:
         What places are told apart by.
     notes : tuple of str
         What a reader of the numbers must know.
+    asked : mapping
+        What was asked for and how it was pooled, as plain values: the filters, and the rules that
+        differ from the default.
     """
 
     table: pd.DataFrame
@@ -67,6 +70,7 @@ class CollectionPool:
     printed: pd.DataFrame
     by: tuple[str, ...] = DEFAULT_BY
     notes: tuple[str, ...] = ()
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
         # Tables have no single truth; their plain values do.
@@ -124,8 +128,8 @@ class CollectionPool:
         keys = [*self.by, "parameter", "unit"]
         behind = pd.concat([self.studies, self.printed], ignore_index=True)
         chosen = (behind[keys] == most[keys]).all(axis=1) & behind["weight_pct"].notna()
-        chosen &= behind["method"].isin(str(most["methods"]).split(", "))
-        axes = draw_forest(behind[chosen].to_dict("records"), most.to_dict(), ax)
+        studies = of_row(behind[chosen], most.to_dict())
+        axes = draw_forest(studies.to_dict("records"), most.to_dict(), ax)
         axes.set_xlabel(f"{most['parameter']} ({most['unit']}), 95 % intervals")
         axes.set_title(", ".join(str(most[key]) for key in self.by))
         return axes
@@ -133,7 +137,8 @@ class CollectionPool:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         tables = {n: plain_rows(getattr(self, n)) for n in ("table", "studies", "printed")}
-        return {"schema": SCHEMA, "by": list(self.by), "notes": list(self.notes), **tables}
+        told = {"by": list(self.by), "asked": dict(self.asked), "notes": list(self.notes)}
+        return {"schema": SCHEMA, **told, **tables}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "CollectionPool":
@@ -157,7 +162,23 @@ class CollectionPool:
             study_table(held["printed"], by),
             by=by,
             notes=tuple(held["notes"]),
+            asked=dict(held.get("asked", {})),
         )
+
+
+def of_row(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
+    """Return the studies of a place that a row of the pooled table is of.
+
+    Parameters
+    ----------
+    studies : pandas.DataFrame
+        Of the row's place and parameter.
+    row : mapping
+        Of the pooled table: of one method, or of all that the place has.
+    """
+    # Methods are not read off the text that names them: a method's name may hold a comma.
+    own: pd.DataFrame = studies[studies["method"] == row["methods"]]
+    return studies if own.empty else own
 
 
 def pooled_table(rows: Any, by: tuple[str, ...]) -> pd.DataFrame:

@@ -1,5 +1,6 @@
 """Tables that results hold: columns of a known kind, and their way through JSON."""
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
@@ -38,10 +39,17 @@ def _typed(column: pd.Series | None, kind: Kind, index: pd.Index) -> pd.Series:
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a table's rows as plain values, None where there is none: ready for JSON.
 
+    JSON has no infinite number: such a one is the text ``inf`` or ``-inf``, which
+    :func:`typed_table` reads as the number again.
+
     Parameters
     ----------
     table : pandas.DataFrame
         The table.
     """
     rows = table.astype(object).where(table.notna(), None).to_dict("records")
-    return [{str(name): value for name, value in row.items()} for row in rows]
+    return [{str(name): _plain(value) for name, value in row.items()} for row in rows]
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, float) and math.isinf(value) else value

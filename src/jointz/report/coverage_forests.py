@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from jointz.core.collection_pool import of_row
 from jointz.report.wording import (
     PARAMETERS,
     format_interval,
@@ -43,8 +44,7 @@ def forest_plots(
     held = dict(list(behind.groupby(keys, sort=False)))
     groups: dict[str, list[_Row]] = {}
     for row in pooled[pooled["status"] == "ok"].to_dict("records"):
-        group = held[tuple(row[key] for key in keys)]
-        group = group[group["method"].isin(str(row["methods"]).split(", "))]
+        group = of_row(held[tuple(row[key] for key in keys)], row)
         joint = str(row["joint"]).capitalize() if "joint" in by else ""
         name = ": ".join(part for part in (joint, PARAMETERS[row["parameter"]][0]) if part)
         told = [point_name(str(row[key])) for key in by if key != "joint"]
@@ -53,7 +53,7 @@ def forest_plots(
             _forest(group.to_dict("records"), row)
             | {
                 "title": ", ".join(told),
-                "methods": ", ".join(method_name(m) for m in str(row["methods"]).split(", ")),
+                "methods": ", ".join(map(method_name, sorted(set(group["method"])))),
                 "spread": f"sd between studies {format_number(row['tau'], like=row['value'])} "
                 f"{pretty_unit(row['unit'])}, I² {row['i2_pct']:.0f} %, Q {row['q']:.3g} ({p})",
             }

@@ -1,14 +1,15 @@
 """What a collection knows, and what not, as one HTML page that needs nothing else."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from jointz.core.catalog_query import CatalogFilter
 from jointz.core.codes import NotPooled
-from jointz.core.collection_pool import ONE_STUDY
+from jointz.core.collection_pool import ONE_STUDY, of_row
 from jointz.core.gait_phases import PHASES
 from jointz.report.coverage_forests import forest_plots
 from jointz.report.wording import (
@@ -27,6 +28,15 @@ WELL_PCT: Final = 15.0
 FAIRLY_PCT: Final = 35.0
 _ALONG: Final = ("timing_point", "phase")
 _TOLD: Final = {"ok": ""} | {code.value: code.meaning for code in NotPooled}
+#: Why a place is not known, for a field of the map: where people are counted, the count says it.
+_BRIEFLY: Final = {
+    NotPooled.ONE_PERSON: "one person",
+    NotPooled.NO_SPREAD: "people do not differ",
+    NotPooled.NO_SD: "printed without sd",
+}
+_FILTERS: Final = frozenset(field.name for field in fields(CatalogFilter))
+_UNITS: Final = {"phase_pct": ("phase", "%"), "speed_m_s": ("speed", "m/s")}
+_RESEARCH: Final = "research"
 
 _Row = dict[str, Any]
 _NO_SUCH_PLACE: Final[_Row] = {"kind": "no-place", "reach": "", "told": [], "title": ""}
@@ -84,6 +94,7 @@ def render_coverage(
     citations: Sequence[Mapping[str, str]],
     rules: Sequence[str] = (),
     notes: Sequence[str] = (),
+    asked: Mapping[str, Any] | None = None,
     provenance: Mapping[str, str] | None = None,
 ) -> str:
     """Write what a collection knows as one HTML page with its figures and styles inside.
@@ -93,9 +104,11 @@ def render_coverage(
     tables : CoverageTables
         What was pooled.
     citations : sequence of mapping
-        Every entry used: ``study``, ``cite``, ``licence``.
+        Every entry used: ``study``, ``cite``, ``licence``, ``consent``.
     rules, notes : sequence of str
         How was pooled; what a reader of the numbers must know.
+    asked : mapping, optional
+        Filters and rules, as :class:`~jointz.core.collection_pool.CollectionPool` has them.
     provenance : mapping of str to str, optional
         Name -> value, such as versions and the hash of the catalog.
 
@@ -113,11 +126,16 @@ def render_coverage(
     )
     environment.filters["unit"] = pretty_unit
     univariate = tables.pooled[tables.pooled["model"] == "univariate"]
+    univariate = univariate.assign(why=pd.Series(_reasons(tables, univariate), univariate.index))
+    filters = {key: value for key, value in (asked or {}).items() if key in _FILTERS}
     joints = _in_order(tables.pooled["joint"]) if "joint" in tables.by else [""]
     return environment.get_template("coverage.html.j2").render(
         facts=_facts(tables, univariate),
         grids=[_joint_grids(tables, univariate, joint) for joint in joints],
         missing=_missing(tables, univariate),
+        narrowed=_asked_for(filters),
+        asked=_asked_for(asked or {}),
+        for_research=[one["study"] for one in citations if one["consent"] == _RESEARCH],
         forests=forest_plots(
             _sorted(tables, univariate), pd.concat([tables.studies, tables.printed]), tables.by
         ),
@@ -160,6 +178,33 @@ def _reach_pct(row: Mapping[Any, Any]) -> float | None:
     return float(100.0 * reach / abs(row["value"]))
 
 
+def _asked_for(asked: Mapping[str, Any]) -> list[str]:
+    """Return what was asked for, each with its name."""
+    told = []
+    for key, value in asked.items():
+        name, unit = _UNITS.get(key, (key.replace("_", " "), ""))
+        shown = "" if value is True else value
+        if isinstance(value, list | tuple):
+            shown = f"{value[0]:g} to {value[1]:g} {unit}" if unit else ", ".join(value)
+        told.append(f"{name} {shown}".rstrip())
+    return told
+
+
+def _reasons(tables: CoverageTables, rows: pd.DataFrame) -> list[tuple[str, ...]]:
+    """Return, for each row, why it has no value, by the studies that are not pooled in it."""
+    keys = [*tables.by, "parameter", "unit"]
+    behind = pd.concat([tables.studies, tables.printed])
+    held = dict(list(behind[behind["status"] != "ok"].groupby(keys, sort=False)))
+    told = []
+    for row in rows.to_dict("records"):
+        counts = (f"{row[f'n_{word}']} {word}" for word in ("undecided", "failed")
+                  if row[f"n_{word}"])  # fmt: skip
+        group = held.get(tuple(row[key] for key in keys))
+        status = set() if group is None else set(of_row(group, row)["status"])
+        told.append((*counts, *(text for code, text in _BRIEFLY.items() if code in status)))
+    return told
+
+
 def _facts(tables: CoverageTables, rows: pd.DataFrame) -> list[tuple[str, str]]:
     standing = tables.studies[tables.studies["n_people"] > 0]
     people = standing.groupby("study")["n_people"].max().sum()
@@ -180,9 +225,9 @@ def _cell(rows: list[_Row]) -> _Row:
     """Return a cell of the map: the best of the rows of a place."""
     known = [row for row in rows if row["status"] in ("ok", ONE_STUDY)]
     if not known:
-        undecided = sum(row["n_undecided"] for row in rows)
-        told = f"{undecided} undecided" if undecided else "one person" if rows else "no study"
-        return {"kind": "none", "reach": DASH, "told": [told], "title": "not known"}
+        why = dict.fromkeys(text for row in rows for text in row["why"])
+        told = list(why) or ["no value" if rows else "no study"]
+        return {"kind": "none", "reach": DASH, "told": told, "title": "not known"}
     row = max(known, key=lambda one: (one["status"] == "ok", one["n_people"]))
     reach = _reach_pct(row)
     kind = "far" if reach is None or reach > FAIRLY_PCT else "fair"

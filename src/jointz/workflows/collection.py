@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.catalog_query import CatalogFilter, QueryResult
-from jointz.core.collection import Entry
+from jointz.core.collection import ENTRY_FILE, Entry
 from jointz.core.collection_findings import CatalogBuild, Finding
 from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.errors import DataError
@@ -74,7 +74,9 @@ def build_catalog(folder: Path, *, out: Path | None = None) -> CatalogBuild:
     tables = [catalog_rows(one) for one in kept]
     table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
     if kept:
-        write_catalog(table, file, _about(kept, skipped))
+        collection = folder.resolve().parent if (folder / ENTRY_FILE).is_file() else folder
+        place = {"collection": seen_from(collection, file.parent)}
+        write_catalog(table, file, place | _about(kept, skipped))
     return CatalogBuild(
         str(file),
         tuple(one.name for one in kept),
@@ -112,10 +114,11 @@ def query_catalog(catalog: Path, where: CatalogFilter | None = None) -> QueryRes
     about = catalog_about(file)  # a file of another schema, or of somebody else, says so
     # One column is asked faster than two of which either may hold a name.
     wanted = replace(asked, entry=_folders(about["entries"], asked.entry))
-    table = read_catalog(file, wanted)
+    table, without_onset = read_catalog(file, wanted)
     cited = table[["study", "cite"]].drop_duplicates().astype(str)
     cites = {study: cite for study, cite in cited.itertuples(index=False, name=None) if cite}
-    return QueryResult(table, asked, count_rows(file, _other_kind(wanted)), cites)
+    also = count_rows(file, _other_kind(wanted))
+    return QueryResult(table, asked, also, cites, without_onset)
 
 
 def _folders(entries: Mapping[str, Mapping[str, Any]], asked: Sequence[str]) -> tuple[str, ...]:
@@ -138,6 +141,20 @@ def catalog_file(catalog: Path) -> Path:
     return catalog / CATALOG_FILE if catalog.is_dir() else catalog
 
 
+def seen_from(folder: Path, other: Path) -> str:
+    """Return where a folder is as seen from another; from the root where no way leads there.
+
+    Parameters
+    ----------
+    folder, other : pathlib.Path
+        What is looked for, and from where.
+    """
+    try:
+        return Path(os.path.relpath(folder.resolve(), other.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return folder.resolve().as_posix()
+
+
 def _other_kind(asked: CatalogFilter) -> CatalogFilter:
     other = "printed" if asked.kind == "estimates" else "estimates"
     return replace(asked, kind=other)
@@ -154,7 +171,10 @@ def _about(kept: Sequence[CheckedEntry], skipped: Sequence[Finding]) -> dict[str
             "version": one.entry.spec.version,
             "title": one.entry.spec.title,
             "licence": one.entry.spec.licence,
+            "consent": one.entry.spec.ethics.consent,
             "cite": one.entry.spec.cite,
+            "conditions": [condition.name for condition in one.entry.spec.conditions],
+            "raw_sha256": one.entry.spec.raw_data.sha256,
             "sha256": one.entry.sha256,
             "hashes": dict(one.entry.spec.hashes),
         }
@@ -190,7 +210,10 @@ def catalog_rows(checked: CheckedEntry) -> pd.DataFrame:
 
 def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
     spec, condition = entry.spec, tables.condition
-    rows = with_covariance(tables.rows, tables.covariance)
+    rows = tables.rows
+    if spec.kind == "printed":
+        rows = rows.assign(method=spec.method.name)
+    rows = with_covariance(rows, tables.covariance, spec.method.name)
     rows = rows.assign(
         **_of_entry(entry),
         condition=condition.name, activity=condition.activity,
@@ -200,8 +223,6 @@ def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
     rows = rows.assign(**_of_people(spec, rows["participant"]))
     if spec.kind == "estimates":
         rows = rows.assign(statistic="individual", source="", sd=np.nan, n=1.0)
-    if spec.kind == "printed":
-        rows = rows.assign(method=spec.method.name)
     return in_catalog_columns(rows)
 
 
@@ -253,6 +274,7 @@ def _of_entry(entry: EntryFolder) -> dict[str, Any]:
         "angle_gain_sd": _gain_sd(spec.calibration.angle_gain),
         "raw_study": raw if spec.raw_data.study else "",
         "licence": spec.licence,
+        "consent": spec.ethics.consent,
         "cite": spec.cite,
     }
 
@@ -266,13 +288,22 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def with_covariance(rows: pd.DataFrame, covariance: pd.DataFrame | None) -> pd.DataFrame:
+def with_covariance(
+    rows: pd.DataFrame, covariance: pd.DataFrame | None, method: str
+) -> pd.DataFrame:
     """Return the values with their covariances beside them, NaN where there are none.
 
     Parameters
     ----------
     rows, covariance : pandas.DataFrame
         In the columns of ``estimates.csv`` and of ``covariance.csv``.
+    method : str
+        Whose covariances they are: the file does not say, and other methods have none.
+
+    Raises
+    ------
+    DataError
+        When a row of covariances stands there twice.
 
     Notes
     -----
@@ -281,11 +312,18 @@ def with_covariance(rows: pd.DataFrame, covariance: pd.DataFrame | None) -> pd.D
     """
     if covariance is None:
         return rows.assign(**dict.fromkeys(COVARIANCES, np.nan))
-    made = rows.merge(covariance, on=_CELL, how="left", validate="many_to_one")
+    if (twice := covariance.duplicated(_CELL)).any():
+        found = " ".join(map(str, covariance.loc[twice, _CELL].iloc[0]))
+        raise DataError(
+            f"covariances: expected one row for each estimate; found two of {found}. Delete one, "
+            "or run jointz analyze again."
+        )
+    made = rows.merge(covariance, on=_CELL, how="left")
     shared = (made["parameter"] == "inertia") & (made["timing_point"] == _SHARED)
     if shared.any():
         told = covariance[covariance["parameter"] == "inertia"]
         variance = told.groupby("participant")["with_inertia"].first()
         known = made.loc[shared, "participant"].map(variance)
         made.loc[shared, "with_inertia"] = made.loc[shared, "with_inertia"].fillna(known)
+    made.loc[made["method"] != method, list(COVARIANCES)] = np.nan
     return made

@@ -1,12 +1,8 @@
 """``jointz collect check``: what is wrong with entries, each by itself and all together."""
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
-import pandas as pd
 
 from jointz.core.collection import ENTRY_FILE
 from jointz.core.collection_findings import CollectionCheck, Finding
@@ -19,17 +15,14 @@ from jointz.io.collection import (
     read_condition,
     read_entry,
 )
+from jointz.workflows.collection_copy_checks import copied_tables, copied_values
 from jointz.workflows.collection_entry_checks import (
-    ACCEPTABLE,
     Found,
+    accepts,
     hash_findings,
     metadata_findings,
 )
-from jointz.workflows.collection_value_checks import standing, value_findings
-
-#: So many values that two people share to nine digits are no coincidence.
-_FEWEST_SHARED = 3
-_DIGITS = 9
+from jointz.workflows.collection_value_checks import not_sized, value_findings
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +73,9 @@ def check_collection(folder: Path) -> CollectionCheck:
     accepted = tuple(finding for one in checked for finding in one.accepted)
     order = {name: k for k, name in enumerate(names)}
     findings.sort(key=lambda finding: order[finding.entry])
-    return CollectionCheck(names, tuple(findings), accepted)
+    unseen = [(one, not_sized(one.entry.spec, one.tables)) for one in checked if one.entry]
+    told = tuple(f"{one.name}: {parameters}" for one, parameters in unseen if parameters)
+    return CollectionCheck(names, tuple(findings), accepted, told)
 
 
 def checked_entries(folder: Path) -> tuple[CheckedEntry, ...]:
@@ -162,11 +157,10 @@ def _sorted_out(
     entry: EntryFolder, found: Iterable[Found]
 ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """Tell what the entry itself accepts from what it must correct."""
-    told = {accepted.code for accepted in entry.spec.accepted} & ACCEPTABLE
-    made = [Finding(entry.name, *one) for one in found]
+    told = [(Finding(entry.name, *one), accepts(entry.spec, one)) for one in found]
     return (
-        tuple(finding for finding in made if finding.code not in told),
-        tuple(finding for finding in made if finding.code in told),
+        tuple(finding for finding, accepted in told if not accepted),
+        tuple(finding for finding, accepted in told if accepted),
     )
 
 
@@ -186,7 +180,14 @@ def common_findings(checked: Sequence[CheckedEntry]) -> list[Finding]:
     list of Finding
         Told of the later entry, by the order of the folders.
     """
-    return [*_studies_twice(checked), *_codes_twice(checked), *_values_twice(checked)]
+    tables = [(one.name, table) for one in checked for table in one.tables]
+    of_people = {one.name for one in checked if one.entry and one.entry.spec.kind == "estimates"}
+    return [
+        *_studies_twice(checked),
+        *_codes_twice(checked),
+        *copied_tables(tables),
+        *copied_values([(name, table) for name, table in tables if name in of_people]),
+    ]
 
 
 def _studies_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
@@ -213,42 +214,3 @@ def _codes_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
                 found = f"{code!r} in {first[code]} too"
                 yield Finding(one.name, "person_twice", "participants.person", expected, found)
         first |= {code: one.name for code in codes if code not in first}
-
-
-def _values_twice(checked: Sequence[CheckedEntry]) -> Iterator[Finding]:
-    """Find people whose estimates are those of somebody else: a person twice, or a copied file."""
-    values = _all_values(checked)
-    if values.empty:
-        return
-    keys = ["parameter", "digits"]
-    repeated = values[values.duplicated(keys, keep=False)]
-    origin = repeated.groupby(keys)["who"].transform("first")
-    pairs = Counter(zip(repeated["who"], origin, strict=True))
-    order = {one.name: k for k, one in enumerate(checked)}
-    for (who, other), n in pairs.items():
-        (name, person), (other_name, other_person) = who, other
-        if n < _FEWEST_SHARED or who == other:
-            continue
-        later = max((name, other_name), key=order.__getitem__)
-        expected = "everybody once, with estimates of their own"
-        found = f"{n} values of {person} are those of {other_name}/{other_person}"
-        yield Finding(later, "person_twice", f"participants {person}", expected, found)
-
-
-def _all_values(checked: Sequence[CheckedEntry]) -> pd.DataFrame:
-    """Return every estimate that is no round number, with whose it is."""
-    parts = []
-    for one in checked:
-        if one.entry is None or one.entry.spec.kind == "printed":
-            continue
-        for tables in one.tables:
-            held = standing(tables.rows)
-            held = held[held["value"] != 0]
-            digits = np.array([f"{v:.{_DIGITS}g}" for v in held["value"]], dtype=object)
-            who = [(one.name, person) for person in held["participant"]]
-            part = pd.DataFrame({"parameter": held["parameter"].to_numpy(), "digits": digits})
-            part["who"] = pd.Series(who, dtype=object)
-            # Rounded to three digits, unlike people have equal values by chance.
-            long = part["digits"].str.replace(r"[^0-9]", "", regex=True).str.lstrip("0").str.len()
-            parts.append(part[long >= 5])
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()

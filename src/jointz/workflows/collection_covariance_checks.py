@@ -21,18 +21,23 @@ _SMALLEST = 1e-9
 _MEDIAN_FACTOR, _SINGLE_FACTOR = 1.6, 5.0
 
 
-def covariance_findings(tables: ConditionTables) -> Iterator[Found]:
+def covariance_findings(tables: ConditionTables, method: str) -> Iterator[Found]:
     """Yield what is wrong with the covariances of a condition.
 
     Parameters
     ----------
     tables : ConditionTables
         With covariances.
+    method : str
+        Whose estimates they are of.
     """
     covariance, file = tables.covariance, str(tables.condition.covariance)
     if covariance is None or covariance.empty:
         return
-    strange = ~covariance["parameter"].isin(PARAMETERS) | ~_known(covariance, tables.rows)
+    values = tables.rows
+    if "method" in values:  # a publication has one
+        values = values[values["method"] == method]
+    strange = ~covariance["parameter"].isin(PARAMETERS) | ~_known(covariance, values)
     if strange.any() or covariance.duplicated([*_KEYS, "parameter"]).any():
         expected = "one row for an estimate of stiffness, damping or inertia, and no other"
         wrong = strange | covariance.duplicated([*_KEYS, "parameter"])
@@ -45,7 +50,8 @@ def covariance_findings(tables: ConditionTables) -> Iterator[Found]:
         expected = "positive definite, without gaps"
         yield "covariance_not_positive_definite", file, expected, _who(cells, not_positive)
         return
-    yield from _intervals(tables, covariance)
+    if "ci_low" in values:  # printed values have none
+        yield from _intervals(file, values[values["status"] == "ok"], covariance)
 
 
 def _known(covariance: pd.DataFrame, values: pd.DataFrame) -> pd.Series:
@@ -96,20 +102,18 @@ def _not_positive(matrices: np.ndarray, there: np.ndarray) -> np.ndarray:
     return found
 
 
-def _intervals(tables: ConditionTables, covariance: pd.DataFrame) -> Iterator[Found]:
+def _intervals(file: str, values: pd.DataFrame, covariance: pd.DataFrame) -> Iterator[Found]:
     """Compare variances with the intervals of values that stand free of a bound."""
     variance = np.select(
         [covariance["parameter"] == name for name in PARAMETERS],
         [covariance[column] for column in COLUMNS],
     )
     told = covariance[[*_KEYS, "parameter"]].assign(sd=np.sqrt(variance))
-    values = tables.rows[tables.rows["status"] == "ok"]
     pairs = told.merge(values, on=[*_KEYS, "parameter"])
     if pairs.empty:
         return
     half = (pairs["ci_high"] - pairs["ci_low"]) / 2
     factor = REACH_95 * pairs["sd"] / half.where(half > 0)
-    file = str(tables.condition.covariance)
     for parameter, group in factor.groupby(pairs["parameter"]):
         median = float(group.median())
         if not 1 / _MEDIAN_FACTOR <= median <= _MEDIAN_FACTOR:

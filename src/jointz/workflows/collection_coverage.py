@@ -1,11 +1,13 @@
 """``jointz collect pool``: a catalog's rows pooled, and written with the page of what is known."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from jointz.core.catalog_query import CatalogFilter
+from jointz.core.catalog_query import CatalogFilter, without_onset_told
 from jointz.core.collection_pool import DEFAULT_BY, CollectionPool
 from jointz.core.errors import DataError
 from jointz.core.provenance import now, own_version
@@ -14,7 +16,12 @@ from jointz.io.registry import file_sha256
 from jointz.report.coverage_page import CoverageTables, render_coverage
 from jointz.workflows.collection import catalog_file, query_catalog
 from jointz.workflows.collection_pool import RULES, pool_catalog
-from jointz.workflows.collection_reanalysis import Progress, reanalysed
+from jointz.workflows.collection_reanalysis import (
+    Progress,
+    RawStudy,
+    checked_method,
+    reanalysed,
+)
 from jointz.workflows.results_folder import MARKER, new_folder, write_marker
 
 #: What the marker of the folder says that it holds.
@@ -42,6 +49,11 @@ class PoolRules:
     jointly: bool = False
     reanalyse: str = ""
 
+    def told(self) -> dict[str, Any]:
+        """Return what differs from what is done by default, as plain values; always ``by``."""
+        given = {name: value for name, value in asdict(self).items() if value}
+        return given | {"by": list(self.by)}
+
 
 def pool_collection(
     catalog: Path,
@@ -68,26 +80,50 @@ def pool_collection(
     DataError
         When there is no catalog, nothing is found, or it cannot be pooled so.
     """
-    if catalog_about(catalog_file(catalog)).get("of") == RESULTS:
+    file = catalog_file(catalog)
+    about = catalog_about(file)
+    if about.get("of") == RESULTS:
         raise DataError(
             f"{catalog}: a catalog of results folders. Who was in them, at which speed, nobody "
             "said: make an entry of each that is to be pooled (jointz collect entry)."
         )
-    both = [
-        query_catalog(catalog, replace(where, kind=kind)).table for kind in ("estimates", "printed")
-    ]
-    rows = pd.concat([table for table in both if len(table)] or both, ignore_index=True)
-    if rows.empty:
-        raise DataError(f"{catalog}: no row is what is asked for. Ask for less.")
     notes: tuple[str, ...] = ()
     if rules.reanalyse:
-        collection = catalog_file(catalog).parent
-        rows, notes = reanalysed(rows, rules.reanalyse, collection=collection, progress=progress)
+        checked_method(rules.reanalyse)
+        # Who has no onset by the entry's method may have one by this one.
+        rows, _ = _found(catalog, replace(where, phase_pct=None))
+        rows, notes = reanalysed(
+            rows, rules.reanalyse, collection=file.parent.resolve() / about["collection"],
+            raw=_raw_studies(about), phase_pct=where.phase_pct, progress=progress,
+        )  # fmt: skip
+        if rows.empty:
+            raise DataError(" ".join([f"{catalog}: nothing is left to pool.", *notes]))
+    else:
+        rows, without = _found(catalog, where)
+        notes = (without_onset_told(without),) if without else ()
     pooled = pool_catalog(
         rows, by=rules.by, mix_methods=rules.mix_methods, with_printed=rules.with_printed,
         jointly=rules.jointly,
     )  # fmt: skip
-    return replace(pooled, notes=(*pooled.notes, *notes))
+    asked = where.told() | rules.told()
+    return replace(pooled, notes=(*pooled.notes, *notes), asked=asked)
+
+
+def _found(catalog: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
+    """Return estimates and printed values, and how many have no onset for the phases asked for."""
+    both = [query_catalog(catalog, replace(where, kind=kind)) for kind in ("estimates", "printed")]
+    tables = [one.table for one in both]
+    rows = pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
+    if rows.empty:
+        raise DataError(f"{catalog}: no row is what is asked for. Ask for less.")
+    return rows, sum(one.without_onset for one in both)
+
+
+def _raw_studies(about: Mapping[str, Any]) -> dict[str, RawStudy]:
+    return {
+        name: RawStudy(tuple(entry["conditions"]), entry["raw_sha256"])
+        for name, entry in about["entries"].items()
+    }
 
 
 def write_pool(pool: CollectionPool, catalog: Path, out: Path, *, overwrite: bool = False) -> Path:
@@ -127,6 +163,7 @@ def write_pool(pool: CollectionPool, catalog: Path, out: Path, *, overwrite: boo
     page = render_coverage(
         CoverageTables(pool.table, pool.studies, pool.printed, pool.by),
         citations=cited,
+        asked=pool.asked,
         rules=RULES,
         notes=pool.notes,
         provenance=provenance,
@@ -135,10 +172,15 @@ def write_pool(pool: CollectionPool, catalog: Path, out: Path, *, overwrite: boo
         for name, table in tables.items():
             table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
         (folder / PAGE).write_text(page, encoding="utf-8")
-        write_marker(folder, MARKER, {"made_by": POOL, **provenance, "notes": list(pool.notes)})
+        write_marker(folder, MARKER, _marked(pool, provenance))
     return out / PAGE
 
 
+def _marked(pool: CollectionPool, provenance: Mapping[str, str]) -> dict[str, Any]:
+    asked, notes = dict(pool.asked), list(pool.notes)
+    return {"made_by": POOL, **provenance, "asked": asked, "notes": notes}
+
+
 def _citations(file: Path) -> list[dict[str, str]]:
-    told = ("study", "cite", "licence")
+    told = ("study", "cite", "licence", "consent")
     return [{key: e[key] for key in told} for e in catalog_about(file)["entries"].values()]

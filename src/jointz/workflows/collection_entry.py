@@ -196,12 +196,15 @@ def _torque_path(spec: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _calibration(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries that are the same for everybody; others are no entry of the study."""
-    common = CalibrationSpec.model_validate(spec.get("calibration") or {})
-    each = [
-        common.overridden_by(CalibrationSpec.model_validate(person.get("calibration") or {}))
-        for person in spec["participants"]
-    ]
+    """Return the entries that are the same in every recording; others are no entry of the study."""
+    people = {person["id"]: person for person in spec["participants"]}
+    each = []
+    for recording in spec["recordings"]:
+        made = CalibrationSpec()
+        for told in (spec, people[recording["participant"]], recording):
+            own = CalibrationSpec.model_validate(told.get("calibration") or {})
+            made = made.overridden_by(own)
+        each.append(made)
     names = CalibrationSpec.model_fields
     shared = [name for name in names if len({repr(getattr(one, name)) for one in each}) == 1]
     told = each[0].model_dump(exclude_none=True)

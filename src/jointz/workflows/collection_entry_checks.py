@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.collection import Entry
+from jointz.core.collection import Entry, Place
 from jointz.core.collection_ranges import (
     HEIGHT_M,
     JOINT_DIRECTIONS,
@@ -71,6 +71,10 @@ def hash_findings(entry: EntryFolder, found: Mapping[str, str]) -> Iterator[Foun
             differs = file_sha256(entry.path(file)) != stated[file].lower()
         except DataError as exc:
             yield "file_missing", f"hashes.{file}", "a file of the entry", str(exc)
+            continue
+        except OSError as exc:
+            told = f"it cannot be read ({exc.strerror})"
+            yield "file_unreadable", f"hashes.{file}", "a file that can be read", told
             continue
         if differs:
             yield "hash_differs", f"hashes.{file}", f"{stated[file][:12]}..., as stated", "another"
@@ -185,6 +189,37 @@ def _accepted(spec: Entry) -> Iterator[Found]:
         if accepted.code not in ACCEPTABLE:
             expected = f"one of {', '.join(sorted(ACCEPTABLE))}; others must be corrected"
             yield "accepted_unknown", f"accepted[{i + 1}].code", expected, repr(accepted.code)
+        if (parameter := accepted.where.parameter) not in ("", *PARAMETERS):
+            where = f"accepted[{i + 1}].where.parameter"
+            yield "accepted_unknown", where, f"one of {', '.join(PARAMETERS)}", repr(parameter)
+
+
+def accepts(spec: Entry, found: Found) -> bool:
+    """Tell whether an entry accepts what was found, there where it was found.
+
+    Parameters
+    ----------
+    spec : Entry
+        The entry.
+    found : tuple
+        Code, where, what was expected, what was found.
+    """
+    code, where = found[:2]
+    told = [one.where for one in spec.accepted if one.code == code]
+    return code in ACCEPTABLE and any(
+        place == Place() or where in _places(spec, place) for place in told
+    )
+
+
+def _places(spec: Entry, place: Place) -> Iterator[str]:
+    """Yield where findings of a condition, of a parameter or of both may be."""
+    for i, condition in enumerate(spec.conditions):
+        if place.condition not in ("", condition.name):
+            continue
+        for parameter in (place.parameter,) if place.parameter else PARAMETERS:
+            yield f"{condition.estimates}, {parameter}"
+        if not place.parameter:
+            yield from (f"conditions[{i + 1}].{key}" for key in ("walking_speed_m_s", "slope_deg"))
 
 
 def _licence_text(entry: EntryFolder) -> Iterator[Found]:

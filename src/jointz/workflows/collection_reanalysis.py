@@ -1,13 +1,15 @@
 """``jointz collect pool --reanalyse``: what has raw data is estimated again, by one method."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.catalog_query import without_onset_told
 from jointz.core.collection_tables import CATALOG_COLUMNS
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS
 from jointz.core.plain_tables import typed_table
 from jointz.core.provenance import own_version
@@ -19,11 +21,50 @@ _CELL = list(COVARIANCE_COLUMNS[:3])
 _OF_VALUES = {*ESTIMATE_COLUMNS, *COVARIANCE_COLUMNS, "sd", "n", "software"} - {"participant"}
 
 
+@dataclass(frozen=True, slots=True)
+class RawStudy:
+    """Raw data behind an entry, as a catalog tells of them.
+
+    Parameters
+    ----------
+    conditions : tuple of str
+        All that the entry has, whichever are asked for.
+    sha256 : str
+        Hash of the ``study.toml`` that the entry vouches for; empty where it does for none.
+    """
+
+    conditions: tuple[str, ...]
+    sha256: str = ""
+
+
+def checked_method(method: str) -> str:
+    """Return a method to analyse by, if there is one of that name.
+
+    Parameters
+    ----------
+    method : str
+        As :func:`jointz.analyze` takes it.
+
+    Raises
+    ------
+    DataError
+        When there is none.
+    """
+    from jointz.workflows.analysis import check_method
+
+    try:
+        return check_method(method)
+    except ValueError as exc:
+        raise DataError(f"reanalyse: {exc}") from exc
+
+
 def reanalysed(
     rows: pd.DataFrame,
     method: str,
     *,
     collection: Path,
+    raw: Mapping[str, RawStudy],
+    phase_pct: tuple[float, float] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -32,11 +73,15 @@ def reanalysed(
     Parameters
     ----------
     rows : pandas.DataFrame
-        In the columns of the catalog.
+        In the columns of the catalog, at all phases.
     method : str
         As :func:`jointz.analyze` takes it.
     collection : pathlib.Path
         The collection's folder: ``raw_study`` says from there where study folders are.
+    raw : mapping of str to RawStudy
+        Entry -> its raw data.
+    phase_pct : tuple of float, optional
+        Onsets of the new estimates, from the first to the second.
     seed : int
         Of its resampling.
     progress : callable, optional
@@ -48,29 +93,54 @@ def reanalysed(
         In the same columns, of one method; printed values as they were.
     notes : tuple of str
         Entries that are not in them, and why.
-    """
-    from jointz.workflows.analysis import analyze  # estimators are loaded where they are needed
 
+    Raises
+    ------
+    DataError
+        When there is no such method.
+    """
+    checked_method(method)
     made, notes = [rows[rows["values"] == "printed"]], []
     own = rows[rows["values"] != "printed"]
     entries = list(own.groupby("entry", sort=True, observed=True))
     for done, (name, entry) in enumerate(entries):
         if progress:
             progress(done, len(entries), str(name))
-        raw = str(entry["raw_study"].iloc[0] or "")
-        if not raw:
-            notes.append(f"{name}: left out, it has no raw data to analyse by {method}.")
-        elif len(set(entry["condition"])) > 1:
-            notes.append(f"{name}: left out, raw data of several conditions cannot be told apart.")
-        else:
-            try:
-                analysis = analyze(collection / raw, method=method, seed=seed)
-            except DataError as exc:
-                notes.append(f"{name}: left out, its raw data cannot be analysed: {exc}")
-                continue
-            made.append(_estimated_again(entry, analysis))
+        try:
+            analysis = _analysed(entry, raw[str(name)], collection, method=method, seed=seed)
+        except (ValueError, EstimationError, OSError) as exc:
+            notes.append(f"{name}: left out, {exc}")
+            continue
+        made.append(_estimated_again(entry, analysis))
     together = pd.concat([typed_table(part, CATALOG_COLUMNS) for part in made], ignore_index=True)
+    if phase_pct is not None:
+        together, without = _in_phase(together, phase_pct)
+        notes += [without_onset_told(without)] if without else []
     return together, tuple(notes)
+
+
+def _analysed(
+    entry: pd.DataFrame, raw: RawStudy, collection: Path, *, method: str, seed: int
+) -> StudyAnalysis:
+    """Analyse an entry's raw data; errors say why that cannot be."""
+    from jointz.io.study import open_study
+    from jointz.workflows.analysis import analyze  # estimators are loaded where they are needed
+
+    place = str(entry["raw_study"].iloc[0] or "")
+    if not place:
+        raise DataError(f"it has no raw data to analyse by {method}.")
+    if len(raw.conditions) > 1:
+        raise DataError("raw data of several conditions cannot be told apart.")
+    try:
+        study = open_study(collection / place)
+        if raw.sha256 and study.sha256 != raw.sha256.lower():
+            raise DataError(
+                f"study.toml is not the one that the entry vouches for: expected SHA-256 "
+                f"{raw.sha256[:12]}..., found {study.sha256[:12]}..."
+            )
+        return analyze(study, method=method, seed=seed)
+    except (ValueError, EstimationError, OSError) as exc:
+        raise DataError(f"its raw data cannot be analysed: {exc}") from exc
 
 
 def _estimated_again(entry: pd.DataFrame, analysis: StudyAnalysis) -> pd.DataFrame:
@@ -84,3 +154,12 @@ def _estimated_again(entry: pd.DataFrame, analysis: StudyAnalysis) -> pd.DataFra
     told = known.loc[fresh["participant"], about].reset_index(drop=True)
     made = pd.concat([fresh, told], axis=1)
     return made.assign(software=f"jointz {own_version()}", n=1.0)
+
+
+def _in_phase(rows: pd.DataFrame, phase_pct: tuple[float, float]) -> tuple[pd.DataFrame, int]:
+    """Return the rows whose onset is asked for, and how many have none; as a query does."""
+    low, high = phase_pct
+    onset = rows["onset_gait_pct"]
+    late, early = onset >= low, onset <= high
+    asked = late & early if low <= high else late | early
+    return rows[asked].reset_index(drop=True), int(onset.isna().sum())

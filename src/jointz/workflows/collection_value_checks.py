@@ -1,6 +1,6 @@
 """What ``collect check`` looks at in the tables of an entry: every row, and the size of all."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -26,6 +26,8 @@ _PER_MASS = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
 _DEGREES = 180.0 / np.pi
 #: People differ less, over all their timing points; values per kg or per degree differ more.
 _MOST_APART = 20.0
+#: So many timing points are not all within the first hundredth of the cycle.
+_FEWEST_PLACES = 3
 
 Check = Callable[[Entry, ConditionTables], Iterator[Found]]
 
@@ -46,7 +48,28 @@ def value_findings(spec: Entry, tables: ConditionTables) -> Iterator[Found]:
     for check in _OF_ALL + (_OF_ESTIMATES if spec.kind == "estimates" else _OF_PRINTED):
         yield from check(spec, tables)
     if tables.covariance is not None:
-        yield from covariance_findings(tables)
+        yield from covariance_findings(tables, spec.method.name)
+
+
+def not_sized(spec: Entry, tables: Sequence[ConditionTables]) -> str:
+    """Return what of an entry has no range to compare its size with; empty where all has.
+
+    Parameters
+    ----------
+    spec : Entry
+        The entry.
+    tables : sequence of ConditionTables
+        Of its conditions.
+
+    Notes
+    -----
+    A value per kg is compared with the whole one, where that stands beside it.
+    """
+    held = {str(name) for one in tables for name in standing(one.rows)["parameter"].unique()}
+    sized = MEDIAN_RANGES.get(spec.joint.name, {}).keys() & held
+    sized |= {per_kg for per_kg, whole in _PER_MASS.items() if whole in sized}
+    unseen = [name for name in PARAMETERS if name in held - sized]
+    return f"{', '.join(unseen)} of the {spec.joint.name}" if unseen else ""
 
 
 def standing(values: pd.DataFrame) -> pd.DataFrame:
@@ -118,6 +141,29 @@ def _values(_: Entry, tables: ConditionTables) -> Iterator[Found]:
     phase = values["onset_gait_pct"]
     told = ("phase_range", f"{low:g} to {high:g} % of the gait cycle", "")
     yield from _rows(tables, phase.notna() & ~phase.between(low, high), told, "onset_gait_pct")
+
+
+def _finite(_: Entry, tables: ConditionTables) -> Iterator[Found]:
+    expected = "a number, or nothing"
+    for column in tables.rows.select_dtypes("number"):
+        wrong = pd.Series(np.isinf(tables.rows[column]), tables.rows.index)
+        yield from _rows(tables, wrong, ("infinite", expected, ""), str(column))
+    covariance = pd.DataFrame() if tables.covariance is None else tables.covariance
+    for column in covariance.select_dtypes("number"):
+        if np.isinf(covariance[column]).any():
+            where = f"{tables.condition.covariance}, column {column}"
+            yield "infinite", where, expected, "an infinite one"
+
+
+def _phase_unit(_: Entry, tables: ConditionTables) -> Iterator[Found]:
+    """Find phases as fractions of the cycle, which all look like its very beginning."""
+    told = tables.rows[tables.rows["onset_gait_pct"].notna()]
+    places = told["timing_point"].nunique()
+    low, high = told["onset_gait_pct"].min(), told["onset_gait_pct"].max()
+    if places >= _FEWEST_PLACES and high <= 1.0:
+        where = f"{tables.condition.estimates}, column onset_gait_pct"
+        found = f"{low:g} to {high:g} at {places} timing points: fractions of the cycle?"
+        yield "phase_range", where, "% of the gait cycle, 0 to 100", found
 
 
 def _phase(_: Entry, tables: ConditionTables) -> Iterator[Found]:
@@ -261,6 +307,8 @@ def _printed(_: Entry, tables: ConditionTables) -> Iterator[Found]:
     is_mean = values["statistic"] == "mean"
     told = ("n_missing", "how many people the mean is over", "none")
     yield from _rows(tables, is_mean & ~(values["n"] >= 1), told, "n")
+    told = ("count", "a whole number of people", "")
+    yield from _rows(tables, values["n"].notna() & (values["n"] % 1 != 0), told, "n")
     told = ("participant_missing", "whose value it is", "nobody")
     alone = (values["statistic"] == "individual") & (values["participant"] == "")
     yield from _rows(tables, alone, told, "participant")
@@ -270,6 +318,8 @@ def _printed(_: Entry, tables: ConditionTables) -> Iterator[Found]:
     yield from _rows(tables, values["source"] == "", told, "source")
 
 
-_OF_ALL: tuple[Check, ...] = (_labels, _stated_units, _values, _sizes, _people_alike)
+_OF_ALL: tuple[Check, ...] = (
+    _labels, _stated_units, _finite, _values, _phase_unit, _sizes, _people_alike,
+)  # fmt: skip
 _OF_ESTIMATES: tuple[Check, ...] = (_phase, _people, _intervals, _pulses, _method, _per_mass)
 _OF_PRINTED: tuple[Check, ...] = (_printed,)

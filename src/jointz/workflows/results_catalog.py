@@ -1,7 +1,8 @@
 """A catalog of a lab's own results folders: no pages of metadata, nothing to pool."""
 
+import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from jointz.core.provenance import now, software
 from jointz.io.collection import read_values
 from jointz.io.collection_catalog import CATALOG_FILE, RESULTS, require_scale, write_catalog
 from jointz.io.registry import file_sha256
-from jointz.workflows.collection import in_catalog_columns, with_covariance
+from jointz.workflows.collection import in_catalog_columns, seen_from, with_covariance
 from jointz.workflows.collection_entry import described_person, read_provenance
 
 _ESTIMATES, _COVARIANCE, _PROVENANCE = "estimates.csv", "covariance.csv", "provenance.json"
@@ -52,12 +53,17 @@ def build_results_catalog(folders: Sequence[Path], *, out: Path) -> CatalogBuild
     require_scale()
     file = out / CATALOG_FILE if out.is_dir() else out
     tables, entries, skipped = {}, {}, []
-    for folder in _results_folders(folders):
-        name = os.path.relpath(folder, file.parent)
+    found, unseen = _results_folders(folders)
+    for folder, why in unseen.items():
+        name = seen_from(folder, file.parent)
+        skipped.append(Finding(name, "results_unreadable", ".", "a folder to look into", why))
+    for folder in found:
+        name = seen_from(folder, file.parent)
         try:
             tables[name], entries[name] = _rows_of(folder, name)
-        except (DataError, KeyError, TypeError, AttributeError) as exc:
-            told = str(exc) if isinstance(exc, DataError) else f"{_PROVENANCE}: {exc!r}"
+        except (ValueError, OSError, KeyError, TypeError, AttributeError) as exc:
+            is_told = isinstance(exc, DataError | OSError)
+            told = str(exc) if is_told else f"{_PROVENANCE}: {exc!r}"
             skipped.append(Finding(name, "results_unreadable", ".", "a results folder", told))
     if tables:
         about = {"created": now(), "software": software(), "of": RESULTS, "entries": entries,
@@ -72,22 +78,35 @@ def build_results_catalog(folders: Sequence[Path], *, out: Path) -> CatalogBuild
     return CatalogBuild(str(file), tuple(tables), tuple(skipped), rows, len(who))
 
 
-def _results_folders(folders: Sequence[Path]) -> list[Path]:
-    found = {path.resolve() for folder in folders for path in _below(folder)}
+def _results_folders(folders: Sequence[Path]) -> tuple[list[Path], dict[Path, str]]:
+    """Return results folders, and what could not be looked into with what the system said."""
+    refused: list[OSError] = []
+    found = {path.resolve() for folder in folders for path in _below(folder, refused.append)}
+    unseen = {Path(exc.filename).resolve(): exc.strerror or repr(exc) for exc in refused}
     if not found:
         told = ", ".join(map(str, folders))
+        more = "".join(f" {folder}: cannot be read ({why})." for folder, why in unseen.items())
         raise DataError(
             f"{told}: no results folder of jointz analyze there or below, which would hold a "
-            f"{_PROVENANCE}. Correct the name, or run jointz analyze first."
+            f"{_PROVENANCE}. Correct the name, or run jointz analyze first.{more}"
         )
-    return sorted(found)
+    return sorted(found), unseen
 
 
-def _below(folder: Path) -> Iterator[Path]:
-    for place, inner, files in os.walk(folder):
+def _below(folder: Path, refused: Callable[[OSError], object]) -> Iterator[Path]:
+    for place, inner, files in os.walk(folder, onerror=refused):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
-        if _PROVENANCE in files and _ESTIMATES in files:
+        if _PROVENANCE in files and (_ESTIMATES in files or _had_estimates(Path(place))):
             yield Path(place)
+
+
+def _had_estimates(folder: Path) -> bool:
+    """Tell whether a folder without estimates is one of an analysis all the same."""
+    try:
+        content = json.loads((folder / _PROVENANCE).read_text(encoding="utf-8"))
+        return _ESTIMATES in content["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False  # of something else
 
 
 def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -97,10 +116,12 @@ def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
     values, sha256, _ = read_values(folder / _ESTIMATES, "estimates")
     covariances = folder / _COVARIANCE
     covariance = read_values(covariances, "covariance")[0] if covariances.is_file() else None
+    _check_finite(folder, values, covariance)
     study = str(provenance.get("study_sha256", ""))[:_STUDY_DIGITS]
     people = {one["id"]: described_person(spec, one) for one in spec["participants"]}
     told = [people.get(str(person), {}) for person in values["participant"]]
-    rows = with_covariance(values, covariance).assign(
+    method = provenance["settings"]["method"]
+    rows = with_covariance(values, covariance, method).assign(
         entry=name, study=study, values="estimates", statistic="individual",
         joint=spec["joint"], positive=spec["positive"], activity=spec["kind"], n=1.0,
         software=f"jointz {provenance.get('jointz', '')}",
@@ -109,3 +130,15 @@ def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
     )  # fmt: skip
     hashes = {_ESTIMATES: sha256, _PROVENANCE: file_sha256(folder / _PROVENANCE)}
     return in_catalog_columns(rows), {"study": study, "cite": "", "hashes": hashes}
+
+
+def _check_finite(folder: Path, *tables: pd.DataFrame | None) -> None:
+    """Refuse what no analysis writes, and what no pool or JSON could hold."""
+    for table in tables:
+        if table is None:
+            continue
+        for column in table.select_dtypes("number"):
+            if np.isinf(table[column]).any():
+                raise DataError(
+                    f"{folder}: column {column} holds an infinite number. Run jointz analyze again."
+                )

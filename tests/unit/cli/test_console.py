@@ -29,6 +29,27 @@ def test_on_a_terminal_a_table_is_drawn(monkeypatch):
     assert "\t" not in screen.getvalue()
 
 
+def test_names_in_a_table_are_no_markup(monkeypatch):
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
+    emit_table([["[bold]lab[/bold] :smile:", "[/]"]], ["[red]name", "value"], title="[i]Title")
+    for text in ("[bold]lab[/bold] :smile:", "[/]", "[red]name", "[i]Title"):
+        assert text in screen.getvalue()
+
+
+def test_names_in_progress_are_no_markup(monkeypatch):
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    with progress_bar(shown=True) as progress:
+        progress(1, 2, "[lab] [/x]")
+        drawn_at_least(screen, "[lab] [/x]")
+    with experiment_bars(shown=True) as bars:
+        bars.experiment("[/S01]", "[b]NWC", 3, 0, 0)
+        bars.analysis(1, 2, "[/told]")
+        drawn_at_least(screen, "[/S01] [b]NWC")
+        drawn_at_least(screen, "[/told]")
+
+
 @pytest.mark.parametrize("terminal", [True, False])
 @pytest.mark.parametrize("shown", [True, False])
 def test_progress_is_drawn_on_a_terminal_only(monkeypatch, terminal, shown):

@@ -12,8 +12,13 @@ from jointz.report.coverage_page import CoverageTables, render_coverage
 
 BY = ("joint", "timing_point", "condition", "speed")
 CITATIONS = [
-    {"study": "lab-a", "cite": "Fictional Lab A <2026>", "licence": "CC-BY-4.0"},
-    {"study": "lab-b", "cite": "Fictional Lab B (2026)", "licence": "CC0-1.0"},
+    {
+        "study": "lab-a",
+        "cite": "Fictional Lab A <2026>",
+        "licence": "CC-BY-4.0",
+        "consent": "research",
+    },
+    {"study": "lab-b", "cite": "Fictional Lab B (2026)", "licence": "CC0-1.0", "consent": "public"},
 ]
 
 
@@ -77,8 +82,9 @@ def test_it_needs_nothing_else_and_names_are_text(tables: CoverageTables) -> Non
     assert "prefers-color-scheme: dark" in page
     assert "&lt;b&gt;mixed&lt;/b&gt;" in page
     assert "lab-c &amp; sons" in page
-    assert "Fictional Lab A &lt;2026&gt; (CC-BY-4.0)" in page
-    assert "Fictional Lab B (2026) (CC0-1.0)" in page
+    assert "Fictional Lab A &lt;2026&gt; (CC-BY-4.0; consent: research)" in page
+    assert "Fictional Lab B (2026) (CC0-1.0; consent: public)" in page
+    assert "The people of lab-a agreed to research only" in page
 
 
 def test_every_place_of_the_map_says_how_well_it_is_known(tables: CoverageTables) -> None:
@@ -91,6 +97,57 @@ def test_every_place_of_the_map_says_how_well_it_is_known(tables: CoverageTables
     assert ("far alone", "60 [20, 100] N·m/rad", "± 67 %", ["1 study", "9 people"]) in told
     assert ("none", "not known", "\u2013", ["3 undecided"]) in told
     assert sum(kind == "none" for kind, *_ in told) == 3  # TST of the knee, LRE, TST of the ankle
+
+
+@pytest.mark.parametrize(
+    ("status", "counts", "told"),
+    [
+        ("one_person", {}, ["one person"]),
+        ("no_value", {"n_failed": 4}, ["4 failed"]),
+        ("no_value", {"n_failed": 1, "n_undecided": 2}, ["2 undecided", "1 failed"]),
+        ("no_spread", {}, ["people do not differ"]),
+        ("no_sd", {}, ["printed without sd"]),
+    ],
+)
+def test_why_a_place_is_not_known_is_what_its_studies_say(
+    tables: CoverageTables, status: str, counts: dict[str, int], told: list[str]
+) -> None:
+    nothing = NONE | {"value": np.nan, "ci_low": np.nan, "ci_high": np.nan}
+    row = pooled_row(status="failed:too_few_studies", n_studies=0, n_people=0, **nothing, **counts)
+    study = study_row("lab-a", np.nan, weight_pct=np.nan, status=status)
+    elsewhere = study_row("lab-b", 60.0, method="dissertation", status="one_person")
+    page = page_of(CoverageTables(
+        pd.DataFrame([row]), pd.DataFrame([study, elsewhere]), tables.printed.iloc[:0], by=BY
+    ))  # fmt: skip
+    (cell,) = re.findall(r'<td class="none".*?</td>', page)
+    assert re.findall("<span>([^<]+)<", cell) == told
+
+
+def test_what_was_asked_for_stands_on_the_page(tables: CoverageTables) -> None:
+    asked = {"joint": ["knee"], "phase_pct": [90.0, 10.0], "with_printed": True,
+             "reanalyse": "recommended", "by": ["joint", "timing_point"]}  # fmt: skip
+    page = page_of(tables, asked=asked)
+    assert "Only this was looked at: joint knee; phase 90 to 10 %. The collection" in page
+    assert "<h2>What is missing of what was asked for</h2>" in page
+    assert (
+        "Asked for: joint knee; phase 90 to 10 %; with printed; reanalyse recommended; "
+        "by joint, timing_point." in page
+    )
+    everything = page_of(tables, asked={"by": ["joint"]})
+    assert "<h2>What is missing</h2>" in everything
+    assert "Only this was looked at" not in everything
+
+
+def test_a_method_whose_name_holds_a_comma_is_one_method(tables: CoverageTables) -> None:
+    name = "ours, second edition"
+    pooled = tables.pooled.assign(methods=name)
+    studies = tables.studies.assign(method=name)
+    other = studies.assign(method="ours", study=["lab-y", "lab-z", "lab-x"])
+    both = CoverageTables(pooled, pd.concat([studies, other]), tables.printed, by=BY)
+    (svg,) = re.findall(r"<svg.*?</svg>", page_of(both), re.DOTALL)
+    assert svg.count('class="study"') == 2
+    assert "lab-a" in svg
+    assert "lab-y" not in svg
 
 
 def test_an_activity_has_its_own_places_along_the_cycle(tables: CoverageTables) -> None:

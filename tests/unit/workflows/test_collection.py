@@ -10,6 +10,7 @@ from benchmarks.collection_entries import write_entry
 from jointz.core.catalog_query import CatalogFilter, QueryResult
 from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.errors import WriteError
+from jointz.io.collection_catalog import catalog_about
 from jointz.workflows.collection import build_catalog, query_catalog
 from jointz.workflows.collection_dissertation import printed_values, write_dissertation_entry
 
@@ -159,6 +160,43 @@ def test_an_inertia_of_all_timing_points_keeps_its_variance(tmp_path):
     half = (table["ci_high"] - table["ci_low"]) / 2
     assert np.allclose(1.96 * np.sqrt(table["with_inertia"]), half, rtol=1e-3)
     assert table["with_stiffness"].isna().all()
+
+
+def test_covariances_go_to_the_rows_of_their_method_only(tmp_path):
+    def two_methods(spec, tables):
+        table = tables["estimates.csv"]
+        other = table.assign(method="dissertation")
+        ends = ["value", "ci_low", "ci_high"]
+        other[ends] *= 1.3
+        tables["estimates.csv"] = pd.concat([table, other], ignore_index=True)
+
+    write_entry(tmp_path / "lab", seed=5, people=3, change=two_methods)
+    assert build_catalog(tmp_path).skipped == ()
+
+    table = query_catalog(tmp_path, CatalogFilter(parameter=("stiffness",))).table
+
+    assert table.groupby("method", observed=True)["with_stiffness"].count().to_dict() == {
+        "recommended": 18, "dissertation": 0,
+    }  # fmt: skip
+
+
+def test_consent_stands_in_every_row(collection, made):
+    table = query_catalog(collection).table
+
+    assert set(table["consent"]) == {"public"}
+    printed = query_catalog(collection, CatalogFilter(kind="printed")).table
+    assert set(printed["consent"]) == {"published"}
+
+
+def test_a_catalog_says_where_its_collection_is(tmp_path):
+    write_entry(tmp_path / "collection" / "lab", seed=5, people=2)
+    (tmp_path / "elsewhere").mkdir()
+    for out, told in (("collection", "."), ("elsewhere", "../collection")):
+        file = tmp_path / out / "catalog.parquet"
+        build_catalog(tmp_path / "collection", out=file)
+        assert catalog_about(file)["collection"] == told
+    build_catalog(tmp_path / "collection" / "lab")  # the folder of one entry
+    assert catalog_about(tmp_path / "collection" / "lab" / "catalog.parquet")["collection"] == ".."
 
 
 def test_the_raw_data_are_found_from_the_folder_of_the_collection(tmp_path):

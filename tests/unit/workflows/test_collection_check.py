@@ -120,6 +120,10 @@ def scale_covariance(spec, tables):
     tables[COVARIANCE].iloc[:, 3:] *= 9.0
 
 
+def phase_as_fraction(spec, tables):
+    tables[ESTIMATES]["onset_gait_pct"] /= 100.0
+
+
 CONDITION = ("conditions", 0)
 PLANTED = {
     "torque turned": (turn_torque, "sign"),
@@ -156,7 +160,13 @@ PLANTED = {
         "covariance_not_positive_definite",
     ),
     "phase beyond the cycle": (set_column("onset_gait_pct", 107.0, row=4), "phase_range"),
-    "phase as a fraction, below": (set_column("onset_gait_pct", -0.07, row=4), "phase_range"),
+    "phase before the cycle": (set_column("onset_gait_pct", -0.07, row=4), "phase_range"),
+    "phase as a fraction": (phase_as_fraction, "phase_range"),
+    "an infinite value": (set_column("value", np.inf, row=3), "infinite"),
+    "an infinite end that no value has": (set_column("vaf_pct", -np.inf, row=3), "infinite"),
+    "an infinite covariance": (
+        set_column("with_inertia", np.inf, file=COVARIANCE, row=0), "infinite"
+    ),
     "no pulse behind a value": (set_column("n_used", 0, row=slice(0, 9)), "n_used"),
     "covariance not positive definite": (not_positive, "covariance_not_positive_definite"),
     "covariance that does not fit": (scale_covariance, "covariance_interval"),
@@ -307,8 +317,108 @@ def test_the_same_people_under_another_study_are_told_of_the_later_entry(tmp_pat
 
     found = check_collection(tmp_path)
 
-    assert {(f.entry, f.code) for f in found.findings} == {("lab-b", "person_twice")}
+    codes = {("lab-b", "person_twice"), ("lab-b", "values_twice")}
+    assert {(f.entry, f.code) for f in found.findings} == codes
     assert "S001 are those of lab-a/S001" in found.summary()
+    assert "estimates.csv (walking " in found.summary()
+
+
+def second_condition(written):
+    """Give the entry a second condition, whose table is what ``written`` makes of the first."""
+
+    def change(spec, tables):
+        faster = spec["conditions"][0] | {"name": "faster", "estimates": "faster.csv"}
+        del faster["covariance"]
+        spec["conditions"].append(faster)
+        tables["faster.csv"] = written(tables[ESTIMATES].copy())
+
+    return change
+
+
+def other_values(table):
+    rng = np.random.default_rng(99)
+    factor = rng.uniform(0.8, 1.25, (len(table), 1))
+    inertia = (table["parameter"] == "inertia").to_numpy()[:, None]  # one fit of both conditions
+    table[["value", "ci_low", "ci_high"]] *= np.where(inertia, 1.0, factor)
+    return table[~table["parameter"].str.endswith("_per_mass")]
+
+
+def rounded(digits):
+    def change(table):
+        for column in ("value", "ci_low", "ci_high"):
+            table[column] = [float(f"{v:.{digits}g}") for v in table[column]]
+        return table
+
+    return change
+
+
+def test_two_conditions_with_one_inertia_of_both_are_no_copies(tmp_path):
+    write_entry(tmp_path / "lab", seed=3, change=second_condition(other_values))
+
+    assert check_collection(tmp_path).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        (lambda t: t, "found that of lab/estimates.csv (walking 0.7), byte for byte"),
+        (lambda t: t.iloc[::-1], "found those of S001 and 11 more under 'walking 0.7'"),
+        (rounded(3), "found those of S001 and 11 more under 'walking 0.7'"),
+    ],
+)
+def test_values_of_one_condition_under_another_are_found(tmp_path, written, told):
+    write_entry(tmp_path / "lab", seed=3, change=second_condition(written))
+
+    found = check_collection(tmp_path)
+
+    assert {finding.code for finding in found.findings} == {"values_twice"}
+    assert told in found.summary()
+
+
+def estimates_alone(written):
+    def change(spec, tables):
+        table = written(tables[ESTIMATES])
+        tables[ESTIMATES] = table[~table["parameter"].str.endswith("_per_mass")]
+        del tables[COVARIANCE], spec["conditions"][0]["covariance"]
+
+    return change
+
+
+@pytest.mark.parametrize("digits", [2, 3, 4, 6])
+def test_a_rounded_copy_under_another_study_is_found(tmp_path, digits):
+    write_entry(tmp_path / "lab-a", seed=3)
+    write_entry(tmp_path / "lab-b", seed=3, change=estimates_alone(rounded(digits)))
+
+    found = check_collection(tmp_path)
+
+    assert [(f.entry, f.code) for f in found.findings] == [("lab-b", "person_twice")] * 12
+    assert "all 18 values, as far as both are written, of S001 are those of lab-a/S001" in (
+        found.summary()
+    )
+
+
+def test_two_copies_rounded_to_decimals_are_found_whatever_people_are_called(tmp_path):
+    def named(table):
+        table[["value", "ci_low", "ci_high"]] = table[["value", "ci_low", "ci_high"]].round(2)
+        return table
+
+    for name in ("lab-a", "lab-b"):
+        write_entry(tmp_path / name, seed=3, change=estimates_alone(named))
+    for file in ("entry.toml", ESTIMATES):
+        text = (tmp_path / "lab-b" / file).read_text().replace("S0", "X0")
+        (tmp_path / "lab-b" / file).write_text(text)
+
+    found = check_collection(tmp_path)
+
+    assert "of X001 are those of lab-a/S001" in found.summary()
+
+
+def test_people_whose_values_are_rounded_are_not_taken_for_each_other(tmp_path):
+    """At two digits many single values agree, and those of whole people do not."""
+    for k in range(6):
+        write_entry(tmp_path / f"lab-{k}", seed=k, people=30, change=estimates_alone(rounded(2)))
+
+    assert check_collection(tmp_path).findings == ()
 
 
 def test_a_person_with_one_code_in_two_entries_is_found(tmp_path):
@@ -347,6 +457,129 @@ def test_what_is_odd_but_right_stands_when_the_entry_says_why(tmp_path):
 
     assert found.clean
     assert {finding.code for finding in found.accepted} == {"out_of_range"}
+
+
+def stiff_in_both(*where):
+    """Two conditions that are far too stiff; accepted there alone."""
+
+    def stiff(table):
+        scale(table, 8.0, "stiffness", "stiffness_per_mass")
+        return table[~table["parameter"].str.startswith("damping")]
+
+    def change(spec, tables):
+        second_condition(lambda table: stiff(other_values(table)))(spec, tables)
+        tables[ESTIMATES] = stiff(tables[ESTIMATES])
+        del tables[COVARIANCE], spec["conditions"][0]["covariance"]
+        reason = "all contracted as hard as they can"
+        told = {"code": "out_of_range", "reason": reason}
+        spec["accepted"] = [told | {"where": place} for place in where]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("where", "left"),
+    [
+        ([], 3),
+        ([{}], 0),
+        ([{"condition": "faster"}], 2),
+        ([{"parameter": "stiffness"}], 1),
+        ([{"condition": "walking 0.7", "parameter": "stiffness"}], 2),
+        ([{"condition": "faster"}, {"condition": "walking 0.7"}], 0),
+    ],
+)
+def test_what_is_accepted_of_one_place_is_found_at_others(tmp_path, where, left):
+    write_entry(tmp_path / "lab", seed=3, change=stiff_in_both(*where))
+
+    found = check_collection(tmp_path)
+
+    assert [f.code for f in found.findings] == ["out_of_range"] * left
+    assert len(found.accepted) == 3 - left
+
+
+def test_what_is_accepted_of_no_such_place_is_named(tmp_path):
+    write_entry(tmp_path / "lab-a", seed=3, change=stiff_in_both({"condition": "slower"}))
+    write_entry(tmp_path / "lab-b", seed=4, change=stiff_in_both({"parameter": "stifness"}))
+
+    told = check_collection(tmp_path).summary()
+
+    assert "accepted[1].where.condition: expected one of walking 0.7, faster" in told
+    assert "accepted[1].where.parameter: expected one of stiffness, damping" in told
+
+
+def test_a_size_that_nobody_can_look_at_is_not_called_fine(tmp_path):
+    def trunk(spec, tables):
+        spec["joint"] = {"name": "trunk", "side": "right", "positive": "flexion"}
+
+    def per_kg_alone(spec, tables):
+        table = tables[ESTIMATES]
+        tables[ESTIMATES] = table[table["parameter"].str.endswith("_per_mass")]
+        del tables[COVARIANCE], spec["conditions"][0]["covariance"]
+
+    write_entry(tmp_path / "lab-a", seed=1, people=3, change=trunk)
+    write_entry(tmp_path / "lab-b", seed=2, people=3, joint="elbow", change=per_kg_alone)
+    write_entry(tmp_path / "lab-c", seed=3, people=3, joint="elbow")
+
+    found = check_collection(tmp_path)
+
+    assert found.clean
+    assert found.summary().splitlines()[1:] == [
+        "  size not looked at: lab-a: stiffness, damping, inertia, stiffness_per_mass, "
+        "damping_per_mass of the trunk",
+        "  size not looked at: lab-b: stiffness_per_mass, damping_per_mass of the elbow",
+    ]
+
+
+@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied"), OSError(5, "I/O")])
+def test_a_file_that_cannot_be_read_is_named(tmp_path, monkeypatch, error):
+    def refuse(path):
+        raise error
+
+    def vouch(spec, tables):
+        spec["hashes"] = {"recordings.zip": "0" * 64}
+
+    write_entry(tmp_path / "lab", seed=3, change=vouch)
+    (tmp_path / "lab" / "recordings.zip").write_bytes(b"PK")
+    monkeypatch.setattr("jointz.workflows.collection_entry_checks.file_sha256", refuse)
+
+    told = check_collection(tmp_path).summary()
+
+    found = f"found it cannot be read ({error.strerror}). [file_unreadable]"
+    assert f"hashes.recordings.zip: expected a file that can be read; {found}" in told
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "code"),
+    [("sd", np.inf, "infinite"), ("n", 7.5, "count"), ("value", -np.inf, "infinite")],
+)
+def test_printed_numbers_are_numbers(tmp_path, column, value, code):
+    from jointz.workflows.collection_dissertation import printed_values, write_dissertation_entry
+
+    folder = write_dissertation_entry(tmp_path / "dissertation").parent
+    assert check_collection(tmp_path).clean
+    table = printed_values()
+    table[column] = table[column].astype(float)
+    table.loc[0, column] = value
+    table.to_csv(folder / "printed.csv", index=False)
+
+    codes = {finding.code for finding in check_collection(tmp_path).findings}
+
+    assert code in codes
+
+
+def test_covariances_are_those_of_the_method_of_the_entry(tmp_path):
+    def two_methods(spec, tables):
+        table = tables[ESTIMATES]
+        other = table.assign(method="dissertation")
+        scale(other, 1.3, *other["parameter"].unique())
+        middle = (other["ci_high"] + other["ci_low"]) / 2
+        other["ci_low"] = middle - 9 * (middle - other["ci_low"])
+        other["ci_high"] = middle + 9 * (other["ci_high"] - middle)
+        tables[ESTIMATES] = pd.concat([table, other], ignore_index=True)
+
+    write_entry(tmp_path / "lab", seed=3, change=two_methods)
+
+    assert check_collection(tmp_path).findings == ()
 
 
 def test_only_plausibility_can_be_accepted(tmp_path):

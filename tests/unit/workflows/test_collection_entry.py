@@ -39,7 +39,9 @@ def results(tmp_path):
             {"id": p["id"], "mass_kg": p["mass_kg"], "calibration": lag}
             for p, lag in zip(people, lags, strict=True)
         ],
-        "recordings": [{"participant": p["id"], "file": "x.nc"} for p in people],
+        "recordings": [
+            {"participant": p["id"], "file": file} for p in people for file in ("x.nc", "y.nc")
+        ],
     }  # fmt: skip
     settings = {"method": "recommended", "window_s": 0.1, "cutoff_hz": 20.0, "seed": 1}
     provenance = {"jointz": "0.1.0", "study": spec, "settings": settings, "study_sha256": "ab"}
@@ -62,6 +64,23 @@ def test_what_results_know_is_filled_in(results, tmp_path):
     ]  # fmt: skip
     assert content["method"]["name"] == "recommended"
     assert content["raw_data"] == {"study": "../study", "sha256": "ab"}
+
+
+@pytest.mark.parametrize("in_which", [(0,), (0, 1, 2, 3)])
+def test_a_calibration_of_recordings_is_one_of_the_entry_where_all_have_it(
+    results, tmp_path, in_which
+):
+    file = results / "provenance.json"
+    provenance = json.loads(file.read_text())
+    for k in in_which:
+        own = {"torque_gain": {"value": 1.1, "sd": 0.05}}
+        provenance["study"]["recordings"][k]["calibration"] = own
+    file.write_text(json.dumps(provenance))
+
+    content = tomllib.loads(make_entry(results, out=tmp_path / "lab", study_id="lab").read_text())
+
+    expected = {"torque_gain": {"value": 1.1, "sd": 0.05}} if len(in_which) == 4 else {}
+    assert content.get("calibration", {}) == expected
 
 
 def test_what_only_the_lab_knows_is_left_open_and_named(results, tmp_path):
@@ -106,8 +125,9 @@ def test_an_id_that_is_none_is_refused_before_anything_is_written(results, tmp_p
 def test_a_side_that_the_study_tells_is_not_asked_again(results, tmp_path):
     file = results / "provenance.json"
     provenance = json.loads(file.read_text())
-    for recording, side in zip(provenance["study"]["recordings"], ("left", "right"), strict=True):
-        recording["side"] = side
+    sides = {"S001": "left", "S002": "right"}
+    for recording in provenance["study"]["recordings"]:
+        recording["side"] = sides[recording["participant"]]
     file.write_text(json.dumps(provenance))
 
     content = tomllib.loads(make_entry(results, out=tmp_path / "lab", study_id="lab").read_text())

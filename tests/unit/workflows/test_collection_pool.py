@@ -1,7 +1,8 @@
 """People to studies, studies to a mean: what is pooled, what is counted, what is refused."""
 
 import json
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,20 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.collection_entries import write_entry
 
+from jointz.core.catalog_query import CatalogFilter
 from jointz.core.collection_pool import BY, DEFAULT_BY, CollectionPool
 from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.errors import DataError
 from jointz.core.estimates import COVARIANCE_COLUMNS
+from jointz.io.study import open_study
 from jointz.kernels.random_effects import random_effects
+from jointz.workflows.analysis import analyze
+from jointz.workflows.collection import build_catalog, query_catalog
+from jointz.workflows.collection_coverage import PoolRules, pool_collection, write_pool
 from jointz.workflows.collection_pool import pool_catalog
-from jointz.workflows.collection_reanalysis import reanalysed
+from jointz.workflows.collection_reanalysis import RawStudy, reanalysed
 
 mpl.use("Agg")
 
@@ -352,34 +359,60 @@ class Analysed:
         )
 
 
-def test_raw_data_are_analysed_again_by_one_method(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    asked = []
+@dataclass
+class Opened:
+    """What stands for a study that was opened."""
 
-    def analyze(study: Path, *, method: str, seed: int) -> Analysed:
-        if study.name == "gone":
+    root: Path
+    sha256: str = "ab" * 32
+
+
+ONE = RawStudy(("level",))
+
+
+@pytest.fixture
+def analysed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, str, int]]:
+    """Stand-ins for opening and analysing a study; the list holds what was analysed."""
+    asked: list[tuple[Path, str, int]] = []
+
+    def open_study(path: Path) -> Opened:
+        if path.name == "gone":
             raise DataError("gone/study.toml: is not there.")
-        asked.append((study, method, seed))
+        return Opened(path)
+
+    def analyze(study: Opened, *, method: str, seed: int) -> Analysed:
+        if study.root.name == "bench":
+            raise ValueError("method: dissertation is for another study.")
+        asked.append((study.root, method, seed))
         own = rows("", [50.0, 60.0, 99.0], method=method)
         names = ["participant", "timing_point", "onset_gait_pct", "parameter", "value", "unit"]
         names += ["ci_low", "ci_high", "ci_level", "vaf_pct", "n_used", "n_excluded"]
-        made = own[[*names, "method", "status"]]
+        made = own[[*names, "method", "status"]].assign(onset_gait_pct=[21.5, 98.0, np.nan])
         return Analysed(made.assign(participant=["P0", "P2", "a person who is not in the entry"]))
 
+    monkeypatch.setattr("jointz.io.study.open_study", open_study)
     monkeypatch.setattr("jointz.workflows.analysis.analyze", analyze)
-    two = pd.concat([rows("lab-c", [60.0], raw_study="c"), rows("lab-c", [60.0], condition="fast",
-                                                                raw_study="c")])  # fmt: skip
+    return asked
+
+
+def test_raw_data_are_analysed_again_by_one_method(
+    analysed: list[tuple[Path, str, int]], tmp_path: Path
+) -> None:
     parts = [rows("lab-a", LABS["lab-a"], raw_study="lab-a/raw", mass_kg=70.0)]
-    parts += [rows("lab-b", LABS["lab-b"]), two, printed_rows()]
+    parts += [rows("lab-b", LABS["lab-b"]), rows("lab-c", [60.0], raw_study="c"), printed_rows()]
     parts += [rows("lab-e", LABS["lab-b"], raw_study="gone")]
+    parts += [rows("lab-f", LABS["lab-b"], raw_study="other")]
+    parts += [rows("lab-g", LABS["lab-b"], raw_study="bench")]
+    raw = dict.fromkeys(("lab-b", "lab-e", "lab-g"), ONE)
+    raw |= {"lab-a": RawStudy(("level",), "AB" * 32), "lab-c": RawStudy(("level", "fast"))}
+    raw |= {"lab-f": RawStudy(("level",), "cd" * 32)}
     table = pd.concat(parts, ignore_index=True)
     steps: list[str] = []
     made, notes = reanalysed(
-        table, "dissertation", collection=tmp_path, seed=3,
+        table, "dissertation", collection=tmp_path, raw=raw, seed=3,
         progress=lambda done, of, name: steps.append(f"{done}/{of} {name}"),
     )  # fmt: skip
-    assert asked == [(tmp_path / "lab-a/raw", "dissertation", 3)]
+    assert analysed == [(tmp_path / "lab-a/raw", "dissertation", 3)]
     own = made[made["values"] == "estimates"]
     assert own["participant"].tolist() == ["P0", "P2"]
     assert own["with_stiffness"].tolist() == pytest.approx([4.0, np.nan], nan_ok=True)
@@ -392,9 +425,164 @@ def test_raw_data_are_analysed_again_by_one_method(
         "lab-b: left out, it has no raw data to analyse by dissertation.",
         "lab-c: left out, raw data of several conditions cannot be told apart.",
         "lab-e: left out, its raw data cannot be analysed: gone/study.toml: is not there.",
+        "lab-f: left out, its raw data cannot be analysed: study.toml is not the one that the "
+        "entry vouches for: expected SHA-256 cdcdcdcdcdcd..., found abababababab...",
+        "lab-g: left out, its raw data cannot be analysed: method: dissertation is for another "
+        "study.",
     )
-    assert steps == ["0/4 lab-a", "1/4 lab-b", "2/4 lab-c", "3/4 lab-e"]
+    assert steps[:2] == ["0/6 lab-a", "1/6 lab-b"]
     assert only(pool_catalog(made))["status"] == "one_study"
+
+
+@pytest.mark.parametrize(
+    ("phase", "people"),
+    [((15.0, 30.0), ["P0"]), ((90.0, 10.0), ["P2"]), ((90.0, 30.0), ["P0", "P2"])],
+)
+def test_new_estimates_are_of_the_phases_that_are_asked_for(
+    analysed: list[tuple[Path, str, int]], tmp_path: Path, phase: Any, people: list[str]
+) -> None:
+    table = rows("lab-a", [60.0, 61.0, 62.0], raw_study="raw")
+    table["participant"] = ["P0", "P2", "a person who is not in the entry"]
+    made, notes = reanalysed(
+        table, "dissertation", collection=tmp_path, raw={"lab-a": ONE}, phase_pct=phase
+    )
+    assert made["participant"].tolist() == people
+    assert notes == (
+        "--phase leaves out 1 row without an onset: failures, and what timing points share.",
+    )
+
+
+def test_a_method_that_there_is_not_is_refused_before_anything_is_analysed(
+    analysed: list[tuple[Path, str, int]], tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match=r"reanalyse: method: expected one of .*; got 'foo'"):
+        reanalysed(catalog(raw_study="raw"), "foo", collection=tmp_path, raw={})
+    assert not analysed
+
+
+def entry_with_raw_data(folder: Path, *, seed: int, speeds: tuple[float, ...]) -> None:
+    """Write an entry whose conditions are at these speeds, with raw data beside the collection."""
+
+    def change(spec: dict[str, Any], tables: dict[str, pd.DataFrame]) -> None:
+        (first,) = spec["conditions"]
+        estimates = tables.pop("estimates.csv")
+        del tables["covariance.csv"], first["covariance"]
+        estimates = estimates[~estimates["parameter"].str.endswith("_per_mass")]
+        spec["conditions"] = []
+        for k, speed in enumerate(speeds):
+            file = f"estimates-{speed:g}.csv"
+            told = {"name": f"{speed:g}", "walking_speed_m_s": speed, "estimates": file}
+            spec["conditions"].append(first | told)
+            tables[file] = estimates.assign(
+                **{c: estimates[c] * (1.0 + 0.1 * k) for c in ("value", "ci_low", "ci_high")}
+            )
+        spec["raw_data"] = {"where": "here", "study": "../../raw", "sha256": "ab" * 32}
+
+    write_entry(folder, seed=seed, people=3, change=change)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_an_entry_of_several_conditions_stays_so_whatever_is_asked_for(
+    analysed: list[tuple[Path, str, int]], tmp_path: Path, beside: bool
+) -> None:
+    pytest.importorskip("duckdb")
+    root = tmp_path / "collection"
+    entry_with_raw_data(root / "lab-a", seed=1, speeds=(1.2,))
+    entry_with_raw_data(root / "lab-b", seed=2, speeds=(1.2, 0.8))
+    out = root if beside else tmp_path / "deep" / "elsewhere"
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "catalog.parquet"
+    assert build_catalog(root, out=file).skipped == ()
+    where = CatalogFilter(speed_m_s=(1.1, 1.3), parameter=("stiffness",))
+    with pytest.raises(DataError, match="lab-b: left out, raw data of several conditions"):
+        pool_collection(
+            file, where=replace(where, entry=("lab-b",)), rules=PoolRules(reanalyse="dissertation")
+        )
+    with pytest.raises(DataError, match="nothing is left to pool"):  # these people are others
+        pool_collection(file, where=where, rules=PoolRules(reanalyse="dissertation"))
+    assert [path.resolve() for path, *_ in analysed] == [tmp_path / "raw"]
+
+
+@pytest.mark.slow
+def test_a_study_is_opened_and_analysed_again_where_it_is_the_one_vouched_for(
+    small_study_source: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("duckdb")
+    study = tmp_path / "raw"
+    shutil.copytree(small_study_source, study)
+    opened = open_study(study)
+
+    def of_study(spec: dict[str, Any], tables: dict[str, pd.DataFrame]) -> None:
+        ids = [person.id for person in opened.spec.participants]
+        for person, own in zip(spec["participants"], ids, strict=True):
+            for table in tables.values():
+                table["participant"] = table["participant"].replace(person["id"], own)
+            person["id"] = own
+        spec["raw_data"] = {"where": "here", "study": "../../raw", "sha256": opened.sha256}
+
+    write_entry(tmp_path / "collection" / "lab", seed=1, people=2, change=of_study)
+    build_catalog(tmp_path / "collection", out=tmp_path / "catalog.parquet")
+    where = CatalogFilter(parameter=("stiffness",), phase_pct=(0.0, 50.0))
+    rules = PoolRules(reanalyse="dissertation")
+    pool = pool_collection(tmp_path / "catalog.parquet", where=where, rules=rules)
+
+    again = analyze(opened, method="dissertation").to_frame()
+    again = again[(again["parameter"] == "stiffness") & (again["onset_gait_pct"] <= 50.0)]
+    means = again.groupby("timing_point")["value"].mean()
+    found = pool.table.set_index("timing_point")["value"]
+    assert found.to_dict() == pytest.approx(means.to_dict())
+    assert set(pool.table["methods"]) == {"dissertation"}
+
+    with (study / "study.toml").open("a") as stream:
+        stream.write("# another study by now\n")
+    with pytest.raises(DataError, match="not the one that the entry vouches for"):
+        pool_collection(tmp_path / "catalog.parquet", where=where, rules=rules)
+
+
+def test_what_was_asked_for_and_who_agreed_to_what_stand_in_the_folder(tmp_path: Path) -> None:
+    pytest.importorskip("duckdb")
+    for k in range(2):
+        write_entry(tmp_path / "collection" / f"lab-{k}", seed=k, people=3)
+    build_catalog(tmp_path / "collection")
+    where = CatalogFilter(parameter=("stiffness",), phase_pct=(0.0, 50.0))
+    pool = pool_collection(
+        tmp_path / "collection", where=where, rules=PoolRules(by=("joint",), mix_methods=True)
+    )
+    page = write_pool(pool, tmp_path / "collection", tmp_path / "known").read_text()
+    told = json.loads((tmp_path / "known" / "provenance.json").read_text())
+    assert told["asked"] == {
+        "parameter": ["stiffness"], "phase_pct": [0.0, 50.0], "by": ["joint"], "mix_methods": True,
+    }  # fmt: skip
+    assert "Only this was looked at: parameter stiffness; phase 0 to 50 %." in page
+    assert page.count("consent: public") == 2
+
+
+def test_rows_that_phases_leave_out_are_counted(tmp_path: Path) -> None:
+    pytest.importorskip("duckdb")
+
+    def shared(spec: dict[str, Any], tables: dict[str, pd.DataFrame]) -> None:
+        table = tables["estimates.csv"]
+        inertia = table["parameter"] == "inertia"
+        one = table[inertia & (table["timing_point"] == "LRE")]
+        one = one.assign(timing_point="all", onset_gait_pct=np.nan)
+        tables["estimates.csv"] = pd.concat([table[~inertia], one], ignore_index=True)
+
+    for k in range(2):
+        write_entry(tmp_path / f"lab-{k}", seed=k, people=3, change=shared)
+    build_catalog(tmp_path)
+    note = "--phase leaves out 6 rows without an onset: failures, and what timing points share."
+    phases = CatalogFilter(phase_pct=(0.0, 99.9))
+    pool = pool_collection(tmp_path, where=phases, rules=PoolRules())
+    assert note in pool.notes
+    assert "inertia" not in set(pool.table["parameter"])
+    assert note in query_catalog(tmp_path, phases).summary()
+    everything = query_catalog(tmp_path, CatalogFilter())
+    assert (everything.without_onset, "--phase" in everything.summary()) == (0, False)
+
+
+def test_a_method_whose_name_holds_a_comma_is_drawn() -> None:
+    pool = pool_catalog(catalog(method="ours, second edition"))
+    assert len(pool.plot().get_yticklabels()) == 4
 
 
 @pytest.mark.slow

@@ -1,7 +1,9 @@
 """A catalog of results folders."""
 
 import json
+import os
 import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -78,6 +80,48 @@ def test_broken_folders_are_named_and_skipped(results, tmp_path):
     assert made.entries == ("fine",)
     assert made.skipped_entries == ("cut", "strange", "without")
     assert "no column" in made.summary()
+
+
+def test_a_folder_that_lost_its_estimates_and_one_that_cannot_be_read_are_named(
+    results, tmp_path, monkeypatch
+):
+    for name in ("fine", "locked", "lost", "pooled"):
+        shutil.copytree(results / "deep" / "ours", tmp_path / name)
+    (tmp_path / "lost" / "estimates.csv").unlink()
+    (tmp_path / "pooled" / "estimates.csv").unlink()
+    other = json.dumps({"made_by": "pool", "files": ["pooled.csv"]})
+    (tmp_path / "pooled" / "provenance.json").write_text(other)
+    scandir = os.scandir
+
+    def refusing(place):
+        if Path(place).name == "locked":
+            raise PermissionError(13, "Permission denied", str(place))
+        return scandir(place)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+
+    made = build_results_catalog([tmp_path, tmp_path / "nowhere"], out=tmp_path)
+
+    assert made.entries == ("fine",)
+    assert set(made.skipped_entries) == {"locked", "lost", "nowhere"}
+    assert "locked: .: expected a folder to look into; found Permission denied" in made.summary()
+    assert "nowhere: .: expected a folder to look into; found No such file" in made.summary()
+
+
+def test_a_covariance_twice_and_an_infinite_number_are_named_and_skipped(results, tmp_path):
+    for name in ("fine", "infinite", "twice"):
+        shutil.copytree(results / "deep" / "ours", tmp_path / name)
+    lines = (tmp_path / "twice" / "covariance.csv").read_text().splitlines()
+    (tmp_path / "twice" / "covariance.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
+    estimates = pd.read_csv(tmp_path / "infinite" / "estimates.csv")
+    estimates.loc[0, "ci_high"] = float("inf")
+    estimates.to_csv(tmp_path / "infinite" / "estimates.csv", index=False)
+
+    made = build_results_catalog([tmp_path], out=tmp_path)
+
+    assert made.entries == ("fine",)
+    assert "covariances: expected one row for each estimate; found two of " in made.summary()
+    assert "infinite: column ci_high holds an infinite number" in made.summary()
 
 
 def test_nothing_that_is_no_result_makes_a_catalog(results, tmp_path):
