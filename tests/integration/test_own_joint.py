@@ -409,6 +409,16 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     text = words_of(tmp_path / "r" / "report.html")
     assert "Quasi-stiffness" in text
     assert "it is no impedance, and nobody was perturbed" in text
+    methods = (tmp_path / "r" / "methods.txt").read_text()
+    for never in ("Impedance was measured", "ridge", "was fitted", "Torque was measured"):
+        assert never not in methods
+    assert "Recordings have 100 samples a second." in methods
+    assert "“moment_Nm”, its sign turned to that of the torque on the joint" in methods
+    low, high = table["n_strides"].min(), table["n_strides"].max()
+    assert f"{low}{f' to {high}' if high > low else ''} a participant and side" in methods
+    printed = pd.read_csv(tmp_path / "r" / "tables" / "quasi_stiffness.csv")
+    assert len(printed) == 2 * len(TIMING_POINTS)
+    assert not (tmp_path / "r" / "tables" / "estimates.csv").exists()
 
 
 def test_an_internal_moment_taken_for_an_external_one_turns_the_quasi_stiffness(jointz, tmp_path):

@@ -85,6 +85,24 @@ class GapRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class SamplingRecord:
+    """How fast a recording was sampled.
+
+    Parameters
+    ----------
+    participant, recording, condition : str
+        Which recording.
+    rate_hz : float
+        Samples a second, from its time stamps.
+    """
+
+    participant: str
+    recording: str
+    condition: str
+    rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
 class PulseEstimate:
     """Impedance from one pulse on a bench by itself (2.2.3).
 

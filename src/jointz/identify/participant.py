@@ -5,9 +5,15 @@ from dataclasses import dataclass
 
 from jointz.core.codes import Exclusion
 from jointz.core.estimates import CellEstimate
-from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.events import (
+    GapRecord,
+    PulseEstimate,
+    PulseRecord,
+    SamplingRecord,
+    StrideRecord,
+)
 from jointz.core.participant_model import ParticipantModel
-from jointz.gait.timestamps import find_gaps
+from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.bench_cells import FullRecordEstimator
 from jointz.identify.methods.cell_estimator import CellEstimator
@@ -43,6 +49,8 @@ class ParticipantResult:
         What it explained, and by what.
     curves : tuple of StrideCurves
         Strides of somebody who was never perturbed, where a moment was recorded.
+    sampling : tuple of SamplingRecord
+        How fast each recording was sampled.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -53,6 +61,7 @@ class ParticipantResult:
     model: ParticipantModel | None = None
     evidence: Evidence | None = None
     curves: tuple[StrideCurves, ...] = ()
+    sampling: tuple[SamplingRecord, ...] = ()
 
 
 def analyze_participant(
@@ -107,6 +116,15 @@ def analyze_participant(
         model=model,
         evidence=evidence,
         curves=stride_curves(participant, sources) if settings.walking else (),
+        sampling=tuple(
+            SamplingRecord(
+                participant,
+                source.given.file,
+                source.given.condition,
+                rate_hz(source.given.recording["time"].to_numpy()),
+            )
+            for source in sources
+        ),
     )
 
 

@@ -69,8 +69,8 @@ _RECOMMENDED: Final = (
     (
         "Intervals hold what the method can know of.",
         "That is strides that differ, the lag, the friction model, the calibration and models "
-        "that explain the responses as well. What no model in it has, such as a reflex inside the "
-        "window or a gain that nobody calibrated, is not in them.",
+        "that explain the responses as well, a reflex among them. What no model in it has, such as "
+        "a gain that nobody calibrated or stiffness that falls with the displacement, is not.",
     ),
     (
         "Undecided is an answer.",

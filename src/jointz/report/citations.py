@@ -23,6 +23,11 @@ class Citation:
 
 #: Key -> entry, in the order of the list.
 CITATIONS: Final = {
+    "jointz": Citation(
+        "The jointz developers",
+        "The jointz developers. jointz: joint mechanical impedance with honest intervals. Computer "
+        "program, version as in the text.",
+    ),
     "dissertation": Citation(
         "dissertation, 4.2",
         # The copy that jointz was made from bears neither author nor year: nothing is made up.
@@ -58,7 +63,28 @@ CITATIONS: Final = {
         "Stefanski 1989",
         "Stefanski LA. Unbiased estimation of a nonlinear function of a normal mean with "
         "application to measurement error models. Communications in Statistics, Theory and "
-        "Methods 18 (1989) 4335-4358",
+        "Methods 18 (12, 1989) 4335-4358. doi:10.1080/03610928908830159",
+    ),
+    "jackknife": Citation(
+        "Efron 1982",
+        "Efron B. The jackknife, the bootstrap and other resampling plans. Society for Industrial "
+        "and Applied Mathematics, Philadelphia (1982). doi:10.1137/1.9781611970319",
+    ),
+    "instruments": Citation(
+        "Young 2011",
+        "Young PC. Recursive estimation and time-series analysis. 2nd edition, Springer, Berlin "
+        "(2011), chapter 8",
+    ),
+    "weak_form": Citation(
+        "Messenger and Bortz 2021",
+        "Messenger DA, Bortz DM. Weak SINDy: Galerkin-based data-driven model selection. "
+        "Multiscale Modeling and Simulation 19 (2021) 1474-1497. doi:10.1137/20M1343166",
+    ),
+    "reflex": Citation(
+        "Kearney et al. 1997",
+        "Kearney RE, Stein RB, Parameswaran L. Identification of intrinsic and reflex "
+        "contributions to human ankle stiffness dynamics. IEEE Transactions on Biomedical "
+        "Engineering 44 (1997) 493-504. doi:10.1109/10.581944",
     ),
 }
 

@@ -234,8 +234,9 @@ def _draw_histogram(
     if accepted:
         mean = float(np.mean(accepted))
         axes.axhline(mean, color=INK, linewidth=0.7)
+        sd = f" ± {np.std(accepted, ddof=1):.3f}" if len(accepted) > 1 else ""
         axes.text(
-            1.0, 0.96, f"{mean:.2f} ± {np.std(accepted):.3f} s", transform=axes.transAxes,
+            1.0, 0.96, f"{mean:.2f}{sd} s", transform=axes.transAxes,
             ha="right", va="top", fontsize=TINY_PT, color=MUTED,
         )  # fmt: skip
 

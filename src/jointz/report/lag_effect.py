@@ -3,11 +3,11 @@
 import numpy as np
 
 from jointz.core.estimates import Response
+from jointz.kernels.filtering import lowpass_zero_phase
 
 # The low-pass smears by a few periods of its cut-off; the pulse goes on behind the window.
 _MARGIN_S = 0.3
 _STEP_S = 1e-3
-_ORDER = 2  # of each pass; forward and backward make the dissertation's fourth
 
 
 def fit_with_lag(
@@ -45,7 +45,7 @@ def fit_with_lag(
     low-pass of 20 Hz.
     """
     from scipy.optimize import nnls
-    from scipy.signal import butter, lsim, sosfiltfilt
+    from scipy.signal import lsim
 
     stiffness, damping, inertia = impedance
     end_s = float(response.time_s[-1])
@@ -53,8 +53,9 @@ def fit_with_lag(
     torque = np.interp(time, response.time_s, response.torque, left=0.0)
     _, angle, _ = lsim(([1.0], [inertia, damping, stiffness]), torque, time - time[0])
     seen = np.interp(time - lag_s, time, angle, left=0.0)
-    low_pass = butter(_ORDER, cutoff_hz, fs=1.0 / _STEP_S, output="sos")
-    smooth_angle, smooth_torque = (sosfiltfilt(low_pass, x) for x in (seen, torque))
+    smooth_angle, smooth_torque = (
+        lowpass_zero_phase(x, cutoff_hz=cutoff_hz, rate_hz=1.0 / _STEP_S) for x in (seen, torque)
+    )
     velocity = np.gradient(smooth_angle, _STEP_S)
     motion = np.column_stack([smooth_angle, velocity, np.gradient(velocity, _STEP_S)])
     inside = (time >= -0.5 * _STEP_S) & (time <= window_s + 0.5 * _STEP_S)

@@ -2,7 +2,12 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
+
+#: A table of more rows breaks over pages.
+MOST_ROWS: Final = 40
+_SMALL: Final = r"\scriptsize\setlength{\tabcolsep}{3pt}"
 
 _SPECIAL: Final = {
     "\\": r"\textbackslash{}",
@@ -78,7 +83,7 @@ def latex_table(
     notes: Sequence[str] = (),
     wide: Sequence[str] = (),
 ) -> str:
-    r"""Return a table as LaTeX: one that may run over pages, with the rules of booktabs.
+    r"""Return a table as LaTeX, with the rules of booktabs.
 
     Parameters
     ----------
@@ -98,34 +103,76 @@ def latex_table(
     Returns
     -------
     str
-        Needs ``\usepackage{booktabs,longtable}``, which a comment on top says.
+        A ``table*``, which is as wide as a page of one column or of two; with more than
+        :data:`MOST_ROWS` a ``longtable``, which breaks over pages and which a page of two columns
+        has no place for. A comment on top says which packages it needs.
     """
     columns = "".join(r"p{0.42\linewidth}" if name in wide else "l" for name in head)
-    names = _head(head)
     body = [" & ".join(map(to_latex, row)) + r" \\" for row in rows]
     # A row that begins with a bracket would be taken for the argument of the \\ before it.
     body = [rf"{{}}{line}" if line.startswith(("[", "*")) else line for line in body]
-    below = [
-        rf"\multicolumn{{{len(head)}}}{{p{{0.9\linewidth}}}}{{{to_latex(note)}}} \\"
-        for note in notes
+    parts = _Parts(
+        layout=rf"{{@{{}}{columns}@{{}}}}",
+        title=rf"\caption{{{to_latex(caption)}}}\label{{{label}}}",
+        head=(r"\toprule", *_head(head), r"\midrule"),
+        body=tuple(body),
+        notes=tuple(map(to_latex, notes)),
+        width=len(head),
+    )
+    lines = _long(parts) if len(rows) > MOST_ROWS else _short(parts)
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """What both kinds of table are made of, escaped."""
+
+    layout: str
+    title: str
+    head: tuple[str, ...]
+    body: tuple[str, ...]
+    notes: tuple[str, ...]
+    width: int
+
+
+def _short(parts: _Parts) -> list[str]:
+    below = [rf"\par\smallskip\parbox{{0.9\linewidth}}{{{note}}}" for note in parts.notes]
+    return [
+        r"% Needs \usepackage{booktabs}; made by jointz. table* spans two columns, table one.",
+        r"\begin{table*}[tbp]",
+        parts.title,
+        rf"\centering{_SMALL}",
+        rf"\begin{{tabular}}{parts.layout}",
+        *parts.head,
+        *parts.body,
+        r"\bottomrule",
+        r"\end{tabular}",
+        *below,
+        r"\end{table*}",
     ]
-    lines = [
+
+
+def _long(parts: _Parts) -> list[str]:
+    below = [
+        rf"\multicolumn{{{parts.width}}}{{p{{0.9\linewidth}}}}{{{note}}} \\" for note in parts.notes
+    ]
+    return [
         r"% Needs \usepackage{booktabs,longtable}; made by jointz.",
-        r"\begingroup\scriptsize\setlength{\tabcolsep}{3pt}",
-        rf"\begin{{longtable}}{{@{{}}{columns}@{{}}}}",
-        rf"\caption{{{to_latex(caption)}}}\label{{{label}}}\\",
-        *(r"\toprule", *names, r"\midrule", r"\endfirsthead"),
-        *(r"\toprule", *names, r"\midrule", r"\endhead"),
+        r"% A page of two columns takes it between \onecolumn and \twocolumn only.",
+        rf"\begingroup{_SMALL}",
+        rf"\begin{{longtable}}{parts.layout}",
+        rf"{parts.title}\\",
+        *(*parts.head, r"\endfirsthead"),
+        *(*parts.head, r"\endhead"),
         r"\bottomrule",
         r"\endfoot",
         r"\bottomrule",
         *below,
         r"\endlastfoot",
-        *body,
+        *parts.body,
         r"\end{longtable}",
         r"\endgroup",
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _head(head: Sequence[str]) -> list[str]:

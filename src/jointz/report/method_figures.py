@@ -10,7 +10,8 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate
 from jointz.report.impedance_figures import shown_parameters, timing_points
-from jointz.report.method_means import mean_over_people, standing
+from jointz.report.method_means import cells_by_method, mean_over_people, standing
+from jointz.report.prose import chosen_method
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -77,10 +78,8 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
     parameters = shown_parameters(analysis)
     if not analysis.comparison or not parameters:
         return None
-    by_method: dict[str, list[CellEstimate]] = {}
-    for cell in (*analysis.cells, *analysis.comparison):
-        by_method.setdefault(cell.method, []).append(cell)
-    chosen = analysis.cells[0].method
+    by_method = cells_by_method(analysis)
+    chosen = chosen_method(analysis)
     looks = _method_looks(by_method, chosen)
     figure = new_figure(67.0)
     for column, parameter in enumerate(parameters):

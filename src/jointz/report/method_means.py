@@ -5,7 +5,29 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.special import stdtrit
 
+from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+
+
+def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
+    """Return the cells of every method, the chosen one first.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Notes
+    -----
+    A case that the chosen method could not estimate stands in for it, and once more in the
+    comparison, under the method that could: it counts once.
+    """
+    found: dict[str, dict[tuple[str, str], CellEstimate]] = {}
+    for cell in (*analysis.cells, *analysis.comparison):
+        found.setdefault(cell.method, {}).setdefault((cell.participant, cell.timing_point), cell)
+    chosen = analysis.settings.get("method")
+    order = sorted(found, key=lambda method: method != chosen)
+    return {method: list(found[method].values()) for method in order}
 
 
 def standing(

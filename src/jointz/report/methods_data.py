@@ -9,13 +9,16 @@ import numpy as np
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.events import PulseRecord
 from jointz.report.citations import cite
+from jointz.report.methods_calibration import calibration_sentences
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     exclusion_meaning,
     format_count,
+    format_exact,
     format_integer,
     format_number,
     format_signed,
+    format_with_sd,
     pretty_unit,
 )
 
@@ -24,20 +27,6 @@ _CONDITIONS: Final[Mapping[str, str]] = {
     "unperturbed": "with the device and no pulses",
     "perturbed": "with pulses",
 }
-#: Entry under ``[calibration]`` -> (in words, factor to the unit shown, unit shown).
-_CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
-    "angle_lag_s": ("lag of the angle", 1e3, "ms"),
-    "torque_lag_s": ("lag of the torque", 1e3, "ms"),
-    "torque_gain": ("gain of the torque", 1.0, ""),
-    "angle_gain": ("gain of the angle", 1.0, ""),
-    "friction_gain": ("true over stated friction of the actuator", 1.0, ""),
-    "intrinsic_stiffness": ("stiffness of the device", 1.0, "N·m/rad"),
-    "intrinsic_damping": ("damping of the device", 1.0, "N·m·s/rad"),
-    "intrinsic_inertia": ("inertia of the device", 1.0, "kg·m²"),
-    "angle_zero_rad": ("zero of the angle", float(np.degrees(1.0)), "degrees"),
-    "angle_per_torque": ("angle shown per torque", 1.0, "rad/(N·m)"),
-    "tissue_hz": ("resonance of tissue below the sensor", 1.0, "Hz"),
-}
 #: Field of ``[torque_model]`` -> (in words, unit).
 _TORQUE_MODEL: Final[Mapping[str, tuple[str, str]]] = {
     "gear_ratio": ("gear ratio", ""),
@@ -45,7 +34,7 @@ _TORQUE_MODEL: Final[Mapping[str, tuple[str, str]]] = {
     "bias": ("bias", "N·m"),
     "viscous_friction": ("viscous friction", "N·m·s/rad"),
     "coulomb_friction": ("Coulomb friction", "N·m"),
-    "gear_friction": ("friction of the gear", ""),
+    "gear_friction": ("friction of the gear", "N·m/A"),
     "rotor_inertia": ("rotor inertia", "kg·m²"),
 }
 
@@ -64,7 +53,9 @@ def people_sentences(analysis: StudyAnalysis) -> list[str]:
     words = subjects(analysis)
     names = ", ".join(people) if len(people) <= 3 else f"{people[0]} to {people[-1]}"
     joint = "" if words.loads else f"the {analysis.settings.get('joint', 'joint')} of "
-    return [f"Impedance was measured of {joint}{words.counted(len(people))} ({names})."] + [
+    served = {c.participant for c in analysis.cells if c.n_used}
+    lead = "Impedance was measured of" if served == set(people) else "Recordings are of"
+    return [f"{lead} {joint}{words.counted(len(people))} ({names})."] + [
         f"{name.capitalize()}: {_spread(values, unit)} ({len(values)} of {len(people)})."
         for name, key, unit in (("body mass", "mass_kg", "kg"), ("body height", "height_m", "m"))
         if not words.loads and (values := _known(analysis, people, key))
@@ -91,13 +82,21 @@ def signal_sentences(analysis: StudyAnalysis) -> list[str]:
         The analysis.
     """
     study = analysis.provenance.get("study") or {}
-    sentences = _torque_sentences(study)
-    if rates := sorted({r for c in analysis.cells if (r := _rate_hz(c.response)) is not None}):
-        several = f" to {rates[-1]:g}" if len(rates) > 1 else ""
-        sentences.append(f"Responses were analysed at {rates[0]:g}{several} samples a second.")
+    worn = wore_device(analysis)
+    sentences = _torque_sentences(study) if worn else []
+    for lead, rates in (
+        ("Recordings have", sorted(recorded_rates(analysis).values())),
+        ("Responses were analysed at", sorted(response_rates(analysis).values())),
+    ):
+        if rates:
+            several = f" to {format_exact(rates[-1])}" if rates[-1] > rates[0] else ""
+            told = f"{format_exact(rates[0])}{several} samples a second"
+            sentences.append(f"{lead} {told}.")
     if analysis.settings.get("positive"):
         sentences.append(f"Angle and torque are positive in {analysis.settings['positive']}.")
-    return [*sentences, *_calibration_sentences(analysis), *_lag_sentences(analysis)]
+    if worn:
+        sentences += calibration_sentences(analysis)
+    return [*sentences, *_lag_sentences(analysis), *_friction_sentences(analysis)]
 
 
 def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
@@ -146,12 +145,15 @@ def _condition_sentences(analysis: StudyAnalysis) -> list[str]:
         if not stride.code:
             times.setdefault(stride.condition, []).append(stride.duration_s)
     order = list(dict.fromkeys([*_CONDITIONS, *found]))
+    bench = subjects(analysis).bench
+    one = "cycle" if bench else "stride"
     parts = [
-        f"{_CONDITIONS.get(name, name)}, {format_count(count, 'stride')} accepted of "
+        f"{_CONDITIONS.get(name, name)}, {format_count(count, one)} accepted of "
         f"{_spread(times[name], 's')}"
         for name, count in sorted(found.items(), key=lambda item: order.index(item[0]))
     ]
-    return [f"Walking was recorded {'; '.join(parts)}."] if parts else []
+    lead = "Cycles were found" if bench else "Walking was recorded"
+    return [f"{lead} {'; '.join(parts)}."] if parts else []
 
 
 def _pulse_sentences(analysis: StudyAnalysis) -> list[str]:
@@ -188,8 +190,8 @@ def _onset_sentences(pulses: Sequence[PulseRecord]) -> list[str]:
                 error = (pulse.measured_pct - pulse.target_pct + 50.0) % 100.0 - 50.0
                 off.setdefault(pulse.timing_point, []).append(error)
     parts = [
-        f"{name} at {due[name]:g} % ({format_signed(float(np.mean(e)), decimals=2)} ± "
-        f"{np.std(e, ddof=1) if len(e) > 1 else 0.0:.2f} %, n {len(e)})"
+        f"{name} at {format_exact(due[name])} % ({format_signed(float(np.mean(e)), decimals=2)}"
+        f"{f' ± {np.std(e, ddof=1):.2f}' if len(e) > 1 else ''} %, n {len(e)})"
         for name, e in sorted(off.items(), key=lambda item: due[item[0]])
     ]
     lead = "Planned onset in % of the gait cycle, and how far off it came (mean ± SD)"
@@ -216,7 +218,7 @@ def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
         made = "Torque was measured"
     elif "current" in channels and model:
         known = ", ".join(
-            f"{name} {model[key]:g}{f' {unit}' if unit else ''}"
+            f"{name} {format_exact(model[key])}{f' {unit}' if unit else ''}"
             for key, (name, unit) in _TORQUE_MODEL.items()
             if model.get(key)
         )
@@ -229,45 +231,53 @@ def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
     return [f"{made} and is the torque on the joint."]
 
 
+def wore_device(analysis: StudyAnalysis) -> bool:
+    """Tell whether there is a recording with a device, as far as anything tells.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    study = analysis.provenance.get("study") or {}
+    told = {r.get("condition") for r in study.get("recordings") or ()} - {None}
+    return (told | {s.condition for s in analysis.strides}) != {"no_device"}
+
+
+def recorded_rates(analysis: StudyAnalysis) -> dict[tuple[str, str], float]:
+    """Return participant and recording -> samples a second as recorded, with a device.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis; one of an older version does not tell.
+    """
+    rows = analysis.statistics.get("sampling") or ()
+    worn = wore_device(analysis)
+    return {
+        (r["participant"], r["recording"]): round(r["rate_hz"], 2)
+        for r in rows
+        if r["condition"] != "no_device" or not worn
+    }
+
+
+def response_rates(analysis: StudyAnalysis) -> dict[str, float]:
+    """Return participant -> samples a second of the responses that were analysed.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    rates = ((c.participant, _rate_hz(c.response)) for c in analysis.cells)
+    return {person: rate for person, rate in rates if rate is not None}
+
+
 def _rate_hz(response: Any) -> float | None:
     """Return the rate of a response, to a thousandth."""
     if response is None or len(response.time_s) < 2:
         return None
     return round(1.0 / float(np.median(np.diff(response.time_s))), 3)
-
-
-def _calibration_sentences(analysis: StudyAnalysis) -> list[str]:
-    given = list(_calibrations(analysis))
-    parts = []
-    for key, (name, factor, unit) in _CALIBRATED.items():
-        entries = [c[key] for c in given if c.get(key)]
-        if not entries:
-            continue
-        shown = dict.fromkeys(_calibrated(e, factor, unit) for e in entries)
-        parts.append(f"{name} {' or '.join(shown)}")
-    sentences = []
-    if parts:
-        sentences.append(
-            f"Calibration, value ± SD, carried into the intervals: {'; '.join(parts)}."
-        )
-    if not any(c.get("angle_lag_s") or c.get("torque_lag_s") for c in given):
-        sentences.append("No lag between angle and torque was calibrated.")
-    return sentences
-
-
-def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
-    """Yield what is known of the instruments: of the study, its participants and recordings."""
-    study = analysis.provenance.get("study") or {}
-    yield analysis.settings.get("calibration") or study.get("calibration") or {}
-    for owner in (*(study.get("participants") or ()), *(study.get("recordings") or ())):
-        yield owner.get("calibration") or {}
-
-
-def _calibrated(entry: Mapping[str, float], factor: float, unit: str) -> str:
-    value, sd = factor * entry["value"], factor * entry["sd"]
-    like = max(abs(value), sd)
-    text = f"{format_number(value, like=like)} ± {format_number(sd, like=like)}"
-    return f"{text} {unit}" if unit else text
 
 
 def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
@@ -280,6 +290,18 @@ def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
         for m, (lag, sd) in zip(analysis.models, lags, strict=True)
     )
     return [f"The angle was found to lag the torque by, in ms ± SD: {each}."]
+
+
+def _friction_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say what was found of the friction, where the torque is that of a motor's current."""
+    channels = (analysis.provenance.get("study") or {}).get("channels") or {}
+    if "current" not in channels or "torque" in channels or not analysis.models:
+        return []
+    each = ", ".join(
+        f"{m.participant} {format_with_sd(m.friction_gain, m.friction_gain_sd)}"
+        for m in analysis.models
+    )
+    return [f"True over stated friction of the actuator was found to be, ± SD: {each}."]
 
 
 def _nuisance_sentences(analysis: StudyAnalysis) -> list[str]:

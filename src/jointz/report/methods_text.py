@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Final
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.report.citations import cited
+from jointz.report.citations import cite, cited
 from jointz.report.latex import to_latex
 from jointz.report.methods_data import (
     exclusion_sentences,
@@ -12,14 +12,11 @@ from jointz.report.methods_data import (
     protocol_sentences,
     signal_sentences,
 )
-from jointz.report.methods_fit import (
-    FULL_RECORD,
-    estimation_sentences,
-    interval_sentences,
-    used_methods,
-)
+from jointz.report.methods_fit import estimation_sentences, interval_sentences
+from jointz.report.methods_quasi_stiffness import quasi_stiffness_sentences
+from jointz.report.methods_used import FULL_RECORD, used_methods, used_pulses
 from jointz.report.prose import pulse_counts
-from jointz.report.subjects import subjects
+from jointz.report.subjects import nobody_perturbed, subjects
 from jointz.report.wording import (
     format_count,
     format_integer,
@@ -47,9 +44,9 @@ def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> l
         [_SIMULATED] if simulated else [],
         people_sentences(analysis) + protocol_sentences(analysis),
         signal_sentences(analysis),
-        [_lead(analysis), *estimation_sentences(analysis)],
-        interval_sentences(analysis),
-        [*exclusion_sentences(analysis), _used(analysis), *_open(analysis)],
+        *_estimation(analysis),
+        quasi_stiffness_sentences(analysis),
+        [*exclusion_sentences(analysis), *_used(analysis), *_open(analysis)],
         _software(analysis),
     ]
     return [" ".join(sentences) for sentences in paragraphs if sentences]
@@ -90,33 +87,44 @@ def methods_latex(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
     return "\n\n".join(texts) + "\n"
 
 
+def _estimation(analysis: StudyAnalysis) -> list[list[str]]:
+    """Return what was done to estimate; without a pulse that was used nothing was."""
+    if not used_pulses(analysis):
+        return []
+    return [[_lead(analysis), *estimation_sentences(analysis)], interval_sentences(analysis)]
+
+
 def _lead(analysis: StudyAnalysis) -> str:
     settings = analysis.settings
     what = (
         "loads on a bench" if subjects(analysis).loads else f"the {settings.get('joint', 'joint')}"
     )
     version = analysis.provenance.get("jointz")
-    by = f" (method “{method_name(settings['method'])}”)" if settings.get("method") else ""
+    by = f" by the method “{method_name(settings['method'])}”" if settings.get("method") else ""
     return (
         f"Mechanical impedance of {what} was estimated with jointz"
-        f"{f' {version}' if version else ''}{by}."
+        f"{f' {version}' if version else ''} {cite('jointz')}{by}."
     )
 
 
-def _used(analysis: StudyAnalysis) -> str:
+def _used(analysis: StudyAnalysis) -> list[str]:
+    if nobody_perturbed(analysis):
+        return ["Nobody was perturbed: no impedance was estimated."]
+    if analysis.cells and not used_pulses(analysis):
+        return ["No pulse could be used: no impedance was estimated."]
     used, left_out = pulse_counts(analysis)
     trials = used_methods(analysis) == [FULL_RECORD]
-    return (
+    return [
         f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} "
         f"{'lie in the trials used' if trials else 'were used'}."
-    )
+    ]
 
 
 def _open(analysis: StudyAnalysis) -> list[str]:
     """Say what has no value, and where only a limit stands."""
     statuses = Counter(p.status for c in analysis.cells for p in c.parameters)
     total = statuses.total()
-    if not total:
+    if not total or nobody_perturbed(analysis):
         return []
     others = [
         f"{format_integer(count)} {status} ({status_meaning(status)})"

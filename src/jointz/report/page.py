@@ -23,7 +23,13 @@ from jointz.report.effects_section import effects_section
 from jointz.report.impedance_figures import timing_points
 from jointz.report.method_differences import differences_section
 from jointz.report.methods_text import methods_text
-from jointz.report.prose import captions, fitted_signals, pulse_counts, summary_paragraph
+from jointz.report.prose import (
+    captions,
+    fitted_signals,
+    mean_over_people_note,
+    pulse_counts,
+    summary_paragraph,
+)
 from jointz.report.quasi_stiffness_section import quasi_stiffness_section
 from jointz.report.run_section import run_section
 from jointz.report.subjects import subjects
@@ -136,6 +142,7 @@ def render_report(
         recordings=_recordings(analysis),
         methods=methods_text(analysis, simulated=truth is not None),
         caveats=caveats(analysis),
+        mean_note=mean_over_people_note(analysis),
         effects=effects_section(analysis.statistics),
         packages=_packages(analysis.provenance),
         inputs=_inputs(analysis.provenance),

@@ -1,6 +1,8 @@
 """Sentences of the report: summary and captions."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from typing import Any, Final
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
@@ -20,6 +22,9 @@ _PHASE_NAMES: Final = (
     "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "
     "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
 )
+
+#: A count in how an interval was made; not the digits of a word.
+_NUMBER: Final = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
 
 # Said of a torque that was not fitted.
 _DRIVEN: Final = "; the measured torque drives it and has no fit"
@@ -65,7 +70,19 @@ def interval_methods(analysis: StudyAnalysis) -> list[str]:
         The analysis.
     """
     every = (p for c in analysis.cells for p in c.parameters if p.stands and p.ci_method)
-    return list(dict.fromkeys(p.ci_method for p in every))
+    return _merged(dict.fromkeys(p.ci_method for p in every))
+
+
+def chosen_method(analysis: StudyAnalysis) -> str:
+    """Return the method that was asked for, or that of the first estimate where nothing tells.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    first = next((c.method for c in analysis.cells), "")
+    return str(analysis.settings.get("method") or first)
 
 
 def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
@@ -74,8 +91,11 @@ def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
     Parameters
     ----------
     analysis : StudyAnalysis
-        The analysis.
+        The analysis; a pulse that was given no timing point is in no cell, and counts too.
     """
+    if analysis.pulses:
+        used = sum(not p.code for p in analysis.pulses)
+        return used, len(analysis.pulses) - used
     # The row of a shared value repeats the pulses of the timing points it spans.
     own = [c for c in analysis.cells if c.timing_point != SHARED]
     return sum(c.n_used for c in own), sum(c.n_excluded for c in own)
@@ -229,6 +249,39 @@ def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
             "own uncertainty"
         )
     return f"Student's {level}interval over participants"
+
+
+def mean_over_people_note(analysis: StudyAnalysis) -> str:
+    """Say what mean, SD and n over participants are, where they are not the plain ones.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    if not any(m.method == POOLED_METHOD for m in analysis.population):
+        return "n: those whose estimate stands."
+    return (
+        "Mean and SD are those of the model of people, each estimate weighed by its uncertainty; "
+        "of J, where all values are positive, the geometric mean, and the SD of the logarithm "
+        "times that mean. n: those with an estimate, undecided ones included."
+    )
+
+
+def _merged(texts: Iterable[str]) -> list[str]:
+    """Join texts that differ in numbers only: over 48 pulses, over 50 -> over 48 to 50."""
+    kinds: dict[tuple[str, ...], list[list[str]]] = {}
+    for text in texts:
+        parts = _NUMBER.split(text)
+        kinds.setdefault(tuple(parts[::2]), []).append(parts[1::2])
+    return ["".join(_woven(words, found)) for words, found in kinds.items()]
+
+
+def _woven(words: Sequence[str], found: Sequence[Sequence[str]]) -> Iterator[str]:
+    spans = [sorted(set(column), key=float) for column in zip(*found, strict=True)]
+    numbers = [own[0] if len(own) == 1 else f"{own[0]} to {own[-1]}" for own in spans]
+    for word, number in zip_longest(words, numbers, fillvalue=""):
+        yield word + number
 
 
 def _method_lead(settings: Mapping[str, Any]) -> str:

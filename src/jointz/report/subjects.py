@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.codes import Failure
 from jointz.report.wording import format_count
 
 
@@ -68,6 +69,18 @@ def subjects(analysis: StudyAnalysis) -> Subjects:
     if study.get("subjects") == "people":
         return _PEOPLE_IN_GROUPS if grouped else _PEOPLE_IN_CASES
     return _GROUPS if grouped else _LOADS
+
+
+def nobody_perturbed(analysis: StudyAnalysis) -> bool:
+    """Tell whether there is no impedance to report because nobody was perturbed.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    statuses = {p.status for c in analysis.cells for p in c.parameters}
+    return statuses == {Failure.NO_PERTURBED_RECORDING.status}
 
 
 def report_title(analysis: StudyAnalysis) -> str:

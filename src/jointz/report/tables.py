@@ -2,19 +2,25 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
-
-import pandas as pd
 
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.report.impedance_figures import timing_points
-from jointz.report.latex import MARKS, latex_table
-from jointz.report.method_means import mean_over_people, standing
-from jointz.report.prose import interval_methods, mean_interval, pulse_counts
-from jointz.report.subjects import Subjects, subjects
+from jointz.report.latex import MARKS
+from jointz.report.method_means import cells_by_method, mean_over_people, standing
+from jointz.report.prose import (
+    chosen_method,
+    fitted_signals,
+    interval_methods,
+    mean_interval,
+    mean_over_people_note,
+    pulse_counts,
+)
+from jointz.report.quasi_stiffness_section import quasi_stiffness_table
+from jointz.report.subjects import Subjects, nobody_perturbed, subjects
+from jointz.report.table import NO_VALUE, NOTE, Table
 from jointz.report.wording import (
     PARAMETERS,
     SHARED,
@@ -32,57 +38,8 @@ from jointz.report.wording import (
     status_meaning,
 )
 
-#: Where no value is given; the note below a table says why.
-NO_VALUE: Final = "\N{EM DASH}"
-_NOTE: Final = "Note"
 _ABSOLUTE: Final = ("stiffness", "damping", "inertia")
 _PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table as it is printed.
-
-    Parameters
-    ----------
-    caption : str
-        What it shows: unit, interval, n and method.
-    head : tuple of str
-        Names of the columns, with units.
-    rows : tuple of tuple of str
-        Cells as people read them.
-    notes : tuple of str
-        Below it: what dashes and limits mean.
-    """
-
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return the cells as they are printed, for a csv file, which has no notes below."""
-        rows = [[cell.rstrip(MARKS) for cell in row] for row in self.rows]
-        return pd.DataFrame(rows, columns=list(self.head))
-
-    def to_latex(self, name: str) -> str:
-        """Return the table as LaTeX.
-
-        Parameters
-        ----------
-        name : str
-            Its label, after ``tab:``.
-        """
-        # The notes below say what the column of notes does, and a page is narrow.
-        kept = [k for k, name in enumerate(self.head) if name != _NOTE]
-        return latex_table(
-            [self.head[k] for k in kept],
-            [[row[k] for k in kept] for row in self.rows],
-            caption=self.caption,
-            label=f"tab:{name}",
-            notes=self.notes,
-            wide=("Meaning",),
-        )
 
 
 def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
@@ -96,13 +53,15 @@ def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
     Returns
     -------
     dict of str to Table
-        ``estimates``, ``estimates_per_mass``, ``population``, ``methods``, ``exclusions``.
+        ``estimates``, ``estimates_per_mass``, ``population``, ``methods``, ``exclusions``; where
+        nobody was perturbed ``quasi_stiffness`` instead of estimates, where a moment was recorded.
     """
     makers: Mapping[str, Callable[[StudyAnalysis], Table]] = {
         "estimates": lambda a: _estimates(a, _ABSOLUTE),
         "estimates_per_mass": lambda a: _estimates(a, _PER_MASS),
         "population": _population,
         "methods": _methods,
+        "quasi_stiffness": quasi_stiffness_table,
         "exclusions": _exclusions,
     }
     made = {name: make(analysis) for name, make in makers.items()}
@@ -148,7 +107,8 @@ def shown(estimate: ParameterEstimate | None) -> str:
 
 
 def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
-    present = [n for n in names if any(c.parameter(n) for c in analysis.cells)]
+    wanted = () if nobody_perturbed(analysis) else names
+    present = [n for n in wanted if any(c.parameter(n) for c in analysis.cells)]
     words = subjects(analysis)
     walking = any(c.onset_gait_pct is not None for c in analysis.cells)
     order = {n: i for i, n in enumerate([*timing_points(analysis.cells), SHARED])}
@@ -159,7 +119,7 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
     )
     head = [words.one.capitalize(), words.point.capitalize()]
     head += ["Onset (% of cycle)"] if walking else []
-    head += [*map(parameter_label, present), "VAF (%)", "Used", "Out", _NOTE]
+    head += [*map(parameter_label, present), "VAF (%)", "Used", "Out", NOTE]
     estimates = [p for c in cells for n in present if (p := c.parameter(n)) is not None]
     marks = _marks(estimates)
     rows = tuple(_estimate_row(c, present, marks, walking=walking) for c in cells)
@@ -167,7 +127,7 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
     caption = (
         f"{', '.join(shows).capitalize()} of each {words.one} at each {words.point}: value "
         f"[{_level(analysis)} interval]. {_made(analysis)} {_counted(analysis, words)} "
-        "VAF: variance accounted for, which is no accuracy."
+        f"VAF: variance accounted for of the {fitted_signals(analysis)}, which is no accuracy."
     )
     return Table(caption, tuple(head), rows if present else (), tuple(_notes(marks)))
 
@@ -228,14 +188,17 @@ def _population(analysis: StudyAnalysis) -> Table:
     kept = [m for m in held if m.timing_point in order and m.parameter in PARAMETERS]
     names = list(PARAMETERS)
     kept.sort(key=lambda m: (names.index(m.parameter), order.index(m.timing_point)))
+    words = subjects(analysis)
     caption = (
-        f"Means over participants: mean [{_level(analysis)} interval], standard deviation between "
-        f"participants (SD) and number of participants (n). Interval: "
-        f"{mean_interval(analysis)}. {_method_of(m.method for m in kept)} "
+        f"Means over {words.many}: mean [{_level(analysis)} interval], standard deviation between "
+        f"{words.many} (SD) and number of {words.many} (n). {mean_over_people_note(analysis)} "
+        f"Interval: {mean_interval(analysis)}. {_method_of(m.method for m in kept)} "
         f"{_symbols(m.parameter for m in kept)}"
     )
-    head = ("Parameter", "Unit", "Timing point", "Mean [interval]", "SD", "n", _NOTE)
-    return Table(caption, head, tuple(map(_mean_row, kept)))
+    head = ("Parameter", "Unit", words.point.capitalize(), "Mean [interval]", "SD", "n", NOTE)
+    missing = dict.fromkeys(m.status for m in kept if m.value is None)
+    notes = tuple(f"{NO_VALUE}: {status_meaning(status)}." for status in missing)
+    return Table(caption, head, tuple(map(_mean_row, kept)), notes)
 
 
 def _mean_row(mean: PopulationEstimate) -> tuple[str, ...]:
@@ -255,14 +218,12 @@ def _methods(analysis: StudyAnalysis) -> Table:
     """Set the methods side by side; not over unlike loads, whose means mean nothing."""
     words = subjects(analysis)
     people = {c.participant for c in analysis.cells}
-    by_method: dict[str, list[CellEstimate]] = {}
-    for cell in (*analysis.cells, *analysis.comparison):
-        by_method.setdefault(cell.method, []).append(cell)
+    by_method = cells_by_method(analysis)
     caption = (
         f"Methods compared on the same pulses: mean over {words.many} whose estimate stands "
         f"[{_level(analysis)} Student interval over {words.many}, or the {words.one}'s own where "
         f"there is one] (n). An estimate at its bound counts with the value of the bound. Chosen: "
-        f"{method_name(analysis.cells[0].method) if analysis.cells else NO_VALUE}. "
+        f"{method_name(chosen_method(analysis)) if analysis.cells else NO_VALUE}. "
         f"{_symbols(p.name for c in analysis.cells for p in c.parameters)}"
     )
     head = ("Parameter", "Unit", words.point.capitalize(), *map(method_name, by_method))
@@ -308,7 +269,7 @@ def _exclusions(analysis: StudyAnalysis) -> Table:
     )
     caption = (
         f"Pulses and strides left out of the analysis, by code: number, of how many found, and "
-        f"{words.many} concerned. No other data were left out by the program."
+        f"{words.many} concerned."
     )
     head = ("What", "Code", "Meaning", "Left out", "Found", words.many.capitalize())
     return Table(caption, head, rows)

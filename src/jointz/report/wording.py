@@ -1,6 +1,7 @@
 """Words and numbers as people read them: names, units, significant digits, codes."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -33,6 +34,9 @@ _METHOD_NAMES: Final[Mapping[str, str]] = {
 _NEGLIGIBLE = 1e-9
 _SMALLEST_PLAIN = 1e-4
 _ALMOST_ALL_PCT = 99.9
+#: A group by a channel, as its edges name it.
+_NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+_EDGES: Final = re.compile(rf"({_NUMBER})\.\.({_NUMBER})( .*)?")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -68,6 +72,48 @@ def format_number(value: float | None, *, like: float | None = None, digits: int
         return _signed(f"{mantissa:.{digits - 1}f}") + f" {TIMES} 10{power}"
     text = f"{value:,.{max(0, digits - 1 - exponent)}f}"
     return _signed(text.replace(",", "\N{NARROW NO-BREAK SPACE}"))
+
+
+def format_exact(value: float) -> str:
+    """Write a number that was set, not estimated, with the digits it has.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+
+    Examples
+    --------
+    >>> format_exact(9.0), format_exact(21.5), format_exact(9.2e-5)
+    ('9', '21.5', '9.2 \N{MULTIPLICATION SIGN} 10\u207b\u2075')
+    """
+    mantissa, _, exponent = f"{value:.6g}".partition("e")
+    power = f" {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else ""
+    return _signed(mantissa) + power
+
+
+def format_with_sd(value: float, sd: float, unit: str = "") -> str:
+    """Write a value with its standard deviation, to two digits of the latter.
+
+    Parameters
+    ----------
+    value, sd : float
+        An sd of zero is said to be none.
+    unit : str
+        Of both.
+
+    Examples
+    --------
+    >>> format_with_sd(1.0, 0.004), format_with_sd(6.5, 0.5, "ms"), format_with_sd(1.0, 0.0)
+    ('1.0000 ± 0.0040', '6.50 ± 0.50 ms', '1 (taken for exact)')
+    """
+    behind = f" {unit}" if unit else ""
+    if sd <= 0.0:
+        return f"{format_exact(value)}{behind} (taken for exact)"
+    like = max(abs(value), sd)
+    digits = 2 + math.floor(math.log10(like)) - math.floor(math.log10(sd))
+    texts = (format_number(x, like=like, digits=digits) for x in (value, sd))
+    return f"{' ± '.join(texts)}{behind}"
 
 
 def format_interval(value: float | None, low: float | None, high: float | None) -> str:
@@ -129,7 +175,7 @@ def format_vaf(vaf_pct: float | None) -> str:
     """
     if vaf_pct is None:
         return DASH
-    return f"> {_ALMOST_ALL_PCT}" if vaf_pct > _ALMOST_ALL_PCT else f"{vaf_pct:.1f}"
+    return f"> {_ALMOST_ALL_PCT}" if vaf_pct > _ALMOST_ALL_PCT else _signed(f"{vaf_pct:.1f}")
 
 
 def format_count(count: int, singular: str, plural: str | None = None) -> str:
@@ -238,10 +284,16 @@ def point_name(timing_point: str) -> str:
 
     Examples
     --------
-    >>> point_name("all"), point_name("LRE")
-    ('all points', 'LRE')
+    >>> point_name("all"), point_name("LRE"), point_name("-0.45..-0.15 rad")
+    ('all points', 'LRE', '\u22120.45 to \u22120.15 rad')
     """
-    return "all points" if timing_point == SHARED else timing_point
+    if timing_point == SHARED:
+        return "all points"
+    edges = _EDGES.fullmatch(timing_point)
+    if edges is None:
+        return timing_point
+    low, high, unit = edges.groups()
+    return f"{format_exact(float(low))} to {format_exact(float(high))}{unit or ''}"
 
 
 def parameter_label(parameter: str) -> str:

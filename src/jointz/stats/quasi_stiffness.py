@@ -30,6 +30,8 @@ TURNS_FROM = 0.2
 SMALL_RAD = radians(1.0)
 #: Below this the moment does not follow a line over angle.
 LINE_FROM = 0.5
+#: Width of the window of a local slope, % of the cycle.
+WINDOW_PCT = 6.0
 _FEWEST_NODES = 3
 _LARGEST_ANGLE_RAD = 2 * pi
 
@@ -42,7 +44,7 @@ def quasi_stiffness(
     *,
     gait_pct: Sequence[float] | np.ndarray | None = None,
     timing_points: Mapping[str, float] | None = None,
-    window_pct: float = 6.0,
+    window_pct: float = WINDOW_PCT,
     moment_unit: MomentUnit = "N*m/kg",
 ) -> QuasiStiffness:
     """Return slope, local slope and secant of moment over angle at every timing point.

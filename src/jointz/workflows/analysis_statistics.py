@@ -1,6 +1,7 @@
 """What an analysis says beside its estimates: description, effects of pulses, and notes."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import asdict
 from statistics import median
 from typing import Any
 
@@ -55,6 +56,7 @@ def study_statistics(
         "onset_accuracy": onset_accuracy(pulses),
         "strides": stride_summary(strides, gaps),
         "vaf": vaf_summary(cells),
+        "sampling": [asdict(s) for r in results for s in r.sampling],
         **_nuisance(cells),
         **_pulse_effects(single),
         **_quasi_stiffness(study, results),

@@ -44,7 +44,8 @@ def quasi_stiffness_rows(
 
 
 def _rows(curves: StrideCurves, timing_points: Mapping[str, float]) -> Iterator[dict[str, Any]]:
-    whole = _of_mean(curves.angle, curves.moment, timing_points)
+    mean = curves.angle.mean(axis=0), curves.moment.mean(axis=0)
+    whole = _of_stride(*mean, timing_points)
     halves = _half_widths(curves, timing_points)
     for estimate, half in zip(whole.estimates, halves, strict=True):
         yield _row(curves, estimate, half)
@@ -74,12 +75,10 @@ def _row(
     }
 
 
-def _of_mean(
+def _of_stride(
     angle: np.ndarray, moment: np.ndarray, timing_points: Mapping[str, float]
 ) -> QuasiStiffness:
-    return quasi_stiffness(
-        angle.mean(axis=0), moment.mean(axis=0), timing_points=timing_points, moment_unit="N*m"
-    )
+    return quasi_stiffness(angle, moment, timing_points=timing_points, moment_unit="N*m")
 
 
 def _half_widths(
@@ -90,17 +89,16 @@ def _half_widths(
     n_estimates = 3 * len(timing_points)
     if n < _FEWEST_STRIDES:
         return [None] * n_estimates
+    means = (
+        (n * values.mean(axis=0) - values) / (n - 1) for values in (curves.angle, curves.moment)
+    )
     left_out = np.array(
         [
             [
                 np.nan if e.value is None else e.value
-                for e in _of_mean(
-                    np.delete(curves.angle, k, axis=0),
-                    np.delete(curves.moment, k, axis=0),
-                    timing_points,
-                ).estimates
+                for e in _of_stride(angle, moment, timing_points).estimates
             ]
-            for k in range(n)
+            for angle, moment in zip(*means, strict=True)
         ]
     )
     errors = np.sqrt((n - 1) / n * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0))

@@ -257,6 +257,60 @@ def failed_analysis(code="no_pulses"):
     return StudyAnalysis((cell,))
 
 
+def unperturbed_analysis():
+    """Return an analysis of one walker without a device, as that of examples/treadmill_strides."""
+    status = "failed:no_perturbed_recording"
+    names = ("stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass")
+    parameters = tuple(ParameterEstimate(n, None, None, None, status) for n in names)
+    cells = tuple(
+        CellEstimate("15", p, None, parameters, None, 0, 0, "recommended", "predicted")
+        for p in TIMING_POINTS
+    )
+    strides = tuple(
+        StrideRecord("15", "a.csv", "no_device", 1.3 * k, 1.3 + 0.01 * (k % 3), "")
+        for k in range(42)
+    )
+    found = {
+        ("LRE", "slope"): (90.0, 12.0, "ok", ""),
+        ("LRE", "local_slope"): (80.0, 14.0, "ok", ""),
+        ("LRE", "secant"): (-49.0, 9.0, "ok", ""),
+        ("TST", "slope"): (181.0, 37.0, "ill_conditioned", "angle_turns"),
+        ("TST", "local_slope"): (None, None, "undecided", "no_range"),
+        ("TST", "secant"): (-108.0, 14.0, "ok", ""),
+    }
+    rows = [
+        {
+            "participant": "15", "side": "right", "timing_point": point,
+            "onset_gait_pct": TIMING_POINTS[point], "measure": measure, "value": value,
+            "unit": "N*m/rad", "ci_low": None if value is None else value - half,
+            "ci_high": None if value is None else value + half, "ci_level": 0.95,
+            "r_squared": None, "angle_range_rad": None, "n_strides": 42, "status": own,
+            "doubts": doubts,
+        }
+        for (point, measure), (value, half, own, doubts) in found.items()
+    ]  # fmt: skip
+    return StudyAnalysis(
+        cells,
+        strides=strides,
+        settings={"method": "recommended", "kind": "walking", "joint": "knee", "window_s": 0.1,
+                  "positive": "flexion", "baseline": "predicted", "resamples": 1000, "seed": 0},
+        statistics={
+            "quasi_stiffness": rows,
+            "sampling": [{"participant": "15", "recording": "a.csv", "condition": "no_device",
+                          "rate_hz": 100.0}],
+        },
+        provenance={
+            "jointz": "0.1.0",
+            "study": {
+                "torque_acts_on": "device",
+                "channels": {"angle": {"column": "knee"}, "torque": {"column": "KneeMoment"}},
+                "participants": [{"id": "15", "mass_kg": 79.4}],
+                "recordings": [{"participant": "15", "file": "a.csv", "condition": "no_device"}],
+            },
+        },
+    )  # fmt: skip
+
+
 def truth_of(analysis, seed=3):
     rng = np.random.default_rng(seed)
     table = analysis.to_frame()
@@ -286,6 +340,11 @@ def recommended():
 @pytest.fixture(scope="session")
 def bench():
     return bench_analysis()
+
+
+@pytest.fixture(scope="session")
+def unperturbed():
+    return unperturbed_analysis()
 
 
 @pytest.fixture(scope="session")

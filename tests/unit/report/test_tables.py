@@ -10,9 +10,11 @@ import pandas as pd
 import pytest
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.report.latex import latex_table, to_latex
+from jointz.report.latex import MOST_ROWS, latex_table, to_latex
+from jointz.report.method_means import cells_by_method
 from jointz.report.methods_text import methods_latex
-from jointz.report.tables import NO_VALUE, Table, captions_text, paper_tables
+from jointz.report.table import NO_VALUE, Table
+from jointz.report.tables import captions_text, paper_tables
 from jointz.report.wording import DASH, MINUS, TIMES, format_interval, format_number
 
 NUMBER = re.compile(rf"[{MINUS}\d.]+")
@@ -132,6 +134,87 @@ def test_methods_are_not_compared_over_unlike_loads(bench):
     assert "methods" in paper_tables(replace(bench, comparison=bench.cells))
 
 
+def with_fallback(bench):
+    """Return a bench whose last case needed another method, which also is the comparison."""
+    chosen = tuple(replace(c, method="full_record") for c in bench.cells)
+    others = tuple(replace(c, method="dissertation") for c in bench.cells)
+    settings = {**bench.settings, "method": "full_record"}
+    return replace(bench, cells=(others[0], *chosen[1:]), comparison=others, settings=settings)
+
+
+def test_a_case_that_needed_another_method_counts_once(bench):
+    table = paper_tables(with_fallback(bench))["methods"]
+    assert table.head[3:] == ("whole trials", "dissertation")  # the chosen one first
+    assert "Chosen: whole trials." in table.caption
+    first = bench.cells[0].timing_point
+    (row,) = [r for r in table.rows if r[0] == "K" and r[2] == first]
+    stiffness = bench.cells[0].parameter("stiffness")
+    text = format_interval(stiffness.value, stiffness.ci_low, stiffness.ci_high)
+    assert row[3:] == (NO_VALUE, f"{text} (1)")
+
+
+def test_the_figure_of_the_methods_counts_a_case_once_too(bench):
+    from jointz.report.method_figures import draw_methods
+    from jointz.report.style import figure_style
+
+    analysis = with_fallback(bench)
+    found = cells_by_method(analysis)
+    assert {name: len(cells) for name, cells in found.items()} == {
+        "full_record": len(bench.cells) - 1,
+        "dissertation": len(bench.cells),
+    }
+    with figure_style():
+        legend = draw_methods(analysis).legends[0]
+        assert [t.get_text() for t in legend.get_texts()] == [
+            "whole trials (chosen)",
+            "dissertation",
+        ]
+
+
+def test_means_of_the_model_of_people_are_called_what_they_are(walking):
+    plain = paper_tables(walking)["population"]
+    assert "n: those whose estimate stands." in plain.caption
+    pooled = tuple(replace(m, method="recommended_pooled") for m in walking.population)
+    caption = paper_tables(replace(walking, population=pooled))["population"].caption
+    assert "of J, where all values are positive, the geometric mean" in caption
+    assert "undecided ones included" in caption
+
+
+def test_people_in_cases_are_in_cases(bench, walking):
+    provenance = {"study": {"subjects": "people"}}
+    settings = {**walking.settings, "kind": "bench"}
+    at_rest = replace(walking, settings=settings, provenance=provenance)
+    assert paper_tables(at_rest)["population"].head[2] == "Case"
+
+
+def test_vaf_is_said_to_be_of_the_signal_that_was_fitted(recommended, walking):
+    assert (
+        "VAF: variance accounted for of the angle" in paper_tables(recommended)["estimates"].caption
+    )
+    assert "VAF: variance accounted for of the torque" in paper_tables(walking)["estimates"].caption
+
+
+def test_exclusions_do_not_claim_that_nothing_else_was_left_out(tables):
+    assert "No other data" not in tables["exclusions"].caption
+
+
+def test_where_nobody_was_perturbed_quasi_stiffness_takes_the_place_of_estimates(unperturbed):
+    tables = paper_tables(unperturbed)
+    assert list(tables) == ["quasi_stiffness"]
+    frame = tables["quasi_stiffness"].to_frame()
+    (row,) = frame[frame["Timing point"] == "TST"].to_dict("records")
+    assert row["Slope (N·m/rad)"] == "181 [144, 218]"
+    assert row["Local slope (N·m/rad)"] == NO_VALUE
+    assert row["Strides"] == "42"
+    assert row["Note"] == "slope: angle turns; local slope: no range"
+    tex = tables["quasi_stiffness"].to_latex("quasi_stiffness")
+    assert r"181 [144, 218]$^{a}$ & ---$^{b}$" in tex
+    assert "$^{a}$angle turns: the angle turns here" in tex
+    caption = tables["quasi_stiffness"].caption
+    for said in ("value [95 % interval]", "6 % of the gait cycle", "Nobody was perturbed"):
+        assert said in caption
+
+
 def test_nothing_standing_is_a_table_of_dashes_and_nobody_none(failed):
     frame = paper_tables(failed)["estimates"].to_frame()
     assert list(frame["K (N·m/rad)"]) == [NO_VALUE]
@@ -160,11 +243,18 @@ def test_a_table_has_the_rules_of_booktabs_and_as_many_cells_in_every_row(tables
     for name, table in tables.items():
         tex = table.to_latex(name)
         assert rf"\label{{tab:{name}}}" in tex
-        assert tex.count(r"\toprule") == tex.count(r"\midrule") == 2  # again on every page
-        assert tex.count(r"\bottomrule") == 2
-        assert tex.count(r"\begin{") == tex.count(r"\end{") == 1
+        long = len(table.rows) > MOST_ROWS
+        assert (r"\begin{longtable}" in tex) == long
+        assert (r"\begin{table*}" in tex) == (r"\begin{tabular}" in tex) == (not long)
+        # A long one has its head again on every page.
+        assert tex.count(r"\toprule") == tex.count(r"\midrule") == 1 + long
+        assert tex.count(r"\bottomrule") == 1 + long
+        assert tex.count(r"\begin{") == tex.count(r"\end{") == 2 - long
         assert tex.isascii()
-        body = tex.split(r"\endlastfoot")[1].split(r"\end{longtable}")[0].strip().splitlines()
+        begins, ends = (
+            (r"\endlastfoot", r"\end{longtable}") if long else (r"\midrule", r"\bottomrule")
+        )
+        body = tex.split(begins)[1].split(ends)[0].strip().splitlines()
         assert len(body) == len(table.rows)
         columns = [column for column in table.head if column != "Note"]
         assert {len(re.findall(r"(?<!\\)&", line)) for line in body} == {len(columns) - 1}
@@ -189,10 +279,10 @@ def test_units_stand_below_the_names_in_latex(tables):
 
 
 def test_names_of_people_are_no_commands_of_latex(bench):
-    cells = (replace(bench.cells[0], participant=r"\end{longtable}", timing_point="[x] & 50 %"),)
+    cells = (replace(bench.cells[0], participant=r"\end{tabular}", timing_point="[x] & 50 %"),)
     tex = paper_tables(replace(bench, cells=cells))["estimates"].to_latex("t")
-    assert tex.count(r"\end{longtable}") == 1
-    assert r"\textbackslash{}end\{longtable\} & [x] \& 50 \%" in tex
+    assert tex.count(r"\end{tabular}") == 1
+    assert r"\textbackslash{}end\{tabular\} & [x] \& 50 \%" in tex
 
 
 def test_a_row_that_begins_with_a_bracket_is_no_argument_of_the_line_before():

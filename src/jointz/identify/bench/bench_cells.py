@@ -196,12 +196,13 @@ def _code(candidate: Candidate, why: str) -> str:
 
 
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
-    """Return the known lag of the torque behind the angle, and its sd."""
+    """Return the known lag of the torque behind the angle, and its sd; one alone tells it too."""
     torque, angle = known.torque_lag_s, known.angle_lag_s
-    if torque is None:
+    if torque is None and angle is None:
         return None
-    late = angle or Calibrated(value=0.0, sd=0.0)
-    return torque.value - late.value, float(np.hypot(torque.sd, late.sd))
+    none = Calibrated(value=0.0, sd=0.0)
+    late, early = torque or none, angle or none
+    return late.value - early.value, float(np.hypot(late.sd, early.sd))
 
 
 def _intrinsic(known: CalibrationSpec) -> Impedance:

@@ -170,7 +170,7 @@ def solve_regression(
     the sum of squares falls; it never leaves the range of the grid.
 
     Noise of the angle adds to the regressors' sums of squares; what it adds is known from its
-    sd and taken off (corrected scores, Stefanski 1989, doi:10.1080/03610928908830207), so that
+    sd and taken off (corrected scores, Stefanski 1989, doi:10.1080/03610928908830159), so that
     inertia is not attenuated. Noise of the torque is the residual.
     """
     lags = _grid(free) if start is None else [start]

@@ -283,11 +283,15 @@ def _parameters(
     ci_level: float,
 ) -> tuple[ParameterEstimate, ...]:
     """Return the estimates; an infinite sd leaves one undecided."""
+    freedom = max(n_blocks - n_fitted, 1)
     common: dict[str, Any] = {
         "ci_level": ci_level,
-        "ci_method": f"sandwich over {n_blocks} blocks, calibration sd added",
+        "ci_method": (
+            f"sandwich over {n_blocks} blocks, calibration sd added, Student's t with {freedom} "
+            "degrees of freedom"
+        ),
     }
-    factor = float(student_t.ppf((1.0 + ci_level) / 2.0, max(n_blocks - n_fitted, 1)))
+    factor = float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
     return tuple(
         estimate(name, float(value), float(sd), t_factor=factor, common=common)
         for (name, value), sd in zip(values.items(), sds, strict=True)

@@ -70,6 +70,8 @@ class WindowCutter:
             parts.append((index, *self._of_source(index, mine)))
         windows = np.concatenate([w for _, w, _ in parts])
         baseline = _stacked([(self._home(index), b) for index, _, b in parts])
+        if not self._settings.walking:  # trials do not drift as posture does in walking
+            baseline = replace(baseline, block=1)
         # Back into the order of the candidates.
         placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
         back = np.argsort(placed)
@@ -138,7 +140,12 @@ def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
         windows.append(np.pad(part.windows, ((0, 0), (0, pad), (0, 0), (0, 0))))
         sources.append(np.pad(part.sources + first[home], ((0, 0), (0, pad)), mode="edge"))
         valid.append(np.pad(part.valid, ((0, 0), (0, pad))))
-    return Baseline(np.concatenate(windows), np.concatenate(sources), np.concatenate(valid))
+    return Baseline(
+        np.concatenate(windows),
+        np.concatenate(sources),
+        np.concatenate(valid),
+        block=max(part.block for _, part in parts),
+    )
 
 
 def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:

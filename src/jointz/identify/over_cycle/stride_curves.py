@@ -44,8 +44,8 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     Returns
     -------
     tuple of StrideCurves
-        One a side; none of a participant who was perturbed somewhere: the torque column of such
-        a study is that of the device.
+        One a side; none of a participant who wore a device somewhere: the torque of such
+        recordings is that of the device.
 
     Notes
     -----
@@ -54,9 +54,9 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     instruments and are not applied.
     """
     found: dict[str, list[np.ndarray]] = {}
+    if any(source.given.condition != "no_device" for source in sources):
+        return ()
     for source in sources:
-        if source.given.condition != "no_device":
-            continue
         side = str(source.given.recording.attrs["side"])
         found.setdefault(side, []).extend(_strides(source))
     return tuple(

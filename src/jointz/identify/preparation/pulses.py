@@ -79,16 +79,18 @@ def with_measured_amplitudes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -
     pulses : tuple of Pulse
         Pulses of a table.
     recording : xarray.Dataset
-        Its command is read, else its torque: the mean over the pulse (or 0.1 s)
-        less that of the 50 ms before it.
+        Its command is read, else its torque, which one whose torque is computed from a
+        current has not: the mean over the pulse (or 0.1 s) less that of the 50 ms before it.
 
     Returns
     -------
     tuple of Pulse
         The pulses; NaN stays where there is nothing to read.
     """
-    time = recording["time"].to_numpy()
-    source = recording["command" if "command" in recording else "torque"].to_numpy()
+    name = next((n for n in ("command", "torque") if n in recording), None)
+    if name is None or not any(np.isnan(p.amplitude) for p in pulses):
+        return pulses
+    time, source = recording["time"].to_numpy(), recording[name].to_numpy()
     return tuple(
         replace(p, amplitude=_measured(time, source, p)) if np.isnan(p.amplitude) else p
         for p in pulses

@@ -8,12 +8,14 @@ import pytest
 
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.methods import cell_resampling
 from jointz.identify.methods.cell_estimator import CellEstimator, mean_phase
 from jointz.identify.methods.cell_windows import _stacked
 from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.kernels.resampling import resample_weights
 
 RATE_HZ = 500.0
 TRUTH = (50.0, 1.5, 0.05)
@@ -150,6 +152,23 @@ def test_trials_of_a_bench_take_the_reference_of_their_own_trial():
         np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
         assert cell.onset_gait_pct is None
         assert len(cell.parameters) == 3
+
+
+@pytest.mark.parametrize(("walking", "runs"), [(True, {4}), (False, {1})])
+def test_strides_are_resampled_in_runs_and_trials_of_a_bench_one_by_one(walking, runs, monkeypatch):
+    drawn = []
+
+    def seen(count, n_resamples, rng, *, block=1):
+        drawn.append((count, block))
+        return resample_weights(count, n_resamples, rng, block=block)
+
+    monkeypatch.setattr(cell_resampling, "resample_weights", seen)
+    pulses = [6.2, 8.2, 10.2]
+    given = [record("unperturbed"), record("perturbed", pulses)]
+    run(*given, method="least_squares", walking=walking, source="table",
+        baseline="unperturbed_mean")  # fmt: skip
+
+    assert {block for count, block in drawn if count != len(pulses)} == runs
 
 
 def test_strides_that_hold_or_follow_a_pulse_never_serve():

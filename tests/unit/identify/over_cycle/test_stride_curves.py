@@ -20,6 +20,8 @@ def recording(*, condition="no_device", side="left", missing=(), moment=True):
     angle = 0.4 + 0.2 * np.sin(2 * np.pi * time / STRIDE_S)
     angle[list(missing)] = np.nan
     channels = {"angle": angle, "contact": (time % STRIDE_S < 0.6).astype(float)}
+    if condition == "perturbed":
+        channels["command"] = np.zeros(time.size)
     if moment:
         channels["torque"] = 50.0 * (0.4 + 0.2 * np.sin(2 * np.pi * time / STRIDE_S))
     return build_recording(
@@ -77,3 +79,8 @@ def test_a_stride_that_the_user_left_out_does_not_count():
 @pytest.mark.parametrize("without", [{"condition": "unperturbed"}, {"moment": False}])
 def test_a_device_or_no_moment_makes_no_curves(without):
     assert found(recording(**without)) == ()
+
+
+@pytest.mark.parametrize("other", ["unperturbed", "perturbed"])
+def test_one_file_with_every_condition_is_of_somebody_with_a_device(other):
+    assert found(recording(), recording(condition=other)) == ()

@@ -1,0 +1,76 @@
+"""Cases of a bench: what is known of its instruments reaches the fit of whole trials."""
+
+import numpy as np
+import pytest
+
+from jointz.core.recording import build_recording
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.participant import analyze_participant
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+
+RATE_HZ = 500.0
+SPRING = 160.0  # N*m/rad, hardly any inertia: a lag and a damping are one and the same
+LATE_S = 0.005
+
+
+def estimated(**calibration):
+    """Return the case of a spring whose angle is shown late."""
+    rng = np.random.default_rng(4)
+    t = np.arange(int(20 * RATE_HZ)) / RATE_HZ
+    lines = [(0.03, 7.0), (0.01, 23.0), (0.006, 41.0)]
+
+    def angle_at(time):
+        return sum(size * np.sin(omega * time) for size, omega in lines)
+
+    channels = {
+        "angle": angle_at(t - LATE_S) + rng.normal(0.0, 1e-5, t.size),
+        "torque": SPRING * angle_at(t) + rng.normal(0.0, 0.01, t.size),
+        "command": 7.0 * (np.isin(np.floor(t), (3, 6, 9)) & (t % 1.0 < 0.2)),
+    }
+    recording = build_recording(t, channels, condition="perturbed", file="spring.csv")
+    settings = ParticipantSettings(
+        walking=False,
+        perturbations=PerturbationsSpec(),
+        group_edges=(),
+        torque_model=None,
+        methods=("full_record",),
+        n_resamples=10,
+        seed=0,
+        mass_kg=None,
+    )
+    known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
+    found = analyze_participant("rig", [RecordingInput(recording, known)], settings)
+    (cell,) = found.cells["full_record"]
+    assert cell.method == "full_record"
+    assert [round(s.rate_hz) for s in found.sampling] == [RATE_HZ]
+    return cell
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        {"angle_lag_s": LATE_S},
+        {"torque_lag_s": -LATE_S},
+        {"angle_lag_s": LATE_S + 0.002, "torque_lag_s": 0.002},
+    ],
+)
+def test_a_calibrated_lag_of_either_signal_is_used(known):
+    cell = estimated(**known)
+
+    (lag,) = [p for p in cell.nuisance if p.name == "torque_lag"]
+    assert lag.value == pytest.approx(-LATE_S, abs=2e-4)
+    assert cell.parameter("stiffness").value == pytest.approx(SPRING, rel=0.01)
+
+
+def test_without_one_the_lag_of_a_spring_is_not_told():
+    cell = estimated()
+
+    (lag,) = [p for p in cell.nuisance if p.name == "torque_lag"]
+    assert lag.status == "undecided"
+
+
+def test_the_interval_says_its_degrees_of_freedom():
+    stiffness = estimated(angle_lag_s=LATE_S).parameter("stiffness")
+
+    assert "Student's t with " in stiffness.ci_method
+    assert "sandwich over " in stiffness.ci_method
