@@ -34,14 +34,14 @@ html_theme.sidebar_secondary.remove: true
 
 <!-- Made by docs/make_from_matlab.py out of docs/from_matlab; do not edit. -->
 
-What you call there, what you call here, and the number that both give. Every row that names a
-program (*in italics*) is run: the left side in that program, the right one in the tests of jointz,
-on the same data, and each number agrees to the share stated. Of {n} rows {tested} are compared so,
-{by}; the other {untested} say why not.
+What you call there, what you call here, and the number that both give. Of {n} rows {tested} are
+compared, each number to the share stated, on the same data; the other {untested} say why not. In
+{run} of them the left side ran in the program named *in italics*: {by}. In the
+other {formulas}, *Octave, the formula*, Octave does not have the function: what ran is its
+published formula written out, not the function itself. The tests of jointz run the right side.
 
 MATLAB itself was not at hand. *Octave* means that Octave and its packages ran the call, spelled as
-Octave wants it where that differs; *Octave, the formula* that Octave has no such function and ran
-the published formula written out; *R* and *spm1d* that those did. Made with
+Octave wants it where that differs; *R* and *spm1d* that those did. Made with
 {versions}.
 
 Given to all rows, SI throughout and angles in rad:
@@ -68,7 +68,8 @@ def page() -> str:
 
 def _head() -> str:
     rows = all_rows()
-    count = Counter(row.program for row in rows if row.program)
+    compared = [row for row in rows if row.program]
+    ran = Counter(row.program for row in compared if not row.formula)
     programs: dict[str, dict[str, str]] = stored()["programs"]
     versions = [
         ", ".join(f"{name} {version}" for name, version in found.items())
@@ -76,9 +77,11 @@ def _head() -> str:
     ]
     return _HEAD.format(
         n=len(rows),
-        tested=count.total(),
-        untested=len(rows) - count.total(),
-        by=", ".join(f"{n} with {program}" for program, n in count.most_common()),
+        tested=len(compared),
+        untested=len(rows) - len(compared),
+        run=ran.total(),
+        formulas=len(compared) - ran.total(),
+        by=", ".join(f"{n} with {program}" for program, n in ran.most_common()),
         versions="; ".join(versions),
     )
 

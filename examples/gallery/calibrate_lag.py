@@ -4,7 +4,7 @@ Measure the lag of a goniometer
 
 On a rigid hinge goniometer and encoder turn together, so whatever lies between them is the
 instrument's. :func:`jointz.calibrate` finds lag and gain with a standard deviation and writes
-them into the study, where every method honours them.
+them to a file. In the study's ``[calibration]`` every method honours them.
 """
 
 from pathlib import Path

@@ -4,7 +4,7 @@ Does a known spring come back?
 
 Before a joint, a spring: on the bench stiffness and inertia are known.
 :func:`~jointz.identify.bench.full_record.fit_full_record` uses every sample of whole trials and
-estimates by how much the torque record is late;
+estimates by how much the torque record is late, and takes off what the device adds of its own;
 :func:`~jointz.identify.bench.pulse_likelihood.fit_pulse` takes single pulses.
 """
 
@@ -12,11 +12,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jointz.identify.bench.bench_records import BenchTrial
-from jointz.identify.bench.full_record import fit_full_record
+from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.bench.pulse_likelihood import fit_pulse
 from jointz.sim.joint import respond
 
 K, B, J = 168.0, 0.5, 0.0364
+# The device's own, measured beforehand; of the dissertation's, section 2.2.2.
+DEVICE = Impedance(0.388, 0.163, 0.001, stiffness_sd=0.194, damping_sd=0.013, inertia_sd=2.65e-5)
 RATE, LATE = 900.0, 2  # Hz; samples by which the torque record is late
 
 # %%
@@ -30,15 +32,17 @@ onsets = np.arange(1.0, 11.0, 1.0)
 for number, onset in enumerate(onsets):
     ramps = np.interp(time - onset, [0.0, 0.075, 0.175, 0.25], [0.0, 1.0, 1.0, 0.0], 0.0, 0.0)
     torque += 7.0 * (-1.0) ** number * ramps
-angle, _ = respond(torque, K, B, J, rate_hz=RATE)
+both = K + DEVICE.stiffness, B + DEVICE.damping, J + DEVICE.inertia
+angle, _ = respond(torque, *both, rate_hz=RATE)
 angle = angle + 1e-5 * rng.standard_normal(angle.size)
 recorded = np.roll(torque, LATE) + 0.1 * rng.standard_normal(torque.size)
 
-fit = fit_full_record([BenchTrial(time[10:], angle[10:], recorded[10:])], friction=False)
+trial = BenchTrial(time[10:], angle[10:], recorded[10:])
+fit = fit_full_record([trial], friction=False, intrinsic=DEVICE)
 print(fit.summary())
 
 # %%
-# The same pulses one by one:
+# The same pulses one by one; what the device adds stays in these:
 
 lag = (LATE / RATE, 1e-4)
 single = [
@@ -61,8 +65,10 @@ for panel, (name, true) in zip(
                 at, found.value, reach, fmt="o", ms=3, color="C1" if one is fit else "C0"
             )
     panel.axhline(true, color="0.6", linewidth=0.8)
+    panel.axhline(true + getattr(DEVICE, name), color="C0", linewidth=0.8, linestyle=":")
     panel.set(title=f"{name} ({fit.parameter(name).unit})", xlabel="Pulse; last: whole trial")
 
 # %%
-# All values lie about the true one (grey). The whole trial (orange) is the narrowest, although
-# nobody told it the lag.
+# The whole trial (orange) holds the spring (grey) although nobody told it the lag, and knows its
+# stiffness and inertia best. Single pulses scatter about spring and device together (dotted), which
+# differ most in the damping.

@@ -26,12 +26,14 @@ for shift, (name, table) in enumerate(frames.items()):
     at = [k + 0.15 * (shift - 1.5) for k in range(len(points))]
     reach = [rows["value"] - rows["ci_low"], rows["ci_high"] - rows["value"]]
     axes.errorbar(at, rows["value"], reach, fmt="o", markersize=4, label=name)
-    print(f"{name:16s} mean VAF {rows['vaf_pct'].mean():.1f} %")
+    fitted = "angle" if name == "recommended" else "torque"
+    print(f"{name:16s} mean VAF of the {fitted} {rows['vaf_pct'].mean():.1f} %")
 axes.set_xticks(range(len(points)), points)
 axes.set_ylabel("Stiffness (N*m/rad)")
 axes.legend()
 
 # %%
-# All of them fit well, and they contradict each other by more than their intervals allow. What
+# All of them fit well, each by its own measure (the VAF of the angle and that of the torque are not
+# to be compared), and they contradict each other by more than their intervals allow. What
 # separates them is the lag of the goniometer and the baseline: :ref:`traps 2 and 3 <traps>`. Where
 # the recommended method has no point, ten pulses do not decide it, and it says so.

@@ -15,6 +15,7 @@ import pandas as pd
 import jointz
 from jointz.core.protocol import Protocol
 from jointz.io.protocols import load_protocol
+from jointz.io.session_log import read_log
 
 # %%
 # A protocol is a file. Here the built-in one with five pulses a timing point instead of fifty:
@@ -26,6 +27,13 @@ protocol = Protocol.model_validate(content)
 
 done = jointz.run(protocol, out=mkdtemp() + "/study", participants=1, seed=2)
 print(sorted(path.name for path in done.study.iterdir()))
+
+# %%
+# Every tick of the loop is in the logs, which survive a crash: nothing of them is torn here.
+
+for file in sorted(done.study.glob("sessions/*/logs/*.jzlog")):
+    log = read_log(file)
+    print(log.header["condition"], len(log.records), "ticks;", log.torn_bytes, "bytes torn off")
 
 # %%
 # What the report says of the onsets, in % of the gait cycle:

@@ -75,5 +75,5 @@ axes[2].set_xlabel("Time (s)")
 axes[0].legend(loc="upper right")
 
 # %%
-# Above its limit a request is clamped. After a trip the torque is zero at the next tick and stays
+# Above its limit a request is clamped. A trip makes the torque zero in the same tick, and it stays
 # there: trips latch.

@@ -13,7 +13,7 @@ from jointz.sim.joint import knee_angle
 from jointz.stats import spm_paired_t, spm_unpaired_t
 
 # %%
-# Ten people with and without a device that adds two degrees of flexion in swing:
+# Ten people with and without a device that adds three degrees of flexion in swing:
 
 rng = np.random.default_rng(15)
 phase = np.linspace(0.0, 1.0, 101)

@@ -42,5 +42,5 @@ axes = fit.plot()
 axes.plot(100 * cycles[:550], true[:550], "k:", label="truth")
 
 # %%
-# The curve follows the dotted truth at every phase; where it bends it is a little high, because a
-# segment averages over a tenth of the cycle.
+# The curve follows the dotted truth; where that bends it is a little high at the minimum and a
+# little low at the maximum, because a segment averages over a tenth of the cycle.

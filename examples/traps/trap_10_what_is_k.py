@@ -3,8 +3,9 @@ Trap 10: which moment does an estimate belong to?
 =================================================
 
 Over 100 ms the stiffness changes, and an estimate is one number. A fit listens to early samples
-for the inertia, to later ones for damping, to the last for stiffness. The value belongs to the
-centre of that weight, about half a window behind the onset, not to the onset.
+for the inertia, to later ones for damping, and for stiffness most to those about the middle. The
+value belongs to the centre of that weight, not to the onset: that of the stiffness about half a
+window behind it.
 """
 
 import matplotlib.pyplot as plt

@@ -4,14 +4,20 @@ Trap 14: is that stiffness or a reflex?
 
 About 40 ms after a stretch the muscle answers, and a model without reflex calls the answer
 stiffness and damping. A record with random stretches in both directions tells the two apart,
-because the reflex comes late and answers one direction only.
+because the reflex comes late and answers one direction only. Pulses of one direction do not.
 """
+
+from dataclasses import replace
+from tempfile import mkdtemp
 
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 import jointz
+from jointz.sim.presets import JointSettings, ReflexSettings, preset
+from jointz.workflows.demo import truth_table
+from jointz.workflows.simulated_study import simulate_study
 
 K, B, J = 60.0, 1.0, 0.015
 RATE = 1000.0
@@ -23,7 +29,7 @@ def record(gain, seed=14):
     rng = np.random.default_rng(seed)
     angle = (
         np.radians(4.0)
-        * sosfilt(butter(2, 10.0, fs=RATE, output="sos"), rng.standard_normal(60_000))
+        * sosfilt(butter(2, 10.0, fs=RATE, output="sos"), rng.standard_normal(40_000))
         * 5.0
     )
     velocity = np.gradient(angle, 1 / RATE)
@@ -36,7 +42,7 @@ def record(gain, seed=14):
 # %%
 # The stiffness that both models find, the stronger the reflex:
 
-gains = np.array([0.0, 3.0, 6.0, 9.0])
+gains = np.array([0.0, 4.5, 9.0])
 found = {"kbj": [], "reflex": []}
 for gain in gains:
     angle, torque = record(gain)
@@ -48,14 +54,43 @@ for gain in gains:
         if gain == gains[-1]:
             print(fit.summary(), "\n")
 
-figure, axes = plt.subplots()
-for model, label in {"kbj": "one joint", "reflex": "joint and reflex"}.items():
-    axes.plot(gains, found[model], "o-", label=label)
-axes.axhline(K, color="0.6", linewidth=0.8)
-axes.set(xlabel="Reflex gain (N*m*s/rad)", ylabel="Stiffness found (N*m/rad)")
-axes.legend()
+# %%
+# Somebody walks with pulses in one direction. The reflex is of the stretch's velocity, 30 ms late,
+# and as strong as none, 30 % or all of the stiffness; estimated as always:
+
+shares = np.array([0.0, 0.3, 1.0])
+walking = []
+for share in shares:
+    reflex = ReflexSettings(gain=share, latency_s=0.03) if share else None
+    people = replace(preset("nominal"), name="reflex", joint=JointSettings(reflex=reflex))
+    study = simulate_study(mkdtemp() + "/study", preset=people, lag_sd_s=0.0005, seed=14)
+    analysis = jointz.analyze(study, method="recommended", resamples=2)
+    rows = truth_table(analysis, study).query("parameter == 'stiffness'")
+    walking.append(rows["error_pct"].to_numpy())
+    print(
+        f"reflex of {100 * share:.0f} % of K: {len(rows)} of {len(analysis.cells)} decided, "
+        f"mean error {rows['error_pct'].mean():+.0f} %, "
+        f"intervals that hold the truth {100 * rows['covered'].mean():.0f} %"
+    )
 
 # %%
-# Without a reflex both models agree. The stronger it is, the further the stiffness of the simple
-# model is from the grey line, and the other stays on it. Pulses of one direction and one size
-# cannot do this: there the answer is ``undecided``.
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.6, 3.4))
+for model, label in {"kbj": "one joint", "reflex": "joint and reflex"}.items():
+    left.plot(gains, found[model], "o-", label=label)
+left.axhline(K, color="0.6", linewidth=0.8)
+left.set(xlabel="Reflex gain (N*m*s/rad)", ylabel="Stiffness found (N*m/rad)")
+left.set_title("random stretches both ways", fontsize="small")
+left.legend()
+for share, errors in zip(shares, walking, strict=True):
+    right.plot(np.full(errors.size, 100 * share), errors, ".", color="0.6")
+right.plot(100 * shares, [errors.mean() for errors in walking], "o-", color="C0")
+right.axhline(0.0, color="0.6", linewidth=0.8)
+right.set(xlabel="Reflex (% of the stiffness)", ylabel="Error of the stiffness (%)")
+right.set_title("walking, pulses of one direction", fontsize="small")
+
+# %%
+# Left: without a reflex both models agree. The stronger it is, the further the stiffness of the
+# simple model is from the grey line; the other stays near. Right: pulses of one direction and one
+# size cannot tell. As many estimates stand as without a reflex, and they go up with it: over 400
+# such people a reflex of 30 % moves the stiffness by +7 %, and intervals hold the truth in 88
+# instead of 95 % (page on accuracy). Push both ways where reflexes matter.

@@ -158,8 +158,16 @@ def test_a_formula_is_written_out_only_where_octave_lacks_the_function():
     """A stand-in that is only another spelling of the call is no formula."""
     formulas = {name for name in COMPARED if ROWS[name].formula}
 
-    assert {"spa", "etfe", "nlid-vaf"} < formulas
+    assert {"spa", "c2d", "nlid-vaf"} < formulas
     assert all(ROWS[name].program == "Octave" for name in formulas)
+
+
+def test_the_page_counts_what_ran_apart_from_written_out_formulas():
+    head = made.page().split("\n## ")[0]
+    formulas = sum(ROWS[name].formula for name in COMPARED)
+
+    assert f"{len(COMPARED) - formulas} of them the left side ran" in head
+    assert f"other {formulas}, *Octave, the formula*" in head.replace("\n", " ")
 
 
 # --- the page -----------------------------------------------------------------------------------

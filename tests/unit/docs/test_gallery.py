@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -20,6 +21,13 @@ SCRIPTS = [*GALLERY, *TRAPS]
 REFERENCE = (DOCS / "reference.md").read_text(encoding="utf-8")
 #: Sections whose classes are met by what returns or raises them, not by their names.
 MET_OTHERWISE = ("Results", "Errors")
+#: Packages of jointz that are public beside its own names.
+ROOMS = ("reference", "stats", "testing")
+#: What no script can run here: opensourceleg wants an older numpy. docs/devices.md shows these.
+ON_A_PAGE = {
+    "jointz.devices.opensourceleg_actuator.as_opensourceleg",
+    "jointz.workflows.opensourceleg_rig.simulated_opensourceleg_actuator",
+}
 _FENCE = re.compile(r"^```python[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
@@ -47,10 +55,14 @@ def is_callable_of_ours(thing: Any) -> bool:
     return inspect.isclass(thing) or inspect.isfunction(thing)
 
 
-def sources() -> Iterator[str]:
-    """Yield every script, and every Python block of the how-to and explanation pages."""
+def scripts() -> Iterator[str]:
+    """Yield every script of the gallery and the traps."""
     for script in SCRIPTS:
         yield script.read_text(encoding="utf-8")
+
+
+def blocks() -> Iterator[str]:
+    """Yield every Python block of the how-to and explanation pages."""
     for page in (ROOT / "README.md", *sorted(DOCS.glob("*.md"))):
         yield from _FENCE.findall(page.read_text(encoding="utf-8"))
 
@@ -72,17 +84,26 @@ def used_in(source: str) -> set[str]:
     return names
 
 
-USED = {name for source in sources() for name in used_in(source)}
+SHOWN = {name for source in scripts() for name in used_in(source)}
+ON_PAGES = {name for source in blocks() for name in used_in(source)}
+
+
+def face(module: ModuleType) -> list[str]:
+    """Return what a module offers; without ``__all__`` the functions that are its own."""
+    if hasattr(module, "__all__"):
+        return [n for n in module.__all__ if not inspect.ismodule(getattr(module, n))]
+    own = inspect.getmembers(module, inspect.isfunction)
+    return [name for name, thing in own if thing.__module__ == module.__name__]
 
 
 def public_names() -> list[str]:
     rooms = {"jointz": jointz}
-    rooms |= {f"jointz.{n}": importlib.import_module(f"jointz.{n}") for n in ("stats", "testing")}
+    rooms |= {f"jointz.{n}": importlib.import_module(f"jointz.{n}") for n in ROOMS}
     return [
         f"{room}.{name}"
         for room, module in rooms.items()
-        for name in module.__all__
-        if not inspect.ismodule(getattr(module, name)) and not name.startswith("__")
+        for name in face(module)
+        if not name.startswith("_")
     ]
 
 
@@ -109,20 +130,29 @@ def test_what_the_reference_lists_is_there_and_documented(name):
 
 
 @pytest.mark.parametrize("name", public_names())
-def test_every_public_name_stands_in_the_reference_and_in_an_example(name):
+def test_every_public_name_stands_in_the_reference(name):
     assert name in LISTED, "add it to docs/reference.md"
-    assert name in USED, "use it in examples/gallery or in a Python block of a page"
+
+
+def test_every_room_offers_something():
+    homes = {name.rpartition(".")[0] for name in public_names()}
+
+    assert homes == {"jointz", *(f"jointz.{room}" for room in ROOMS)}
 
 
 @pytest.mark.parametrize(
     "name",
     [n for heading, names in SECTIONS.items() if heading not in MET_OTHERWISE for n in names],
 )
-def test_whatever_is_in_the_reference_is_shown_at_work(name):
-    assert {name} & USED or any(resolved(used) is resolved(name) for used in USED)
+def test_whatever_is_in_the_reference_is_shown_at_work_in_a_script(name):
+    shown = SHOWN if name not in ON_A_PAGE else ON_PAGES
+
+    assert name in shown or any(resolved(used) is resolved(name) for used in shown), (
+        "use it in a script of examples/gallery"
+    )
 
 
-@pytest.mark.parametrize("name", sorted(USED))
+@pytest.mark.parametrize("name", sorted(SHOWN | ON_PAGES))
 def test_what_examples_import_is_in_the_reference(name):
     thing = resolved(name)
 
