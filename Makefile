@@ -123,7 +123,7 @@ $(VENV)/.installed-check: $(VENV)/.installed-test
 	touch $@
 
 $(VENV)/.installed-docs: docs/requirements.txt $(CONSTRAINTS) | $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --requirement docs/requirements.txt
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[formats,scale]" --requirement docs/requirements.txt
 	touch $@
 
 clean:

@@ -28,7 +28,7 @@ nothing else; an error is then an object with `"status": "error"`, `error` and `
 | exit status | meaning |
 |---|---|
 | 0 | done; of an analysis or a fit: at least one estimate stands |
-| 1 | nothing stands: every estimate failed or is undecided; or the results could not be written |
+| 1 | every estimate failed or is undecided; results could not be written; all workers were lost |
 | 2 | the input cannot be trusted, an option is wrong, or the output folder must be kept |
 | 3 | a device failed, or the safety gate tripped |
 | 70 | a bug in jointz; `--debug` shows where |
@@ -77,7 +77,7 @@ def _choices(command: Any) -> dict[str, list[str]]:
 
 def _row(parameter: Any, choices: dict[str, list[str]]) -> str:
     option = parameter.param_type_name == "option"
-    name = ", ".join(parameter.opts) if option else parameter.name.upper()
+    name = ", ".join(parameter.opts) if option else parameter.metavar or parameter.name.upper()
     meaning = parameter.help
     if len(choices.get(parameter.name, [])) > 1:
         meaning += f" One of {', '.join(f'`{c}`' for c in choices[parameter.name])}."

@@ -161,7 +161,7 @@ def test_a_full_disk_stops_the_run_safely_and_resume_completes_it(protocol, tmp_
     assert in_child(work) == 0
     said = json.loads(told.read_text())
     assert "perturbed-0.jzlog: cannot be written (" in said["message"]
-    assert said["notes"] == ["The devices were stopped."]
+    assert said["notes"] == ["The devices were stopped.", "It was participant 1 (seed 5)."]
     assert "stop" in said["commands"]
     made = run(protocol, out, resume=True)
     assert set(made.report.to_frame()["completed"]) == {3}

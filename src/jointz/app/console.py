@@ -16,7 +16,7 @@ from jointz.app.live_feed import LiveFeed
 from jointz.app.server import require_app, serve
 from jointz.app.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
-from jointz.workflows.live_session import LiveSession
+from jointz.workflows.live_session import LiveSession, refuse_where_unseen
 from jointz.workflows.run_claim import RUN_FILE
 
 if TYPE_CHECKING:
@@ -55,9 +55,10 @@ def open_console(
     Raises
     ------
     DataError
-        When NiceGUI is not installed, there is no session to look at, or the address cannot
-        be listened on.
+        When NiceGUI is not installed, the system is not Linux, there is no session to look at,
+        or the address cannot be listened on.
     """
+    refuse_where_unseen()
     require_app()
     process = SessionProcess(study, arguments)
     if not process.can_start and not (study / RUN_FILE).exists():

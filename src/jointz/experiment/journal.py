@@ -16,7 +16,7 @@ from typing import Any
 
 from jointz.core.errors import DataError, WriteError
 from jointz.experiment import file_lock
-from jointz.experiment.whole_files import append_whole
+from jointz.experiment.whole_files import append_whole, open_to_append
 
 Event = dict[str, Any]
 
@@ -43,12 +43,12 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+            self._fd = open_to_append(path)
         except OSError as exc:
             raise WriteError(str(path), exc) from exc
         try:
             file_lock.hold(self._fd, path)
-            _cut_off_torn_line(path)
+            _cut_off_torn_line(self._fd, path)
         except BaseException:
             os.close(self._fd)
             raise
@@ -208,11 +208,9 @@ def is_completed(events: Iterable[Event], condition: str) -> bool:
     return completed
 
 
-def _cut_off_torn_line(path: Path) -> None:
+def _cut_off_torn_line(fd: int, path: Path) -> None:
     """Remove what a crash left of a last line, so that the next one stands alone."""
-    if not path.exists():
-        return
     content = path.read_bytes()
     whole = content.rfind(b"\n") + 1
     if whole < len(content):
-        os.truncate(path, whole)
+        os.ftruncate(fd, whole)

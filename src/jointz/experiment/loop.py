@@ -88,17 +88,28 @@ def undisturbed() -> Iterator[str]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        granted = "SCHED_FIFO"
-    except PermissionError:
-        granted = "SCHED_OTHER"
-    try:
-        yield granted
+        with _before_others() as granted:
+            yield granted
     finally:
-        if granted == "SCHED_FIFO":
-            os.sched_setscheduler(0, policy, parameters)
         gc.unfreeze()
         if collecting:
             gc.enable()
+
+
+@contextmanager
+def _before_others() -> Iterator[str]:
+    """Ask the scheduler for the loop's priority, and give it back."""
+    if not hasattr(os, "sched_setscheduler"):  # a Mac, Windows: nobody to ask
+        yield "SCHED_OTHER"
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    except PermissionError:
+        yield "SCHED_OTHER"
+        return
+    try:
+        yield "SCHED_FIFO"
+    finally:
+        os.sched_setscheduler(0, policy, parameters)

@@ -8,7 +8,7 @@ from typing import Any
 
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.session_log import Layout
-from jointz.experiment.whole_files import append_whole
+from jointz.experiment.whole_files import append_whole, open_to_append
 
 
 class Recorder:
@@ -42,18 +42,12 @@ class Recorder:
         # A name of its own at first: a log without its header, left by a crash or a full disk,
         # would keep the whole session from being read.
         partial = path.with_name(f"{path.name}.partial")
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
         try:
-            self._fd = os.open(partial, flags, 0o644)
-        except OSError as exc:
-            raise WriteError(str(path), exc) from exc
-        try:
-            append_whole(self._fd, layout.encode_header(header), path)
-            os.fsync(self._fd)  # else a power cut may leave the name without the header
+            _write_header(partial, layout.encode_header(header))
             partial.rename(path)
+            self._fd = open_to_append(path)
         except (OSError, WriteError) as exc:
-            os.close(self._fd)
-            partial.unlink()
+            partial.unlink(missing_ok=True)
             raise exc if isinstance(exc, WriteError) else WriteError(str(path), exc) from exc
 
     def __enter__(self) -> "Recorder":
@@ -88,3 +82,13 @@ class Recorder:
     def size_bytes(self) -> int:
         """Bytes of the log so far."""
         return os.fstat(self._fd).st_size
+
+
+def _write_header(file: Path, header: bytes) -> None:
+    """Write a log's header and close the file: Windows renames none that is open."""
+    fd = open_to_append(file, emptied=True)
+    try:
+        append_whole(fd, header, file)
+        os.fsync(fd)  # else a power cut may leave the name without the header
+    finally:
+        os.close(fd)

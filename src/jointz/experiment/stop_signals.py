@@ -4,8 +4,12 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: Ctrl-C, a batch system, a terminal that was closed.
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: Whether signals can be made to wait: not on Windows.
+CAN_WAIT = hasattr(signal, "pthread_sigmask")
+#: Ctrl-C, a batch system, a terminal that was closed; the last not on Windows.
+STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 
 
 @contextmanager
@@ -14,8 +18,12 @@ def signals_held() -> Iterator[None]:
 
     Notes
     -----
-    Of one thread: in a run the main one, in which Python handles signals.
+    Of one thread: in a run the main one, in which Python handles signals. Where signals cannot
+    wait, they do not.
     """
+    if not CAN_WAIT:
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
         yield

@@ -51,6 +51,31 @@ def write_whole(file: Path, text: str) -> None:
         os.fsync(stream.fileno())
 
 
+def open_to_append(file: Path, *, emptied: bool = False) -> int:
+    """Open a file for appending bytes as they are, and make it where there is none.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file.
+    emptied : bool
+        Whether what stands in it goes.
+
+    Returns
+    -------
+    int
+        Its descriptor.
+
+    Raises
+    ------
+    OSError
+        When the system does not let it be opened.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if emptied else 0)
+    # Windows makes two bytes of every one that looks like the end of a line, unless asked.
+    return os.open(file, flags | getattr(os, "O_BINARY", 0), 0o644)
+
+
 def append_whole(fd: int, data: bytes, path: Path) -> None:
     """Append to a file by one write.
 

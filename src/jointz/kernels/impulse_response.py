@@ -95,7 +95,7 @@ def estimate_response(
 
     Notes
     -----
-    Westwick and Kearney 1997, doi:10.1007/BF02648123: as many directions as make
+    Westwick and Kearney 1997, doi:10.1007/BF02534135: as many directions as make
     the smallest description length, (1 + r log(n)/n) * residual variance. They
     are taken in the order of their input, not of the output they explain as
     there: picking the largest contributions picks lucky noise, and the bounds
@@ -198,7 +198,7 @@ def supported_directions(
     Notes
     -----
     As many as make (1 + r log(n)/n) * residual variance smallest: Westwick and
-    Kearney 1997, doi:10.1007/BF02648123; see :func:`estimate_response`.
+    Kearney 1997, doi:10.1007/BF02534135; see :func:`estimate_response`.
     """
     singular, vectors = linalg.eigh(normal)
     usable = np.flatnonzero(singular > max(_RANK * singular[-1], floor))

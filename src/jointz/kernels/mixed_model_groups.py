@@ -66,7 +66,7 @@ def group_variance(
     Notes
     -----
     Exact for one random intercept and normal values, balanced or not (Wald 1940,
-    doi:10.1214/aoms/1177731838; Harville and Fenech 1985, doi:10.2307/2530650): with
+    Annals of Mathematical Statistics 11, 96; Harville and Fenech 1985, doi:10.2307/2530650): with
     ``A = Z'MZ``, ``t = Z'My`` and M the projection off the fixed effects, t has covariance
     ``s (A + ratio A^2)`` and is independent of the residual. Balanced, the interval is that
     of the intraclass correlation of consistency (Shrout and Fleiss 1979, case 3).

@@ -5,6 +5,8 @@ both hold; nothing here knows any truth.
 """
 
 import os
+import platform
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -187,8 +189,14 @@ def refuse_with_devices(
     Raises
     ------
     DataError
-        Saying what to leave out.
+        Saying what to leave out, or that the system is none that devices are driven from.
     """
+    if not sys.platform.startswith("linux"):
+        raise DataError(
+            f"config: real devices are driven from Linux only, this is {platform.system()}: its "
+            "loop has no priority and its USB and I2C other names. Leave out config for simulated "
+            "devices, or measure on Linux; studies are analysed on any system."
+        )
     if device is not None:
         raise DataError(
             f"device and config: {device!r} and a device file exclude each other. Leave out config "

@@ -35,6 +35,10 @@ def is_held(study: Path) -> bool:
     ----------
     study : pathlib.Path
         Its folder.
+
+    Notes
+    -----
+    False where the system does not tell who holds what: :func:`refuse_where_unseen`.
     """
     try:
         inode = (study / RUN_FILE).stat().st_ino
@@ -48,6 +52,21 @@ def is_held(study: Path) -> bool:
         if "FLOCK" in line and "->" not in line  # not one that waits for it
         for field in line.split()
     )
+
+
+def refuse_where_unseen() -> None:
+    """Refuse to follow sessions where nothing tells whether they run.
+
+    Raises
+    ------
+    DataError
+        On every system but Linux.
+    """
+    if not _LOCKS.exists():
+        raise DataError(
+            f"{_LOCKS}: not there, and nothing else tells whether a session runs. Follow it on "
+            "Linux; jointz run itself needs no page."
+        )
 
 
 class LiveSession:

@@ -21,6 +21,7 @@ from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.devices.interface import Rig, Wearer
 from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.session import Operator
+from jointz.experiment.stop_signals import CAN_WAIT
 from jointz.experiment.whole_files import read_object, write_whole
 from jointz.io.calibration_file import read_calibration
 from jointz.io.protocols import load_protocol
@@ -98,8 +99,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     device : str, optional
         ``sim``: a simulated walking human with an exoskeleton; the default without ``config``.
     config : path, optional
-        A ``device.toml``: the real devices that it names. None of their drivers was ever tried
-        on hardware.
+        A ``device.toml``: the real devices that it names, on Linux only. None of their drivers was
+        ever tried on hardware.
     out : path
         The study's folder; must not exist unless ``resume``.
     seed : int, optional
@@ -112,7 +113,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         How many; by default those that ``config`` names, else the protocol's own number.
     workers : int
         Participants simulated at once, each in a process of its own; numbers do
-        not depend on it.
+        not depend on it. One on Windows, whose processes cannot be stopped gently.
     scheduler : str, optional
         Dask cluster that simulates them instead: ``tcp://host:port``, or ``local``. Its workers
         must see the study's folder.
@@ -171,7 +172,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             settings,
             rig,
             count,
-            workers=workers,
+            workers=workers if CAN_WAIT else 1,
             scheduler=scheduler,
             operator=operator or NoOperator(),
             progress=progress,

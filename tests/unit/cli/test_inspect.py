@@ -1,5 +1,6 @@
 """``jointz inspect`` at the command line."""
 
+import os
 import shlex
 from pathlib import Path
 
@@ -62,6 +63,74 @@ def test_a_figure_is_written(recording, jointz, tmp_path):
     assert jointz("inspect", recording, "--figure", tmp_path / "a.svg").code == 0
 
     assert (tmp_path / "a.svg").read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--toml", "S01.csv"), "ends in .toml"),
+        (("--toml", "S02.csv"), "ends in .toml"),
+        (("--toml", "S01.toml"), "is the file to be looked at"),
+        (("--figure", "S01.png"), "is the file to be looked at"),
+    ],
+)
+def test_a_recording_is_never_replaced(options, said, recording, jointz, monkeypatch):
+    monkeypatch.chdir(recording.parent)
+    for name in ("S02.csv", "S01.toml", "S01.png"):
+        file = Path(name)
+        file.unlink(missing_ok=True)
+        file.hardlink_to(recording)
+    before = recording.read_bytes()
+
+    outcome = jointz("inspect", recording, *options, "--overwrite")
+
+    assert outcome.code == 2
+    assert said in outcome.err
+    assert recording.read_bytes() == before
+
+
+def test_a_figure_that_exists_is_kept(recording, jointz, tmp_path):
+    (tmp_path / "old.png").write_bytes(b"mine")
+
+    assert (
+        "exists and is kept" in jointz("inspect", recording, "--figure", tmp_path / "old.png").err
+    )
+    assert (tmp_path / "old.png").read_bytes() == b"mine"
+
+    assert jointz("inspect", recording, "--figure", tmp_path / "old.png", "--overwrite").code == 0
+    assert (tmp_path / "old.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("signs", [("--delimiter", ",", "--decimal", ","), ("--delimiter", ";;")])
+def test_signs_that_are_none_are_bad_input(signs, recording, jointz):
+    outcome = jointz("inspect", recording, *signs)
+
+    assert outcome.code == 2
+    assert "delimiter" in outcome.err
+
+
+def test_a_file_whose_name_is_not_utf8_is_looked_at(recording, jointz, tmp_path):
+    odd = tmp_path / os.fsdecode(b"S\xff.csv")
+    try:
+        recording.rename(odd)
+    except OSError:
+        pytest.skip("this system has no such names")
+
+    found = jointz("inspect", odd, "--toml", tmp_path, "--json").json
+
+    assert "not UTF-8" in found["obstacles"][0]
+    assert (tmp_path / "study.toml").read_text(encoding="utf-8") == found["toml"]
+
+
+def test_the_largest_numbers_there_are_are_shown(jointz, tmp_path):
+    values = [1.7e308, -1.7e308] * 100
+    frame = pd.DataFrame({"time": np.arange(200) / 100, "knee angle": values, "torque": 1.7e308})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+
+    found = jointz("inspect", tmp_path / "a.csv", "--json", "--figure", tmp_path / "a.svg").json
+
+    assert found["channels"][1]["high"] == 1.7e308
+    assert jointz("inspect", tmp_path / "a.csv").code == 0
 
 
 def test_a_layout_can_be_given(jointz, tmp_path):

@@ -17,13 +17,17 @@ from pydantic import BaseModel
 
 from jointz.cli.main import app
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.certificate import Certificate
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.study import StudySpec
 from jointz.devices.config import device_file
 from jointz.identify.methods.cells import METHODS
+from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 from jointz.identify.series.joint_estimators import ESTIMATORS
+from jointz.report.details import details_frame, models_frame
 from jointz.workflows.demo import run_demo
+from jointz.workflows.quasi_stiffness_rows import quasi_stiffness_rows
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -167,6 +171,12 @@ def test_the_readme_shows_the_figures_of_the_demo(tmp_path):
         shown = f"{row['rms_error_pct']:.0f} % | {100 * row['coverage']:.0f} % | {row['n']}"
         assert f"| {row['parameter']} | {shown} |" in text("README.md")
     assert f"VAF of {made.analysis.statistics['vaf']['mean_pct']:.2f} %" in text("README.md")
+    found = made.accuracy()
+    errors = " / ".join(f"{x:.0f}" for x in found["rms_error_pct"])
+    held = " / ".join(f"{100 * x:.0f}" for x in found["coverage"])
+    lost = sum(p.status == "undecided" for c in made.analysis.cells for p in c.parameters)
+    row = next(r for r in text("docs/methods.md").splitlines() if "(of the angle) |" in r)
+    assert row.startswith(f"| `recommended` | {errors} %, {lost} inertias undecided | {held} % |")
 
 
 # --- reference --------------------------------------------------------------------------------
@@ -209,6 +219,12 @@ def test_every_code_has_a_row_with_its_meaning(code):
     assert row_starting("docs/results.md", shown) == f"| `{shown}` | {code.meaning} |"
 
 
+def quasi_stiffness_frame() -> pd.DataFrame:
+    cycle = 2 * np.pi * np.linspace(0.0, 1.0, NODES)
+    curves = StrideCurves("S01", "left", np.cos([cycle, cycle]), np.sin([cycle, cycle]))
+    return pd.DataFrame(quasi_stiffness_rows([curves], {"LRE": 7.0}))
+
+
 @pytest.mark.parametrize(
     ("file", "frame"),
     [
@@ -217,11 +233,17 @@ def test_every_code_has_a_row_with_its_meaning(code):
         ("excluded.csv", StudyAnalysis.excluded_frame),
         ("pulses.csv", StudyAnalysis.pulses_frame),
         ("strides.csv", StudyAnalysis.strides_frame),
+        ("single_pulses.csv", StudyAnalysis.single_frame),
+        ("details.csv", details_frame),
+        ("models.csv", models_frame),
+        ("certificate.csv", lambda _: Certificate("recommended", errors=()).to_frame()),
+        ("quasi_stiffness.csv", lambda _: quasi_stiffness_frame()),
+        ("covariance.csv", StudyAnalysis.covariance_frame),
     ],
 )
 def test_every_column_is_described_under_its_file(file, frame):
     page = text("docs/results.md")
-    section = page.split(f"## {file}", 1)[1].split("\n## ", 1)[0]
+    section = page.split(f"\n## {file}", 1)[1].split("\n## ", 1)[0]
 
     columns = frame(StudyAnalysis(cells=())).columns
 

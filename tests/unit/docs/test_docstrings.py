@@ -130,8 +130,9 @@ def test_every_option_has_help_and_stands_on_the_page(name):
         if parameter.name == "help":
             continue
         assert parameter.help
-        shown = ", ".join(parameter.opts) if parameter.param_type_name == "option" else None
-        assert f"| `{shown or parameter.name.upper()}` |" in section
+        option = parameter.param_type_name == "option"
+        called = parameter.metavar or parameter.name.upper()  # as --help calls it
+        assert f"| `{', '.join(parameter.opts) if option else called}` |" in section
 
 
 @pytest.mark.parametrize("name", [n for n, c in COMMANDS.items() if not hasattr(c, "commands")])

@@ -1,0 +1,151 @@
+"""The guide says what the source does: ranges, priorities, options, figures, words."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+import typer
+
+from jointz.cli.main import app
+from jointz.core.codes import Failure
+from jointz.core.gait_phases import PHASES, TIMING_POINTS
+from jointz.experiment import loop
+from jointz.identify.methods.cells import BENCH_ONLY, METHODS
+from jointz.report.citations import CITATIONS
+
+ROOT = Path(__file__).parents[3]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+#: Options that every command has.
+_USUAL = {"--json", "--quiet", "--debug", "--help"}
+_COMMANDS = typer.main.get_command(app).commands
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def cells(page: str) -> Iterator[list[str]]:
+    """Yield the cells of every row of the tables of a page."""
+    for line in text(page).splitlines():
+        if line.startswith("| ") and not line.startswith("|---"):
+            yield [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_the_phases_of_the_glossary_are_those_of_the_code():
+    rows = {r[0].strip("`"): r[2:] for r in cells("docs/glossary.md") if r[0].startswith("`")}
+
+    assert rows == {
+        name: [f"{low:g} to {high:g}", f"{TIMING_POINTS[name]:g}" if name in TIMING_POINTS else ""]
+        for name, (low, high) in PHASES.items()
+    }
+
+
+def test_every_command_has_a_page_among_the_how_tos():
+    rows = [row[0] for row in cells("docs/howto.md") if row[0].startswith("`jointz ")]
+
+    assert sorted(row.strip("`").removeprefix("jointz ") for row in rows) == sorted(_COMMANDS)
+
+
+def _options(command: Any) -> set[str]:
+    shown = [p for p in command.params if p.param_type_name == "option" and not p.hidden]
+    return {name for parameter in shown for name in parameter.opts} - _USUAL
+
+
+def test_every_option_of_run_is_described_on_its_page():
+    described = {
+        option for row in cells("docs/run.md") for option in re.findall(r"`(--[\w-]+)`", row[0])
+    }
+    assert described == _options(_COMMANDS["run"])
+
+
+def test_the_priority_and_the_word_in_the_journal_are_those_of_the_loop():
+    page = text("docs/deployment.md")
+
+    assert f"`SCHED_FIFO` with priority {loop._PRIORITY} " in page
+    assert f"`FF {loop._PRIORITY}`" in page
+    assert '"scheduling": "SCHED_FIFO"' in page
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/start.md", "docs/reproduce.md"])
+def test_the_dissertation_is_named_where_it_is_spoken_of_first(page):
+    title = CITATIONS["dissertation"].full.partition(". Dissertation.")[0]
+
+    assert title in " ".join(text(page).split())
+
+
+#: Row of the README -> row of the benchmark.
+_ACCURACY = {
+    "usual errors, lag unknown": "nominal-lag-unknown",
+    "usual errors, lag known to 0.5 ms": "nominal-lag-0.5ms",
+    "large errors, lag known to 0.5 ms": "hard-lag-0.5ms",
+    "large errors, lag unknown": "hard-lag-unknown",
+    "the leg's whole inertia behind strap and soft tissue, lag unknown": "anthropometric",
+}
+
+
+def accuracy(row: str, method: str) -> pd.DataFrame:
+    """Return what a method makes of a row, over all timing points, by parameter."""
+    table = pd.read_csv(ROOT / "benchmarks" / "accuracy" / "results" / f"{row}.csv")
+    whole = table[(table["method"] == method) & (table["timing_point"] == "all")]
+    return whole.set_index("parameter").loc[["stiffness", "damping", "inertia"]]
+
+
+@pytest.mark.parametrize("name", _ACCURACY)
+def test_the_figures_of_the_readme_are_those_of_the_benchmark(name):
+    shown = next(row for row in cells("README.md") if row[0] == name)
+    ours, theirs = (accuracy(_ACCURACY[name], m) for m in ("recommended", "dissertation"))
+    columns = (ours["rmse_pct"], ours["undecided_pct"], theirs["rmse_pct"])
+
+    assert shown[1:] == [" / ".join(f"{x:.0f}" for x in column) + " %" for column in columns]
+
+
+def test_the_estimators_page_says_how_few_stand_and_how_false_they_are():
+    page = " ".join(text("docs/estimator.md").split())
+    heavy = accuracy("anthropometric", "recommended")
+    hard = accuracy("hard-lag-unknown", "recommended").loc["inertia"]
+
+    assert f"{heavy['undecided_pct']['stiffness']:.0f} % of the stiffnesses" in page
+    assert f"{heavy['undecided_pct']['damping']:.0f} % of the dampings" in page
+    assert f"are {-heavy['bias_pct']['stiffness']:.0f} % too low" in page
+    assert f"the truth in {100 * heavy['coverage.rate']['stiffness']:.0f} % of cases" in page
+    assert f"{hard['undecided_pct']:.0f} % of the inertias are undecided" in page
+    assert f"hold the truth in {100 * hard['coverage.rate']:.0f} % of cases" in page
+
+
+def test_what_start_says_of_wrong_signs_and_units_are_codes():
+    page = text("docs/start.md")
+
+    for code in (Failure.OPPOSITE_SIGN, Failure.ANGLE_OUT_OF_RANGE):
+        assert f"`{code.status}`" in page
+
+
+def test_the_mission_counts_the_methods_of_walking():
+    others = len(METHODS) - len(BENCH_ONLY) - len(("recommended", "dissertation"))
+    words = {7: "seven", 8: "eight", 9: "nine", 10: "ten"}
+
+    assert f"dissertation's and {words[others]} others" in " ".join(text("docs/mission.md").split())
+
+
+def test_no_page_installs_jointz_from_a_registry_into_a_new_environment():
+    lines = [
+        line
+        for page in PAGES
+        for _, body in _FENCE.findall(page.read_text(encoding="utf-8"))
+        for line in body.splitlines()
+        if re.search(r'/pip install "?jointz', line)
+    ]
+    assert lines == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_python_stands_in_blocks_that_are_run(page):
+    hidden = [
+        body
+        for language, body in _FENCE.findall(page.read_text(encoding="utf-8"))
+        if language != "python" and re.search(r"^(?:from|import) jointz", body, re.MULTILINE)
+    ]
+    assert hidden == []

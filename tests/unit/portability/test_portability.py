@@ -1,0 +1,162 @@
+"""What works on Windows and on a Mac, as far as a Linux that lacks what they lack can tell."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jointz.app.console import open_console
+from jointz.core.errors import DataError
+from jointz.experiment.loop import undisturbed
+from jointz.workflows import live_session
+from jointz.workflows.hardware_rig import refuse_with_devices
+from jointz.workflows.live_session import refuse_where_unseen
+
+SYSTEMS = ("as_on_windows", "as_on_a_mac")
+#: Imports every module but those that need an extra; the public names come with the first.
+IMPORTS = """
+import pkgutil
+import jointz
+for name in jointz.__all__:
+    getattr(jointz, name)
+names = [
+    found.name
+    for found in pkgutil.walk_packages(jointz.__path__, "jointz.")
+    if not found.name.startswith("jointz.app.") and found.name != "jointz.__main__"
+]
+failed = {}
+for name in names:
+    try:
+        __import__(name)
+    except ImportError as exc:
+        failed[name] = str(exc)
+told = {"names": names, "failed": failed}
+"""
+#: A run that is refused, one that is broken off, another process at it, and its end.
+RUN = """
+import hashlib
+import os
+from pathlib import Path
+import jointz
+from jointz.core.errors import DataError, OutputError
+from jointz.experiment import file_lock
+from jointz.experiment.whole_files import open_to_append
+from jointz.io.protocols import load_protocol
+
+whole = load_protocol("walking")
+perturbed = whole.conditions[-1]
+few = perturbed.perturbations.model_copy(update={"count_per_point": 1, "warm_up_strides": 6})
+short = whole.model_copy(
+    update={
+        "conditions": (perturbed.model_copy(update={"perturbations": few}),),
+        "participants": 1,
+        "rates": whole.rates.model_copy(update={"control_hz": 200.0, "sample_hz": 200.0}),
+    }
+)
+told = {}
+weak = short.model_copy(
+    update={"pulse": short.pulse.model_copy(update={"amplitude_nm": 1000.0})}
+)
+try:
+    jointz.run(weak, out="refused")
+except DataError as exc:
+    told["refused"] = str(exc)
+told["left"] = Path("refused").exists()
+
+
+def broken_off(who, condition, strides, done, planned):
+    if done == 2:
+        raise KeyboardInterrupt
+
+
+try:
+    jointz.run(short, out="study", progress=broken_off)
+except KeyboardInterrupt:
+    told["broken_off"] = sorted(path.name for path in Path("study/sessions/S01/logs").iterdir())
+with Path("study/sessions/S01/journal.jsonl").open("ab") as journal:
+    journal.write(b'{"event": "torn')
+fd = open_to_append(Path("study/run.json"))
+file_lock.hold(fd, Path("study/run.json"))
+try:
+    jointz.run(short, out="study", resume=True)
+except OutputError as exc:
+    told["held"] = str(exc)
+os.close(fd)
+jointz.run(short, out="study", resume=True, workers=3)
+jointz.run(short, out="again", workers=3)
+told["logs"] = {
+    path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+    for path in sorted(Path("again/sessions/S01/logs").iterdir())
+}
+told["journal"] = Path("study/sessions/S01/journal.jsonl").read_text(encoding="utf-8")
+"""
+
+
+def ran(system: str | None, code: str, folder: Path) -> dict:
+    """Run code in a Python that is like another system's; return what it told."""
+    begin = f"import other_systems\nother_systems.{system}()\n" if system else ""
+    ending = "\nimport json\nprint(json.dumps(told))"
+    done = subprocess.run(
+        [sys.executable, "-c", begin + code + ending],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_everything_can_be_imported_on_windows_which_lacks_all_that_a_mac_does(tmp_path):
+    told = ran("as_on_windows", IMPORTS, tmp_path)
+    assert {"jointz.workflows.run", "jointz.cli.demo", "jointz.io.c3d"} <= set(told["names"])
+    assert told["failed"] == {}
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory):
+    return ran(None, RUN, tmp_path_factory.mktemp("here"))
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_an_experiment_is_refused_broken_off_and_gone_on_with_as_here(system, tmp_path, here):
+    told = ran(system, RUN, tmp_path)
+    assert "torque" in told["refused"]
+    assert not told["left"]
+    assert told["broken_off"] == ["perturbed-0.jzlog"]
+    assert "another process is running this" in told["held"]
+    assert told["journal"].count('"pulse_completed"') == 6
+    assert "torn" not in told["journal"]
+    assert told == here
+    assert told["logs"]["perturbed-0.jzlog"] != hashlib.sha256(b"").hexdigest()
+
+
+@pytest.mark.parametrize(("system", "named"), [("darwin", "Darwin"), ("win32", "Windows")])
+def test_real_devices_are_refused_elsewhere_before_anything_begins(system, named, monkeypatch):
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr("platform.system", lambda: named)
+    with pytest.raises(DataError, match=f"from Linux only, this is {named}.*Leave out config"):
+        refuse_with_devices(device=None, preset=None, clock=None, workers=1)
+
+
+def test_a_session_is_followed_only_where_the_system_tells_who_holds_it(monkeypatch, tmp_path):
+    refuse_where_unseen()
+    monkeypatch.setattr(live_session, "_LOCKS", tmp_path / "locks")
+    with pytest.raises(DataError, match=r"nothing else tells whether a session runs.*Linux"):
+        refuse_where_unseen()
+    with pytest.raises(DataError, match="nothing else tells"):
+        open_console(tmp_path, ["walking"], resume=False, host="", port=0, announce=print)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_scheduler_to_ask_the_loop_runs_as_it_may(monkeypatch):
+    for name in [name for name in vars(os) if name.startswith("sched_")]:
+        monkeypatch.delattr(os, name)
+    with undisturbed() as scheduling:
+        assert scheduling == "SCHED_OTHER"
