@@ -109,6 +109,25 @@ def test_engines_have_an_efficiency(parts):
     assert "| 100 | processes | 2 | 104 | 0.96 | 5.0 | 240 | 540 | `abc100` |" in page
 
 
+def test_engines_are_held_to_what_is_asked(parts):
+    engines = [measured(100, "serial"), measured(100, wall_s=104.0), measured(1000, "serial"),
+               measured(1000, wall_s=1100.0, client_mb=310.0)]  # fmt: skip
+    parts[2]["found"]["measured"] = engines
+    parts[3] = part("fits", {"versions": VERSIONS, "measured": [measured(500, idle_share=0.06)]})
+
+    told = rows(page_of(parts, image="", quick=False))
+
+    assert told["100 people, processes: efficiency"] == ["0.962", "at least 0.93", "yes"]
+    assert told["100 people, processes: client's memory"] == ["240 MB", "at most 300 MB", "yes"]
+    assert missed(parts)[1:] == [
+        "1,000 people, processes: efficiency: 0.909, at least 0.93 asked",
+        "1,000 people, processes: client's memory: 310 MB, at most 300 MB asked",
+        "1,000 people, processes: client's memory: ours / peer 1.29 beside 100 people, "
+        "at most 1.05 asked",
+        "500 fits, processes: scheduler's share: 6 %, at most 5 % asked",
+    ]
+
+
 def test_machine_versions_and_what_is_missing_are_named(parts):
     page = page_of(parts, image="", quick=False)
 
