@@ -499,7 +499,7 @@ def test_what_is_accepted_of_one_place_is_found_at_others(tmp_path, where, left)
 
 def test_what_is_accepted_of_no_such_place_is_named(tmp_path):
     write_entry(tmp_path / "lab-a", seed=3, change=stiff_in_both({"condition": "slower"}))
-    write_entry(tmp_path / "lab-b", seed=4, change=stiff_in_both({"parameter": "stifness"}))
+    write_entry(tmp_path / "lab-b", seed=4, change=stiff_in_both({"parameter": "stiff"}))
 
     told = check_collection(tmp_path).summary()
 
