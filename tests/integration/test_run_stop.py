@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -35,15 +36,31 @@ def protocol_file(tmp_path_factory):
     return file
 
 
+_STARTED: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def _nothing_runs_on():
+    """End what a test that failed left running: it would slow down all that follow."""
+    yield
+    while _STARTED:
+        with suppress(ProcessLookupError):
+            os.killpg(_STARTED.pop().pid, signal.SIGKILL)
+
+
 def start(protocol_file, out, *options):
     """Start the command in a process group of its own, as a shell does."""
-    return subprocess.Popen(
+    running = subprocess.Popen(
         [sys.executable, "-m", "jointz", "run", str(protocol_file), "--out", str(out), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # A script's background job, as these tests may be, has Ctrl-C ignored and hands that on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+    _STARTED.append(running)
+    return running
 
 
 def events(out, participant):
