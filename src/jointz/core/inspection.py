@@ -16,6 +16,8 @@ SCHEMA = "jointz.Inspection/1"
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"
+#: Below it the steps differ by how numbers are rounded.
+_LEAST_JITTER_MS = 1e-6
 _MOST_SHOWN = 3
 _COLUMNS = (
     *("group", "column", "channel", "guess", "unit", "unit_is", "n", "n_missing"),
@@ -112,7 +114,7 @@ class SeenClock:
     start_s, end_s : float or None
         First and last stamp.
     uniform : bool
-        Whether the stamps stand at even distances between the gaps.
+        Whether the stamps stand at even distances, without gaps.
     jitter_ms : float or None
         Standard deviation of the steps outside the gaps.
     gaps : tuple of (float, float)
@@ -139,7 +141,9 @@ class SeenClock:
         """Return it in a sentence."""
         if self.rate_hz is None:
             return f"{self.n} samples without a clock"
-        even = "evenly" if self.uniform else f"with {self.jitter_ms or 0.0:.3g} ms of jitter"
+        jitter_ms = self.jitter_ms or 0.0
+        regular = self.uniform or jitter_ms < _LEAST_JITTER_MS
+        even = "evenly" if regular else f"with {jitter_ms:.3g} ms of jitter"
         parts = [f"{self.n} samples, {self.rate_hz:.6g} Hz {even}"]
         if self.start_s is not None and self.end_s is not None:
             parts.append(f"{self.start_s:.6g} to {self.end_s:.6g} s")

@@ -8,6 +8,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
+from jointz.core.inspection import SeenClock
 from jointz.io.formats import write_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study import open_study
@@ -108,6 +109,14 @@ def test_a_column_of_conditions_gives_its_levels_a_meaning(tmp_path):
     levels = study.spec.channels["condition"].model_dump()["values"]
     assert levels == {"ENP": "unperturbed", "EWP": "perturbed"}
     assert [r.attrs["condition"] for r in recordings] == ["unperturbed", "perturbed"]
+
+
+def test_rounding_is_no_jitter():
+    clock = SeenClock("", "t", 10, 500.0, 0.0, 1.0, jitter_ms=3.5e-12, gaps=((0.1, 0.9),))
+
+    assert clock.told() == (
+        "10 samples, 500 Hz evenly, 0 to 1 s, 1 gap(s), the longest 800 ms at 0.1 s"
+    )
 
 
 def test_gaps_jitter_and_missing_numbers_are_told_with_their_place(tmp_path):
