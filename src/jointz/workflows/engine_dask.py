@@ -28,6 +28,14 @@ _RETURN_S = 60.0
 _CALCULATING = ("numpy", "scipy", "numba")
 
 
+#: Dask has workers give freed memory back at once, and arrays are then mapped anew each time,
+#: which costs a third of an analysis. What glibc would come to by itself, and what it may at most.
+_MEMORY = {
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
+}
+
+
 class Cluster(Engine):
     """Makes calls on the workers of a Dask cluster that calculate as this process does.
 
@@ -222,6 +230,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     with ExitStack() as stack:
         address = scheduler
         if scheduler == LOCAL:
+            stack.enter_context(import_module("dask").config.set(_MEMORY))
             local = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=workers or cores(),
