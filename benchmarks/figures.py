@@ -80,6 +80,17 @@ def at_most(value: float) -> Asked:
     return Asked(value, MOST)
 
 
+def efficiency(one: Mapping[str, Any], serial: Mapping[str, Any]) -> float:
+    """Return the serial time over workers and time of another engine for the same work.
+
+    Parameters
+    ----------
+    one, serial : mapping
+        What ``benchmarks.scale`` measured.
+    """
+    return float(serial["wall_s"] / one["workers"] / one["wall_s"])
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """One thing that was measured.

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.figures import Figure, Peer, at_least, at_most
+from benchmarks.figures import Figure, Peer, at_least, at_most, efficiency
 
 Part = Mapping[str, Any]
 
@@ -97,7 +97,7 @@ def _rows(parts: Sequence[Part]) -> list[Figure]:
 
 def _of_people(measured: Sequence[Mapping[str, Any]]) -> list[Figure]:
     """Return efficiency and memory of the clients whose workers do the work."""
-    serial_s = {one["count"]: one["wall_s"] for one in measured if one["engine"] == "serial"}
+    alone = {one["count"]: one for one in measured if one["engine"] == "serial"}
     first_mb: dict[str, tuple[int, float]] = {}
     rows = []
     for one in measured:
@@ -105,8 +105,8 @@ def _of_people(measured: Sequence[Mapping[str, Any]]) -> list[Figure]:
             continue
         count, engine, mb = one["count"], one["engine"], one["client_mb"]
         what = f"{count:,} people, {engine}"
-        if count in serial_s:
-            share = serial_s[count] / one["workers"] / one["wall_s"]
+        if count in alone:
+            share = efficiency(one, alone[count])
             rows.append(Figure(f"{what}: efficiency", share, "", asked=at_least(_LEAST_EFFICIENCY)))
         rows.append(Figure(f"{what}: client's memory", mb, "MB", asked=at_most(_MOST_CLIENT_MB)))
         fewer, fewer_mb = first_mb.setdefault(engine, (count, mb))
@@ -280,7 +280,7 @@ def _engines_section(title: str, unit: str, measured: Sequence[Mapping[str, Any]
 def _efficiency(one: Mapping[str, Any], alone: Mapping[str, Any] | None) -> str:
     if alone is None or one is alone:
         return "-"
-    return f"{alone['wall_s'] / one['workers'] / one['wall_s']:.2f}"
+    return f"{efficiency(one, alone):.2f}"
 
 
 def _timings_section(timings: Sequence[Mapping[str, Any]]) -> str:

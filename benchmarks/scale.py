@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.accuracy.people import simulate
 from benchmarks.accuracy.rows import all_rows
 from benchmarks.accuracy.runs import estimate
-from benchmarks.figures import write_json
+from benchmarks.figures import efficiency, write_json
 
 from jointz.core.provenance import software
 from jointz.identify.series.joint import identify_joint
@@ -163,8 +163,7 @@ def compare(found: Sequence[dict[str, Any]]) -> None:
     alone = next((one for one in found if one["engine"] == "serial"), None)
     for one in found:
         if alone and one is not alone:
-            share = alone["wall_s"] / one["workers"] / one["wall_s"]
-            print(f"efficiency {one['engine']}: {share:.2f}")
+            print(f"efficiency {one['engine']}: {efficiency(one, alone):.2f}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -147,10 +147,10 @@ def take_frames(file: Source) -> Frames:
     _check_scale(file)
     start = _start(file)
     room = _room(file, start)
-    n_frames = _n_frames(file, room)
-    _check_layout(file, room)
     n_values = file.n_channels * file.per_frame
     size = file.frame_bytes(file.n_points, n_values)
+    n_frames = _n_frames(file, size, room)
+    _check_layout(file, room)
     _check_neighbours(file, start, n_frames * size, room)
     raw = file.content[start : start + n_frames * size]
     values = file.machine.floats(raw) if file.in_floats else file.machine.ints(raw)
@@ -235,9 +235,8 @@ def _room(file: Source, start: int) -> int:
     return end - start
 
 
-def _n_frames(file: Source, room: int) -> int:
+def _n_frames(file: Source, size: int, room: int) -> int:
     """Return how many frames there are; where the file says two numbers its length decides."""
-    size = file.frame_bytes(file.n_points, file.n_channels * file.per_frame)
     said = list(dict.fromkeys(_said_frames(file)))
     if len(said) > 1:
         told = f"it states {' and '.join(map(str, said))} frames"

@@ -21,9 +21,13 @@ from jointz.io.bids_write import MotionChannel, MotionRecording, write_motion
 from jointz.io.recordings import read_recording
 from jointz.io.registry import file_sha256
 from jointz.io.study import open_study
-from jointz.workflows.participants import pulse_tables
 from jointz.workflows.results_folder import new_folder, write_marker
-from jointz.workflows.study_pulses import amplitude_unit, given_pulses, positive_direction
+from jointz.workflows.study_pulses import (
+    amplitude_unit,
+    given_pulses,
+    positive_direction,
+    pulse_tables,
+)
 
 BIDS_VERSION = "1.10.0"
 #: Shows a folder to be ours; it is named in .bidsignore.

@@ -14,6 +14,7 @@ from jointz.core.collection import ENTRY_FILE, Entry
 from jointz.core.collection_findings import CatalogBuild, Finding
 from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.errors import DataError
+from jointz.core.places import seen_from
 from jointz.core.provenance import now, software
 from jointz.core.study import Calibrated
 from jointz.io.collection import ConditionTables, EntryFolder
@@ -139,20 +140,6 @@ def catalog_file(catalog: Path) -> Path:
         The file, or the collection's folder.
     """
     return catalog / CATALOG_FILE if catalog.is_dir() else catalog
-
-
-def seen_from(folder: Path, other: Path) -> str:
-    """Return where a folder is as seen from another; from the root where no way leads there.
-
-    Parameters
-    ----------
-    folder, other : pathlib.Path
-        What is looked for, and from where.
-    """
-    try:
-        return Path(os.path.relpath(folder.resolve(), other.resolve())).as_posix()
-    except ValueError:  # on another drive
-        return folder.resolve().as_posix()
 
 
 def _other_kind(asked: CatalogFilter) -> CatalogFilter:

@@ -108,7 +108,7 @@ def reanalysed(
             progress(done, len(entries), str(name))
         try:
             analysis = _analysed(entry, raw[str(name)], collection, method=method, seed=seed)
-        except (ValueError, EstimationError, OSError) as exc:
+        except DataError as exc:
             notes.append(f"{name}: left out, {exc}")
             continue
         made.append(_estimated_again(entry, analysis))

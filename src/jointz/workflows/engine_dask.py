@@ -26,8 +26,6 @@ _LOOK_S = 1.0
 _RETURN_S = 60.0
 #: What numbers are made by, beside Python and jointz itself.
 _CALCULATING = ("numpy", "scipy", "numba")
-
-
 #: Dask has workers give freed memory back at once, and arrays are then mapped anew each time,
 #: which costs a third of an analysis. What glibc would come to by itself, and what it may at most.
 _MEMORY = {

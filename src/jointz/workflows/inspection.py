@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.inspection import Inspection, SeenChannel, SeenClock
+from jointz.core.places import seen_from
 from jointz.core.study import FilesSpec
 from jointz.io.losses import is_plain, plainly
 from jointz.workflows.inspection_content import Content, GroupClock, read_content
@@ -111,7 +112,7 @@ def _name_in(file: Path, folder: str | os.PathLike[str] | None) -> str:
     """Return what a study calls the file; bytes that are no letters are written by their codes."""
     if folder is None:
         return plainly(file.name)
-    return plainly(Path(os.path.relpath(file.resolve(), Path(folder).resolve())).as_posix())
+    return plainly(seen_from(file, Path(folder)))
 
 
 def _bad_name(file: Path) -> list[str]:

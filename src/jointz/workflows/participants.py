@@ -9,24 +9,21 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from typing import Any
 
-import pandas as pd
-import xarray as xr
-
 from jointz.core.certificate import VirtualEstimate
 from jointz.core.errors import DataError, StudyError
 from jointz.core.recording import history_of
-from jointz.core.study import RecordingSpec, Study
+from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.preparation.pulse_tables import share_table
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.io.recordings import read_recording
 from jointz.io.registry import file_sha256
 from jointz.io.study import data_file
 from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.workflows.likelihood_pulses import likelihood_pulses
+from jointz.workflows.study_pulses import pulse_tables
 from jointz.workflows.task_store import TaskStore, task_key
 
 
@@ -286,31 +283,6 @@ def read_participant(
     if problems:
         raise StudyError(str(study.root), problems)
     return found
-
-
-def pulse_tables(
-    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
-) -> list[pd.DataFrame | None]:
-    """Return the pulse table of each piece of a file, None where pulses are read elsewhere.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    entry : RecordingSpec
-        One of its recordings.
-    pieces : sequence of xarray.Dataset
-        What its file holds.
-
-    Raises
-    ------
-    DataError
-        When the table cannot be read, or an onset could mean several pieces or none.
-    """
-    table = read_pulse_table(study, entry)
-    if table is None or study.spec.perturbations.source not in (None, "table"):
-        return [None] * len(pieces)
-    return share_table(table, pieces)
 
 
 def _analyzed(

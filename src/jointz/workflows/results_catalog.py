@@ -11,11 +11,12 @@ import pandas as pd
 
 from jointz.core.collection_findings import CatalogBuild, Finding
 from jointz.core.errors import DataError
+from jointz.core.places import seen_from
 from jointz.core.provenance import now, software
 from jointz.io.collection import read_values
 from jointz.io.collection_catalog import CATALOG_FILE, RESULTS, require_scale, write_catalog
 from jointz.io.registry import file_sha256
-from jointz.workflows.collection import in_catalog_columns, seen_from, with_covariance
+from jointz.workflows.collection import in_catalog_columns, with_covariance
 from jointz.workflows.collection_entry import described_person, read_provenance
 
 _ESTIMATES, _COVARIANCE, _PROVENANCE = "estimates.csv", "covariance.csv", "provenance.json"

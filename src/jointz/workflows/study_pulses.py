@@ -1,10 +1,13 @@
 """What goes with a recording to other programs: its pulses, and what is positive."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 import xarray as xr
 
 from jointz.core.channels import CHANNEL_UNITS
-from jointz.core.study import Study
+from jointz.core.study import RecordingSpec, Study
+from jointz.identify.preparation.pulse_tables import share_table
 from jointz.identify.preparation.pulses import (
     Pulse,
     pulses_from_angle,
@@ -12,10 +15,36 @@ from jointz.identify.preparation.pulses import (
     pulses_from_table,
     with_measured_amplitudes,
 )
+from jointz.io.recordings import read_pulse_table
 
 _MOST_SHOWN = 5
 #: Channels that have no direction.
 _NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial", "cycle")
+
+
+def pulse_tables(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
+) -> list[pd.DataFrame | None]:
+    """Return the pulse table of each piece of a file, None where pulses are read elsewhere.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    entry : RecordingSpec
+        One of its recordings.
+    pieces : sequence of xarray.Dataset
+        What its file holds.
+
+    Raises
+    ------
+    DataError
+        When the table cannot be read, or an onset could mean several pieces or none.
+    """
+    table = read_pulse_table(study, entry)
+    if table is None or study.spec.perturbations.source not in (None, "table"):
+        return [None] * len(pieces)
+    return share_table(table, pieces)
 
 
 def given_pulses(

@@ -1,6 +1,5 @@
 """The walk over the built site finds what is dead or comes from elsewhere."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
@@ -9,11 +8,8 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.fixture(scope="module")
-def check_site():
-    spec = importlib.util.spec_from_file_location("check_site", DOCS / "check_site.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def check_site(load_script):
+    return load_script(DOCS / "check_site.py")
 
 
 @pytest.fixture

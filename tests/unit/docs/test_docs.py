@@ -1,10 +1,10 @@
 """The pages say what the source does: keys, columns, codes, commands and examples."""
 
-import importlib.util
 import re
 import shlex
 import shutil
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import get_args
@@ -70,13 +70,8 @@ def row_starting(page: str, cell: str) -> str | None:
 
 
 @pytest.fixture(scope="module")
-def cli_script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_cli_page", DOCS / "make_cli_page.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def cli_script(load_script: Callable[[Path], ModuleType]) -> ModuleType:
+    return load_script(DOCS / "make_cli_page.py")
 
 
 def parse(arguments: list[str]) -> None:

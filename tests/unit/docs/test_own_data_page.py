@@ -1,10 +1,10 @@
 """The tutorial of own files: its steps are its study, and every command of it runs as told."""
 
-import importlib.util
 import re
 import shlex
 import shutil
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -34,13 +34,8 @@ def split_page() -> tuple[list[str], str, str]:
 
 
 @pytest.fixture(scope="module")
-def maker() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("own_data_make", FOLDER / "make.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def maker(load_script: Callable[[Path], ModuleType]) -> ModuleType:
+    return load_script(FOLDER / "make.py")
 
 
 # --- the files -----------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """A good study to spoil: the example of the format's description, with its files."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.errors import StudyError
+from jointz.core.acquisition import Acquisition
+from jointz.core.errors import DataError, StudyError
 from jointz.core.study import Study
+from jointz.io.formats import read_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study import open_study
 
@@ -154,3 +157,18 @@ def study(tmp_path: Path) -> Bench:
     """The example with its files; a test spoils it and opens it."""
     make_files(tmp_path)
     return Bench(tmp_path, EXAMPLE.replace("[[participants]]", GROUP_CHANNEL + "[[participants]]"))
+
+
+@pytest.fixture(scope="session")
+def outcome() -> Callable[[Path], Acquisition | str]:
+    """What is read of a file, or the message of its refusal; any other exception is a failure."""
+
+    def read(path: Path) -> Acquisition | str:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                return read_acquisition(path)
+            except DataError as exc:
+                return str(exc)
+
+    return read
