@@ -1,11 +1,12 @@
 """Run all benchmarks and write the page: ``python -m benchmarks.gather``, from the root.
 
-Four parts, each in a process of its own: the tests beside peers, the growth with the number of
-participants, people on every engine, fits on every engine. What a part measured is kept under
-``build/benchmarks`` and taken again with ``--keep``, where the machine is the same. ``--quick``
-does little work and writes its page there too: it shows that everything runs, and its figures mean
-nothing. Peers that are not installed are named on the page; opensourceleg, which needs older
-packages, is looked for in ``.venv-osl`` (``make test-osl``), and gives a fifth part.
+Four parts, each in a process of its own: the tests beside peers, few people (the growth with the
+number of participants begins there), people on every engine, fits on every engine. What a part
+measured is kept under ``build/benchmarks`` and taken again with ``--keep``, where the machine is
+the same. ``--quick`` does little work and writes its page there too: it shows that everything
+runs, and its figures mean nothing. Peers that are not installed are named on the page;
+opensourceleg, which needs older packages, is looked for in ``.venv-osl`` (``make test-osl``), and
+gives a fifth part.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from typing import Any
 from benchmarks.figures import SCHEMA, write_json
 from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import commit, machine
-from benchmarks.page import broken, missed, page_of
+from benchmarks.page import broken, growth, missed, page_of
 
 from jointz.core.provenance import now
 
@@ -65,11 +66,11 @@ def all_parts(*, quick: bool, osl: Path | None) -> list[Part]:
     parts = [Part("tests", _tests(sys.executable, quick=quick, ignore_loop=osl is not None))]
     if osl is not None:
         parts.append(Part("loop", _tests(str(osl), quick=quick, only_loop=True)))
-    counts = (1, 2) if quick else (1, 10, 100, 1000)
+    few, many = ((1,), (2,)) if quick else ((1, 10), (100, 1000))
     return [
         *parts,
-        Part("growth", _scale("people", *counts, engines=("processes",))),
-        Part("engines", _scale("people", *((2,) if quick else (100, 1000)))),
+        Part("growth", _scale("people", *few, engines=("processes",))),
+        Part("engines", _scale("people", *many)),
         Part("fits", _scale("fits", 600 if quick else 100_000, engines=("processes", "dask"))),
     ]
 
@@ -168,11 +169,11 @@ def write_page(parts: Sequence[dict[str, Any]], page: Path, *, quick: bool) -> N
     quick : bool
         Whether little work was done, which the page then says.
     """
-    growth = next((p["found"] for p in parts if p["part"] == "growth" and p["found"]), None)
+    grown = growth(parts)
     page.parent.mkdir(parents=True, exist_ok=True)
-    if growth:
-        draw_growth(growth["measured"], page.parent / _IMAGE)
-    image = _IMAGE.as_posix() if growth else ""
+    if grown:
+        draw_growth(grown, page.parent / _IMAGE)
+    image = _IMAGE.as_posix() if grown else ""
     page.write_text(page_of(parts, image=image, quick=quick), encoding="utf-8")
 
 

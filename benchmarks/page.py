@@ -68,13 +68,26 @@ def page_of(parts: Sequence[Part], *, image: str, quick: bool) -> str:
             [r for r in beside if r.peer and not r.peer.version],
         ),
         _alone_section([row for row in rows if not row.peer]),
-        _growth_section(_measured(parts, "growth"), image),
+        _growth_section(growth(parts), image),
         _engines_section("People on every engine", "people", _measured(parts, "engines")),
         _engines_section("Fits on every engine", "fits", _measured(parts, "fits")),
         _timings_section(_all(parts, "timings")),
         _missing_section(parts),
     ]
     return "\n".join(filter(None, sections))
+
+
+def growth(parts: Sequence[Part]) -> list[Mapping[str, Any]]:
+    """Return what was measured on processes, by the number of participants.
+
+    Parameters
+    ----------
+    parts : sequence of mapping
+        What each part measured: few participants in one, many beside the other engines.
+    """
+    measured = [*_measured(parts, "growth"), *_measured(parts, "engines")]
+    found = {one["count"]: one for one in measured if one["engine"] == "processes"}
+    return [found[count] for count in sorted(found)]
 
 
 def missed(parts: Sequence[Part]) -> list[str]:

@@ -26,11 +26,16 @@ _LOOK_S = 1.0
 _RETURN_S = 60.0
 #: What numbers are made by, beside Python and jointz itself.
 _CALCULATING = ("numpy", "scipy", "numba")
+#: Of a cluster that is started here: its workers do long calculations, and nothing but these.
 #: Dask has workers give freed memory back at once, and arrays are then mapped anew each time,
-#: which costs a third of an analysis. What glibc would come to by itself, and what it may at most.
-_MEMORY = {
+#: which costs a third of an analysis: what glibc would come to by itself, and what it may at most.
+#: It also has them look at themselves a hundred times a second, which costs a twentieth.
+_OWN_CLUSTER = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
 }
 
 
@@ -228,7 +233,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     with ExitStack() as stack:
         address = scheduler
         if scheduler == LOCAL:
-            stack.enter_context(import_module("dask").config.set(_MEMORY))
+            stack.enter_context(import_module("dask").config.set(_OWN_CLUSTER))
             local = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=workers or cores(),

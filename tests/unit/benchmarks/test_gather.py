@@ -54,9 +54,10 @@ def taken() -> Figures:
 
 @pytest.fixture
 def parts(taken: Figures) -> list[dict[str, object]]:
-    growth = [measured(n, client_mb=mb) for n, mb in ((1, 240.0), (10, 240.0), (1000, 252.0))]
+    growth = [measured(n, client_mb=mb) for n, mb in ((1, 240.0), (10, 240.0))]
     growth[0]["wall_s"] = 2.0
     engines = [measured(100, "serial", worker_mb=None), measured(100, wall_s=104.0)]
+    engines.append(measured(1000, client_mb=252.0))
     found = json.loads(json.dumps(taken.to_dict() | {"versions": VERSIONS}))
     return [
         part("tests", found),
@@ -95,7 +96,7 @@ def test_by_zero_there_is_no_ratio_and_a_limit_holds_all_the_same(parts):
 def test_growth_is_told_in_a_table_and_in_words(parts):
     page = page_of(parts, image="images/growth.svg", quick=False)
 
-    assert rows(page)["1,000"] == ["1,000", "1", "2", "5.0", "252", "540"]
+    assert "| 1,000 | 1,000 | 1 | 2 | 5.0 | 252 | 540 |" in page  # of the part with all engines
     assert rows(page)["1"] == ["2", "2", "2", "5.0", "240", "540"]
     assert ("From 10 participants to 1,000, 100 times as many, time grows 100 times and the "
             "client's memory 1.05 times.") in page  # fmt: skip
