@@ -116,7 +116,7 @@ class CycleTab:
 
 
 class MethodsTab:
-    """Methods on the same pulses.
+    """Methods on the same recordings.
 
     Parameters
     ----------

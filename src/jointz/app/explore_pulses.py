@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from jointz.app.explore_plots import Overlaid, overlay_figure, pulse_figure
 from jointz.app.explore_view import View
 from jointz.core.events import PulseRecord
+from jointz.report.pulse_words import pulse_unit
 from jointz.report.wording import exclusion_meaning, method_name
 from jointz.workflows.exploration_exclusions import is_excluded, last_line
 from jointz.workflows.exploration_traces import Window
@@ -160,7 +161,7 @@ class PulsesTab:
         pulse = pulses[picked]
         trace, window = view.trace_of(pulse), view.window_of(pulse)
         self._name.set_text(f"Pulse {picked + 1} of {len(pulses)}")
-        self._about.set_text(_about(pulse, self._unit()))
+        self._about.set_text(_about(pulse, pulse_unit(view.explorer.analysis)))
         self._plot.update_figure(pulse_figure(trace, window))
         study = view.explorer.found.study
         out = study is not None and is_excluded(study, pulse)
@@ -171,12 +172,6 @@ class PulsesTab:
         self._reason.set_visibility(study is not None and not out)
         self._out.set_visibility(study is not None and not out)
         self._back.set_visibility(out)
-
-    def _unit(self) -> str:
-        """Return the unit of the pulses' amplitudes."""
-        study = self._view.explorer.analysis.provenance.get("study", {})
-        source = study.get("perturbations", {}).get("source")
-        return "rad" if source in ("angle", "reference") else "N·m"
 
     def _words(self, pulse: PulseRecord, *, out: bool, window: Window | None) -> str:
         study = self._view.explorer.found.study

@@ -76,7 +76,7 @@ class StudyAnalysis:
     cells : tuple of CellEstimate
         The chosen method.
     comparison : tuple of CellEstimate
-        Other methods on the same pulses.
+        Other methods on the same recordings.
     population : tuple of PopulationEstimate
         Means over people; none in a bench study.
     pulses, strides, gaps : tuple

@@ -96,7 +96,7 @@ class Response:
     Parameters
     ----------
     time_s : (n,) float, s
-        Time from the commanded onset.
+        Time from the onset.
     angle : (n,) float, rad
         Average angle response.
     torque : (n,) float, N*m

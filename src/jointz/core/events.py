@@ -38,11 +38,11 @@ class PulseRecord:
     participant, recording : str
         Where it was found.
     onset_s : float, s
-        Commanded onset.
+        Commanded onset; of a step of the angle where its speed begins.
     duration_s : float or None, s
         Commanded length, where it is known.
     amplitude : float or None
-        N*m, or rad for steps of the angle; signed.
+        N*m, or rad for steps of the angle and pulses of a reference that is an angle; signed.
     timing_point : str
         Timing point, case, trial or group.
     target_pct, measured_pct : float or None

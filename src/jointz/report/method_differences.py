@@ -32,7 +32,7 @@ class _Pair:
     other: CellEstimate
     lag_s: float
     lag_alone: tuple[float, ...]
-    baseline_deg: float
+    apart_deg: float
 
 
 def differences_section(analysis: StudyAnalysis) -> _Row | None:
@@ -77,6 +77,12 @@ def left_over_lag_s(analysis: StudyAnalysis, participant: str) -> tuple[float, f
 
 
 def _calibrated_lag_s(analysis: StudyAnalysis, participant: str) -> float:
+    known = _calibration(analysis, participant)
+    return _seconds(known, "angle_lag_s") - _seconds(known, "torque_lag_s")
+
+
+def _calibration(analysis: StudyAnalysis, participant: str) -> Mapping[str, Any]:
+    """Return what holds in the perturbed recordings of a participant."""
     known = dict(analysis.settings.get("calibration") or {})
     study = analysis.provenance.get("study") or {}
     for person in study.get("participants") or ():
@@ -86,8 +92,11 @@ def _calibrated_lag_s(analysis: StudyAnalysis, participant: str) -> float:
         perturbed = recording.get("condition") in ("perturbed", None)
         if recording.get("participant") == participant and perturbed:
             known |= recording.get("calibration") or {}
-    late, early = (known.get(name) or {} for name in ("angle_lag_s", "torque_lag_s"))
-    return float(late.get("value", 0.0)) - float(early.get("value", 0.0))
+    return known
+
+
+def _seconds(known: Mapping[str, Any], name: str) -> float:
+    return float((known.get(name) or {}).get("value", 0.0))
 
 
 def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
@@ -99,7 +108,9 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
         if cell.method != METHOD or other is None or lags is None or cell.response is None:
             continue
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
-        pairs.append(_Pair(cell, other, lags[1], alone, _apart_deg(cell, other)))
+        late_s = _seconds(_calibration(analysis, cell.participant), "angle_lag_s")
+        apart_deg = _apart_deg(cell, other, late_s)
+        pairs.append(_Pair(cell, other, lags[1], alone, apart_deg))
     return pairs
 
 
@@ -122,15 +133,15 @@ def _lag_alone(
     return tuple(100.0 * (f / v - 1.0) for f, v in zip(found, impedance, strict=True))
 
 
-def _apart_deg(mine: CellEstimate, other: CellEstimate) -> float:
-    """Return how far apart the two average angles are at most: what the baselines differ by."""
+def _apart_deg(mine: CellEstimate, other: CellEstimate, late_s: float) -> float:
+    """Return how far apart the two average angles are at most; mine is late by a known lag."""
     a, b = mine.response, other.response
     if a is None or b is None:
         return float("nan")
-    end_s = min(float(a.time_s[-1]), float(b.time_s[-1]))
-    at = a.time_s[a.time_s <= end_s]
-    apart = a.angle[: at.size] - np.interp(at, b.time_s, b.angle)
-    return float(np.degrees(np.abs(apart).max()))
+    at = a.time_s - late_s  # the other method shifted it out
+    both = (at >= b.time_s[0]) & (at <= b.time_s[-1])
+    apart = np.abs(a.angle[both] - np.interp(at[both], b.time_s, b.angle))
+    return float(np.degrees(apart.max())) if apart.size else float("nan")
 
 
 def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
@@ -159,7 +170,7 @@ def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
     return {
         "name": name,
         "cells": cells,
-        "apart": _degrees([p.baseline_deg for p in pairs]),
+        "apart": _degrees([p.apart_deg for p in pairs]),
         "motion": _degrees([np.degrees(p.mine.displacement_rad or np.nan) for p in pairs]),
         "verdict": _verdict(pairs),
         "bound": ", ".join(f"{bound.count(s)} {s}" for s in dict.fromkeys(bound)) or DASH,
@@ -207,7 +218,10 @@ def _lead(pairs: Sequence[_Pair]) -> str:
         found = _differences(pairs, name)
         if found.size:
             sizes.append(f"{np.sqrt(np.mean(found**2)):.0f} % in {symbol}")
-    text = f"Both had the same pulses. From the recommended estimates the {OTHER}'s method differs"
+    text = (
+        "Both had the same recordings; each leaves out the pulses that it cannot use. From the "
+        f"recommended estimates the {OTHER}'s method differs"
+    )
     return f"{text} by {_listed(sizes)} (root mean square)." if sizes else f"{text}."
 
 
@@ -268,7 +282,7 @@ def _range_ms(values: Sequence[float]) -> str:
 
 
 def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
-    apart = [p.baseline_deg for p in pairs if np.isfinite(p.baseline_deg)]
+    apart = [p.apart_deg for p in pairs if np.isfinite(p.apart_deg)]
     strides = [m.n_strides for m in analysis.models]
     learned = f" ({min(strides)} strides at least)" if strides else ""
     told = (
@@ -280,8 +294,8 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     if not apart:
         return told
     return (
-        f"{told} The two average responses to the same pulses lie up to {max(apart):.1f}° apart "
-        f"(median {np.median(apart):.1f}°)."
+        f"{told} The two average angles, the low-passed one beside the one as sampled, lie up to "
+        f"{max(apart):.1f}° apart (median {np.median(apart):.1f}°)."
     )
 
 

@@ -113,8 +113,8 @@ def _what_was_done(keys: Sequence[str], used: Sequence[str]) -> list[str]:
         )
     if there & set(_INTRINSIC):
         where = (
-            "taken out of the torque where the motion of its motor was recorded, and subtracted "
-            "from the estimates elsewhere"
+            "taken out of the torque as far as the motion of its motor was recorded, and the rest "
+            "subtracted from the estimates"
             if RECOMMENDED in used
             else "subtracted from the estimates"
         )

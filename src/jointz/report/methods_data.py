@@ -10,6 +10,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.events import PulseRecord
 from jointz.report.citations import cite
 from jointz.report.methods_calibration import calibration_sentences
+from jointz.report.pulse_words import pulse_names, pulse_unit
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     exclusion_meaning,
@@ -160,22 +161,16 @@ def _pulse_sentences(analysis: StudyAnalysis) -> list[str]:
     pulses = analysis.pulses
     if not pulses:
         return []
-    angle = _perturbations(analysis).get("source") == "angle"
-    unit, one, many = (
-        ("rad", "step of the angle was", "steps of the angle were")
-        if angle
-        else ("N·m", "pulse of torque was", "pulses of torque were")
-    )
+    unit = pulse_unit(analysis)
+    one, many = pulse_names(analysis)
+    found = format_count(len(pulses), f"{one} was", f"{many} were")
     sizes = [abs(p.amplitude) for p in pulses if p.amplitude is not None]
     lengths = [1e3 * p.duration_s for p in pulses if p.duration_s is not None]
     size = f"size {_range(sizes, unit)}" if sizes else "size not recorded"
     length = f"length {_range(lengths, 'ms')}" if lengths else "length not recorded"
     signs = [np.sign(p.amplitude) for p in pulses if p.amplitude]
     turned = f"; {format_integer(signs.count(1))} positive, {format_integer(signs.count(-1))} "
-    sentence = (
-        f"{format_count(len(pulses), one, many)} found ({size}, {length}"
-        f"{f'{turned}negative' if signs else ''})."
-    )
+    sentence = f"{found} found ({size}, {length}{f'{turned}negative' if signs else ''})."
     return [sentence, *_onset_sentences(pulses)]
 
 
@@ -198,10 +193,6 @@ def _onset_sentences(pulses: Sequence[PulseRecord]) -> list[str]:
     return [f"{lead}: {', '.join(parts)}."] if parts else []
 
 
-def _perturbations(analysis: StudyAnalysis) -> Mapping[str, Any]:
-    return (analysis.provenance.get("study") or {}).get("perturbations") or {}
-
-
 def _range(values: Sequence[float], unit: str) -> str:
     """Write the one value there is, or smallest, largest and median."""
     low, high = min(values), max(values)
@@ -211,24 +202,62 @@ def _range(values: Sequence[float], unit: str) -> str:
     return f"{format_number(low)} to {format_number(high)} {unit}, median {middle}"
 
 
+def torque_is_from_current(analysis: StudyAnalysis) -> bool:
+    """Tell whether torque was computed from the current of a motor, friction and all.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+    """
+    channels = (analysis.provenance.get("study") or {}).get("channels") or {}
+    return "current" in channels and "torque" not in channels
+
+
+def torque_is_turned(study: Mapping[str, Any]) -> bool:
+    """Tell whether the sign of a torque that was measured was turned on reading.
+
+    Parameters
+    ----------
+    study : mapping
+        What ``study.toml`` said; a torque on the device that is positive the other way is turned
+        twice, that is, not at all.
+    """
+    own = ((study.get("channels") or {}).get("torque") or {}).get("positive")
+    against = own not in (None, study.get("positive"))
+    return against != (study.get("torque_acts_on") == "device")
+
+
 def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
     """Say where torque came from; nothing where a study says nothing."""
     channels, model = study.get("channels") or {}, study.get("torque_model")
     if "torque" in channels:
-        made = "Torque was measured"
-    elif "current" in channels and model:
-        known = ", ".join(
-            f"{name} {format_exact(model[key])}{f' {unit}' if unit else ''}"
-            for key, (name, unit) in _TORQUE_MODEL.items()
-            if model.get(key)
-        )
-        law = f"equation 4.1 {cite('dissertation')}; {known}"
-        made = f"Torque was computed from the current of the motor by {law},"
-    else:
+        return [_measured_torque(study)]
+    if "current" not in channels or not model:
         return []
-    if study.get("torque_acts_on") == "device":
-        return [f"{made} on the device, and its sign turned to that of the torque on the joint."]
-    return [f"{made} and is the torque on the joint."]
+    known = ", ".join(
+        f"{name} {format_exact(model[key])}{f' {unit}' if unit else ''}"
+        for key, (name, unit) in _TORQUE_MODEL.items()
+        if model.get(key)
+    )
+    law = f"equation 4.1 {cite('dissertation')}; {known}"
+    return [
+        f"Torque was computed from the current of the motor by {law}, and is the torque on the "
+        "joint."
+    ]
+
+
+def _measured_torque(study: Mapping[str, Any]) -> str:
+    turned = torque_is_turned(study)
+    if study.get("torque_acts_on") != "device":
+        sign = ", its sign turned" if turned else ""
+        return f"Torque was measured and is the torque on the joint{sign}."
+    how = (
+        "and its sign turned to that of the torque on the joint"
+        if turned
+        else "positive the other way, and is the torque on the joint as it stands"
+    )
+    return f"Torque was measured on the device, {how}."
 
 
 def wore_device(analysis: StudyAnalysis) -> bool:
@@ -294,8 +323,7 @@ def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
 
 def _friction_sentences(analysis: StudyAnalysis) -> list[str]:
     """Say what was found of the friction, where the torque is that of a motor's current."""
-    channels = (analysis.provenance.get("study") or {}).get("channels") or {}
-    if "current" not in channels or "torque" in channels or not analysis.models:
+    if not torque_is_from_current(analysis) or not analysis.models:
         return []
     each = ", ".join(
         f"{m.participant} {format_with_sd(m.friction_gain, m.friction_gain_sd)}"

@@ -10,6 +10,7 @@ from jointz.report.methods_calibration import lag_is_calibrated
 from jointz.report.methods_recommended import decision_sentence, recommended_sentences
 from jointz.report.methods_used import FULL_RECORD, RECOMMENDED, used_methods
 from jointz.report.prose import interval_methods, mean_interval, mean_over_people_note
+from jointz.report.pulse_words import window_start
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_exact, method_name
 
@@ -145,7 +146,9 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
     cells = [c for c in analysis.cells if c.method == method]
     window_s = settings.get("window_s")
     window = (
-        f", over {format_exact(1e3 * window_s)} ms from the commanded onset" if window_s else ""
+        f", over {format_exact(1e3 * window_s)} ms from {window_start(analysis)}"
+        if window_s
+        else ""
     )
     sentences = [
         "The torque response was modelled as K·angle + B·velocity + J·acceleration "

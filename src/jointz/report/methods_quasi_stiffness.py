@@ -8,6 +8,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.quasi_stiffness_fit import Doubt
 from jointz.identify.over_cycle.stride_curves import NODES
 from jointz.report.citations import cite
+from jointz.report.methods_data import torque_is_turned
 from jointz.report.subjects import nobody_perturbed, subjects
 from jointz.report.wording import format_count, format_integer
 from jointz.stats.quasi_stiffness import STEP_PCT, WINDOW_PCT
@@ -20,9 +21,9 @@ _MADE: Final = (
     f"{STEP_PCT:g} % of the cycle; local slope: the same over {WINDOW_PCT:g} % of the cycle about "
     "the timing point; secant: moment over angle at it."
 )
-_TURNED: Final[Mapping[str | None, str]] = {
-    "device": ", its sign turned to that of the torque on the joint",
-    "joint": ", as it stands",
+_TURNED: Final[Mapping[bool, str]] = {
+    True: ", its sign turned to that of the torque on the joint",
+    False: ", as it stands",
 }
 _STATUSES: Final[Mapping[str, str]] = {
     "ok": "without doubt",
@@ -69,7 +70,7 @@ def _moment(analysis: StudyAnalysis) -> str:
     study = analysis.provenance.get("study") or {}
     column = ((study.get("channels") or {}).get("torque") or {}).get("column")
     named = f" “{column}”" if column else ""
-    turned = _TURNED.get(study.get("torque_acts_on"), "")
+    turned = _TURNED[torque_is_turned(study)] if "torque_acts_on" in study else ""
     return f"The moment of the joint is the study's torque channel{named}{turned}."
 
 

@@ -9,7 +9,7 @@ from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S
 from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.unperturbed_prediction import FEWEST_STRIDES
 from jointz.report.citations import cite
-from jointz.report.methods_data import recorded_rates, response_rates
+from jointz.report.methods_data import recorded_rates, response_rates, torque_is_from_current
 from jointz.report.wording import format_exact, format_integer
 
 _PREDICTED: Final = (
@@ -57,7 +57,7 @@ def recommended_sentences(analysis: StudyAnalysis) -> list[str]:
         ),
         _FITTED.format(window=_window(analysis), model=cite("dissertation")),
         _HYPOTHESES.format(latencies=latencies, reflex=cite("reflex"), evidence=cite("evidence")),
-        _priors(),
+        _priors(analysis),
     ]
 
 
@@ -106,27 +106,29 @@ def _learned_from(analysis: StudyAnalysis) -> str:
     return f" ({format_integer(min(counts))}{several} a participant)"
 
 
-def _priors() -> str:
+def _priors(analysis: StudyAnalysis) -> str:
     """Say what was taken for likely before the data."""
     p = Priors()
     inertia, resonance = (
         (format_exact(float(np.exp(mean))), f"{np.exp(sd):.1f}")
         for mean, sd in (p.log_inertia, p.log_resonance)
     )
-    parts = [
+    always = [
         f"K {_pair(p.stiffness)} N·m/rad",
         f"B {_pair(p.damping)} N·m·s/rad",
         f"J {inertia[0]} kg·m² within a factor of {inertia[1]}",
+        f"pure delay in the lag of the angle {_pair(p.delay_s, 1e3)} ms",
+        f"damping of a resonance {_pair(p.resonance_damping)}",
     ]
+    friction = [f"true over stated friction {_pair(p.friction_gain)}"]
     unknown = [
-        f"lag of the angle {_pair(p.lag_s, 1e3)} ms, of it a pure delay {_pair(p.delay_s, 1e3)} ms",
-        f"true over stated friction {_pair(p.friction_gain)}",
+        f"lag of the angle {_pair(p.lag_s, 1e3)} ms",
+        *(friction if torque_is_from_current(analysis) else ()),
         f"angle shown per torque {_pair(p.cross_talk)} rad/(N·m)",
-        f"a resonance {resonance[0]} Hz within a factor of {resonance[1]}, damped by "
-        f"{_pair(p.resonance_damping)}",
+        f"a resonance {resonance[0]} Hz within a factor of {resonance[1]}",
     ]
     return (
-        f"Priors, normal, mean ± SD: {'; '.join(parts)}. Where nothing was calibrated: "
+        f"Priors, normal, mean ± SD: {'; '.join(always)}. Where nothing was calibrated: "
         f"{'; '.join(unknown)}."
     )
 

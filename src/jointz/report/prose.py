@@ -138,10 +138,11 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
             f"are. n: {people}, {pulses}; no intervals are drawn."
         ),
         "methods": (
-            "The chosen method beside the others on the same pulses. Points: means over the "
-            f"{words.many} whose estimate stands; bars: Student's interval over {words.many}, or "
-            f"the {words.one}'s own interval where there is one only. An estimate at its bound "
-            f"counts with the value of the bound. n: {people}."
+            "The chosen method beside the others on the same recordings; each leaves out the "
+            f"pulses that it cannot use. Points: means over the {words.many} whose estimate "
+            f"stands; bars: Student's interval over {words.many}, or the {words.one}'s own "
+            "interval where there is one only. An estimate at its bound counts with the value of "
+            f"the bound. n: {people}."
         ),
         "budget": (
             "Error budget: share of each source in the variance of the estimates, mean over "

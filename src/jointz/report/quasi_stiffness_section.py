@@ -66,7 +66,8 @@ def quasi_stiffness_table(analysis: StudyAnalysis) -> Table:
         "Slope: least-squares line of moment on angle over the gait phase of the timing point; "
         f"local slope: the same over {WINDOW_PCT:g} % of the gait cycle about it; secant: moment "
         "over angle. Interval: Student's t of the delete-one jackknife over strides; it holds no "
-        "error of motion capture or inverse dynamics. Nobody was perturbed: it is no impedance."
+        f"error of motion capture or inverse dynamics. These {words.many} were not perturbed: it "
+        "is no impedance."
     )
     values = _by_measure(found)
     marks = {d: MARKS[min(k, len(MARKS) - 1)] for k, d in enumerate(_doubts(found))}

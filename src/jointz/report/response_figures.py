@@ -9,6 +9,7 @@ import numpy as np
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate, Response
 from jointz.report.impedance_figures import timing_points
+from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     BLUE,
     INK,
@@ -82,6 +83,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     pitch = height + (6.0 if wrapped else 3.0)
     figure = new_figure(_TOP_MM + pitch * len(rows) + 8.0)
     place_text(figure, _LEFT_MM, 10.0, "Angle response (deg)", fontweight="bold", va="center")
+    label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
     right = _LEFT_MM + _BLOCK_MM + _BETWEEN_MM
     place_text(figure, right, 10.0, "Torque response (N·m)", fontweight="bold", va="center")
     for i, row in enumerate(rows):
@@ -94,7 +96,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
         for left, quantity in ((_LEFT_MM, "angle"), (right, "torque")):
             axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
             _draw_row(axes, row, cells, quantity=quantity, window_s=window_s)
-            _time_axis(axes, len(row.names), window_s, labelled=i == len(rows) - 1)
+            _time_axis(axes, len(row.names), window_s, label=label if i == len(rows) - 1 else "")
             if i == 0 or wrapped:
                 _name_columns(axes, row.names, window_s)
     place_legend(figure, _legend(responses))
@@ -174,19 +176,19 @@ def _leave_headroom(axes: "Axes") -> None:
     axes.axhline(0.0, color=MUTED, linewidth=0.4, zorder=1)
 
 
-def _time_axis(axes: "Axes", count: int, window_s: float, *, labelled: bool) -> None:
+def _time_axis(axes: "Axes", count: int, window_s: float, *, label: str) -> None:
     pitch = window_s * (1.0 + _GAP)
     axes.spines["bottom"].set_visible(False)
     starts = np.arange(count) * pitch
     ticks = np.sort(np.concatenate([starts, starts + window_s]))
     axes.set_xlim(0.0, starts[-1] + window_s)
-    if not labelled:
+    if not label:
         axes.set_xticks([])
         return
     axes.set_xticks(ticks, ["0", f"{1000 * window_s:.0f}"] * count, fontsize=TINY_PT)
-    for i, label in enumerate(axes.get_xticklabels()):
-        label.set_horizontalalignment("right" if i % 2 else "left")
-    axes.set_xlabel("Time from commanded onset (ms)", fontsize=SMALL_PT + 0.5)
+    for i, tick in enumerate(axes.get_xticklabels()):
+        tick.set_horizontalalignment("right" if i % 2 else "left")
+    axes.set_xlabel(label, fontsize=SMALL_PT + 0.5)
 
 
 def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:

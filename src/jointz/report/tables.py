@@ -220,9 +220,10 @@ def _methods(analysis: StudyAnalysis) -> Table:
     people = {c.participant for c in analysis.cells}
     by_method = cells_by_method(analysis)
     caption = (
-        f"Methods compared on the same pulses: mean over {words.many} whose estimate stands "
-        f"[{_level(analysis)} Student interval over {words.many}, or the {words.one}'s own where "
-        f"there is one] (n). An estimate at its bound counts with the value of the bound. Chosen: "
+        "Methods compared on the same recordings, each without the pulses that it cannot use: mean "
+        f"over {words.many} whose estimate stands [{_level(analysis)} Student interval over "
+        f"{words.many}, or the {words.one}'s own where there is one] (n). An estimate at its "
+        "bound counts with the value of the bound. Chosen: "
         f"{method_name(chosen_method(analysis)) if analysis.cells else NO_VALUE}. "
         f"{_symbols(p.name for c in analysis.cells for p in c.parameters)}"
     )

@@ -106,7 +106,7 @@ _Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 def _of_method(method: str, windows: list[Window | None]) -> dict[str, _Variable]:
     some = next(w for w in windows if w is not None)
     dim = f"time_{method}"
-    time = {"units": "s", "long_name": "time from the commanded onset"}
+    time = {"units": "s", "long_name": "time from the onset"}
     variables: dict[str, _Variable] = {dim: ((dim,), some.time_s, time)}
     for name, (unit, meaning) in _ROWS.items():
         rows = np.stack([_row(None if w is None else getattr(w, name), some) for w in windows])

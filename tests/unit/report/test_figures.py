@@ -297,6 +297,18 @@ def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(rec
     assert "angle of the fitted model (VAF)" in [t.get_text() for t in figure.legends[0].texts]
 
 
+def test_the_axis_of_steps_of_the_angle_names_no_command(walking):
+    one = only_group(walking, "S01", "LRE")
+    steps = replace(one, provenance={"study": {"perturbations": {"source": "angle"}}})
+    for analysis, label in (
+        (one, "Time from commanded onset (ms)"),
+        (steps, "Time from onset (ms)"),
+    ):
+        with figure_style():
+            figure = draw_responses(analysis)
+        assert figure.axes[0].get_xlabel() == label
+
+
 def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
     with figure_style():
         figure = draw_budget(recommended)

@@ -60,7 +60,7 @@ def test_what_was_done_with_the_calibration_is_told(recommended):
     fitted = calibrated(recommended, entries)
     assert "Gains were divided out." in fitted
     assert "The calibrated lag was a prior of the fit." in fitted
-    assert "subtracted from the estimates elsewhere" in fitted
+    assert "as far as the motion of its motor was recorded, and the rest subtracted" in fitted
     shifted = calibrated(recommended, entries, method="dissertation")
     assert "The calibrated lag was shifted out." in shifted
     assert "The impedance of the device was subtracted from the estimates." in shifted

@@ -1,5 +1,9 @@
 """The methods section where nobody was perturbed: moment and quasi-stiffness, no impedance."""
 
+from dataclasses import replace
+
+import pytest
+
 from jointz.report.citations import CITATIONS
 from jointz.report.methods_text import methods_text
 
@@ -24,3 +28,25 @@ def test_where_nobody_was_perturbed_no_impedance_estimate_is_told_of(unperturbed
     ):
         assert said in text
     assert CITATIONS["jackknife"].full in text
+
+
+@pytest.mark.parametrize(
+    ("side", "positive", "said"),
+    [
+        ("device", "flexion", "its sign turned to that of the torque on the joint"),
+        ("device", "extension", "as it stands"),  # turned twice, that is, not at all
+        ("joint", "flexion", "as it stands"),
+        ("joint", "extension", "its sign turned to that of the torque on the joint"),
+    ],
+)
+def test_the_sign_of_the_moment_is_told_as_it_was_read(unperturbed, side, positive, said):
+    told = unperturbed.provenance["study"]
+    torque = {**told["channels"]["torque"], "positive": positive}
+    study = {
+        **told,
+        "positive": "flexion",
+        "torque_acts_on": side,
+        "channels": {**told["channels"], "torque": torque},
+    }
+    text = methods_text(replace(unperturbed, provenance={"study": study}))
+    assert f"“KneeMoment”, {said}." in text

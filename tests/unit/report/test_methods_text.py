@@ -66,7 +66,20 @@ def test_what_a_study_does_not_hold_is_not_written(recommended):
                 "torque_model": {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0},
             },
             "from the current of the motor by equation 4.1 (dissertation, 4.2); gear ratio 9, "
-            "torque constant 0.11 N·m/A, on the device",
+            "torque constant 0.11 N·m/A, and is the torque on the joint.",
+        ),
+        (
+            {"positive": "flexion", "channels": {"torque": {"positive": "extension"}}},
+            "Torque was measured on the device, positive the other way, and is the torque on the "
+            "joint as it stands.",
+        ),
+        (
+            {
+                "torque_acts_on": "joint",
+                "positive": "flexion",
+                "channels": {"torque": {"positive": "extension"}},
+            },
+            "Torque was measured and is the torque on the joint, its sign turned.",
         ),
     ],
 )
@@ -107,6 +120,32 @@ def test_steps_of_the_angle_are_not_called_pulses_of_torque(recommended):
     angle = with_study(recommended, perturbations={"source": "angle"})
     text = methods_text(replace(angle, pulses=(pulse(0.1),)))
     assert "1 step of the angle was found (size 0.100 rad" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"channels": {"reference": {"unit": "deg"}}}, "1 pulse of the reference angle was found"),
+        (
+            {"channels": {"reference": {}}},
+            "1 pulse of the reference angle was found (size 0.100 rad",
+        ),
+        (
+            {"channels": {"reference": {"unit": "mN*m"}}},
+            "1 pulse of torque was found (size 0.100 N",
+        ),
+        (
+            {
+                "channels": {"reference": {"unit": "deg"}},
+                "recordings": [{"participant": "S01", "perturbations": "pulses.csv"}],
+            },
+            "1 pulse of torque was found (size 0.100 N·m",
+        ),
+    ],
+)
+def test_pulses_have_the_name_and_unit_of_what_they_were_read_off(recommended, changes, said):
+    study = with_study(recommended, **changes)
+    assert said in methods_text(replace(study, pulses=(pulse(0.1),)))
 
 
 def test_onsets_are_off_on_the_circle(recommended):
@@ -272,6 +311,16 @@ def test_a_bench_subtracts_a_recording_and_nobody_walks_there(walking):
     assert "at the same time since the beginning." in text
 
 
+def test_steps_of_the_angle_have_no_commanded_onset(walking):
+    bench = by_method(walking, "dissertation", kind="bench")
+    text = methods_text(with_study(bench, perturbations={"source": "angle"}))
+    assert (
+        "over 100 ms from where the speed of the filtered angle first exceeds a tenth of its peak, "
+        "fitted" in text
+    )
+    assert "commanded onset" not in text
+
+
 def test_what_a_case_subtracted_is_its_own(bench):
     whole = tuple(replace(c, method="full_record", baseline="none") for c in bench.cells[1:])
     other = replace(bench.cells[0], method="dissertation", baseline="unperturbed_mean")
@@ -379,6 +428,23 @@ def test_reflexes_and_priors_are_told(recommended):
     assert "over 100 ms from the commanded onset and the lag" in text
     assert "fewer than 12, of the unperturbed recordings too" in text
     assert "change steeply inside the window" in text
+
+
+def test_priors_that_no_calibration_replaces_are_told_without_condition(recommended):
+    always, _, unknown = methods_text(recommended).partition("Where nothing was calibrated: ")
+    assert (
+        "pure delay in the lag of the angle 2 ± 1.15 ms; damping of a resonance 0.3 ± 0.1."
+        in always
+    )
+    assert unknown.startswith("lag of the angle 12 ± 10 ms; angle shown per torque")
+    assert "a resonance 30 Hz within a factor of 1.5." in unknown
+
+
+def test_a_prior_of_friction_is_told_of_a_torque_from_current_only(recommended):
+    told = "true over stated friction 1 ± 0.2;"
+    current = with_study(recommended, channels={"current": {}}, torque_model={"gear_ratio": 9.0})
+    assert told in methods_text(current)
+    assert told not in methods_text(with_study(recommended))
 
 
 def test_numbers_that_were_set_have_no_exponent_and_no_hyphen(recommended):

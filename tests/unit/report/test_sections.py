@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
@@ -66,6 +67,29 @@ def test_a_study_calibration_that_is_not_the_lag_found_leaves_the_rest(recommend
     text = reasons(replace(recommended, settings=half))["Lag."]
     assert "leaves the rest" in text
     assert "4.0 to 10.0 ms behind the torque" in text
+
+
+def test_a_calibrated_lag_that_one_method_shifts_out_sets_no_angles_apart(recommended):
+    lags = {m.participant: m.lag_s for m in recommended.models}
+    people = [{"id": p, "calibration": {"angle_lag_s": {"value": lag_s, "sd": 1e-4}}}
+              for p, lag_s in lags.items()]  # fmt: skip
+    mine = {(c.participant, c.timing_point): c.response for c in recommended.cells}
+
+    def shifted(cell):
+        late = round(1e3 * lags[cell.participant])  # samples of 1 ms
+        angle = mine[cell.participant, cell.timing_point].angle
+        early = np.append(angle[late:], np.zeros(late))
+        return replace(cell, response=replace(cell.response, angle=early))
+
+    same = tuple(map(shifted, recommended.comparison))
+    known = replace(recommended, comparison=same, provenance={"study": {"participants": people}})
+    assert {row["apart"] for row in differences_section(known)["rows"]} == {"0.0"}
+
+
+def test_methods_share_recordings_and_not_all_pulses(recommended):
+    lead = differences_section(recommended)["lead"]
+    assert "same recordings; each leaves out the pulses that it cannot use" in lead
+    assert "same pulses" not in words(Page(render_report(recommended, {}, title="Knee")))
 
 
 def test_estimates_at_the_bound_are_counted(recommended):

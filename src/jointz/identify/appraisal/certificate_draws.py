@@ -197,7 +197,8 @@ def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[
             entry = Calibrated(value=0.0, sd=0.0)
         error = entry.sd * float(rng.standard_normal())
         parts[name] = tuple(
-            error + (entry.value if subtract else 0.0) for subtract in evidence.subtract_intrinsic
+            error + (entry.value if name in left_in else 0.0)
+            for left_in in evidence.subtract_intrinsic
         )
     return parts
 

@@ -7,6 +7,7 @@ import xarray as xr
 
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import value_of
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.conditioning import Conditioned, Stretch
 from jointz.identify.preparation.sources import Source
 from jointz.kernels.derivatives import derivative
@@ -18,7 +19,6 @@ RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
 _MOTOR_MOTION = ("motor_velocity", "motor_angle")
-_INTRINSIC = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
 
 
 def common_rate_hz(sources: Sequence[Source]) -> float:
@@ -49,7 +49,7 @@ def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditione
     Conditioned
         Rows: angle (rad), torque on the joint without friction (N*m), what the friction of the
         actuator adds to it (N*m; zero where torque was measured), commanded torque (N*m). The
-        device's intrinsic impedance is taken out of the torque where the motion of its motor
+        device's intrinsic impedance is taken out of the torque as far as the motion of its motor
         was recorded: behind a soft strap it moves otherwise than the joint.
     """
     recording = source.given.recording
@@ -74,15 +74,19 @@ def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditione
     )
 
 
-def takes_out_intrinsic(recording: xr.Dataset) -> bool:
-    """Tell whether the intrinsic impedance is taken out of the torque already.
+def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
+    """Return which of the device's K, B and J are not taken out of the torque.
+
+    Its motor's angle tells the torque of all three, its velocity that of damping and inertia.
 
     Parameters
     ----------
     recording : xarray.Dataset
         The recording.
     """
-    return any(name in recording for name in _MOTOR_MOTION)
+    if "motor_angle" in recording:
+        return ()
+    return ("stiffness",) if "motor_velocity" in recording else PARAMETERS
 
 
 def _rows(source: Source) -> np.ndarray:
@@ -90,9 +94,7 @@ def _rows(source: Source) -> np.ndarray:
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
     friction = _channel(recording, "friction", angle.size)
-    driving = torque - friction
-    if takes_out_intrinsic(recording):
-        driving = driving - _intrinsic_torque(source)
+    driving = torque - friction - _intrinsic_torque(source)
     torque_gain, angle_gain = value_of(known.torque_gain, 1.0), value_of(known.angle_gain, 1.0)
     return np.stack(
         [
@@ -105,14 +107,16 @@ def _rows(source: Source) -> np.ndarray:
 
 
 def _intrinsic_torque(source: Source) -> np.ndarray:
-    """Return the torque that moves the device itself, N*m."""
+    """Return the torque that moves the device itself, N*m, as far as its motor tells."""
     recording, known = source.given.recording, source.given.calibration
-    stiffness, damping, inertia = (value_of(getattr(known, name), 0.0) for name in _INTRINSIC)
+    stiffness, damping, inertia = (
+        value_of(getattr(known, f"intrinsic_{name}"), 0.0) for name in PARAMETERS
+    )
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
-    if not (stiffness or damping or inertia):
+    name = next((n for n in _MOTOR_MOTION if n in recording), None)
+    if name is None or not (stiffness or damping or inertia):
         return torque
-    name = next(n for n in _MOTOR_MOTION if n in recording)
     values = recording[name].to_numpy()
     for part in stretches(time, np.isfinite(values)):
         if part.stop - part.start < shortest_record():

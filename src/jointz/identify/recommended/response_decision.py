@@ -61,8 +61,8 @@ class Decision:
     ----------
     known : CalibrationSpec
         Gains' sd and the intrinsic impedance.
-    subtract_intrinsic : bool
-        Whether the intrinsic impedance is still in the estimates.
+    subtract_intrinsic : tuple of str
+        Which of K, B and J still hold the device's own.
     mass_kg : float or None
         For values per kg.
     natural : NaturalSize
@@ -70,7 +70,7 @@ class Decision:
     """
 
     known: CalibrationSpec
-    subtract_intrinsic: bool
+    subtract_intrinsic: tuple[str, ...]
     mass_kg: float | None
     natural: NaturalSize
 
@@ -166,7 +166,7 @@ def _moments(i: int, posterior: JointPosterior) -> tuple[Moments, Moments, Momen
 def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> ParameterEstimate:
     entry = getattr(decision.known, f"intrinsic_{name}")
     intrinsic = 0.0 if entry is None else entry.value
-    left_in = intrinsic if decision.subtract_intrinsic else 0.0
+    left_in = intrinsic if name in decision.subtract_intrinsic else 0.0
     value = moments.mean - left_in
     parts = [np.sqrt(moments.variance), decision.gain_sd * moments.mean]
     parts.append(0.0 if entry is None else entry.sd)

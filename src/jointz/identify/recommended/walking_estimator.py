@@ -21,7 +21,7 @@ from jointz.identify.methods.cells import failed_parameters
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import calibration_sd, dead_signals
-from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals, takes_out_intrinsic
+from jointz.identify.preparation.raw_signals import common_rate_hz, intrinsic_left_in, raw_signals
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
 from jointz.identify.recommended.gravity import (
     corrected_stiffness,
@@ -375,10 +375,10 @@ class WalkingEstimator:
             covariance=_plain(error_covariance(i, posterior, decision)),
         )
 
-    def _intrinsic_left_in(self, cell: PredictedCell) -> bool:
-        """Tell whether the device's own impedance is still in the torque of a cell."""
+    def _intrinsic_left_in(self, cell: PredictedCell) -> tuple[str, ...]:
+        """Return which of the device's own K, B and J are still in the torque of a cell."""
         recording = self._sources[cell.used[0].source].given.recording
-        return not takes_out_intrinsic(recording)
+        return intrinsic_left_in(recording)
 
     def _gravity_corrected(
         self,

@@ -24,8 +24,8 @@ class Evidence:
         What explains them.
     known : CalibrationSpec
         Of the instruments.
-    subtract_intrinsic : tuple of bool
-        For each timing point, whether the device's own impedance is still in its torque.
+    subtract_intrinsic : tuple of tuple of str
+        For each timing point, which of the device's own K, B and J are still in its torque.
     window_s : float, s
         Of the motion.
     """
@@ -35,5 +35,5 @@ class Evidence:
     responses: tuple[CellResponse, ...]
     posterior: JointPosterior
     known: CalibrationSpec
-    subtract_intrinsic: tuple[bool, ...]
+    subtract_intrinsic: tuple[tuple[str, ...], ...]
     window_s: float

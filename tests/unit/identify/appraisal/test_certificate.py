@@ -71,9 +71,7 @@ def evidence_with(known=LAG_KNOWN, **options) -> Evidence:
     rng = np.random.default_rng(5)
     cells = tuple(cell_of(label, rng=rng, **options) for label in TRUE)
     posterior, responses = explain_responses(cells, priors_of(known), window_s=WINDOW_S)
-    return Evidence(
-        "S01", cells, tuple(responses), posterior, known, (False,) * len(cells), WINDOW_S
-    )
+    return Evidence("S01", cells, tuple(responses), posterior, known, ((),) * len(cells), WINDOW_S)
 
 
 @pytest.fixture(scope="module")
@@ -164,9 +162,11 @@ def test_gains_and_the_frame_are_as_uncertain_as_their_calibration_says(evidence
             torque_gain=Calibrated(value=1.0, sd=0.02),
             angle_gain=Calibrated(value=2.0, sd=0.06),
             intrinsic_inertia=Calibrated(value=0.01, sd=0.001),
+            intrinsic_stiffness=Calibrated(value=10.0, sd=0.0),
         )
     )
-    other = replace(evidence, known=known, subtract_intrinsic=(True, False, False, False))
+    left_in = (("inertia",), (), ("stiffness",), ())
+    other = replace(evidence, known=known, subtract_intrinsic=left_in)
     rng = np.random.default_rng(6)
     truths = [drawn_truth(other, Injection(), rng) for _ in range(500)]
     frames = np.array([t.intrinsic["inertia"] for t in truths])
@@ -175,6 +175,7 @@ def test_gains_and_the_frame_are_as_uncertain_as_their_calibration_says(evidence
     assert np.std([t.joints[0].angle_gain for t in truths]) == pytest.approx(0.03, rel=0.15)
     np.testing.assert_allclose(frames[:, 0] - frames[:, 1], 0.01)
     assert frames[:, 1].std() == pytest.approx(0.001, rel=0.15)
+    assert truths[0].intrinsic["stiffness"] == (0.0, 0.0, 10.0, 0.0)
 
 
 def test_the_virtual_errors_are_those_of_many_real_participants(evidence):

@@ -13,8 +13,8 @@ from jointz.identify.preparation.raw_signals import (
     FRICTION,
     RAW_ANGLE,
     common_rate_hz,
+    intrinsic_left_in,
     raw_signals,
-    takes_out_intrinsic,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
 
@@ -125,15 +125,35 @@ def test_intrinsic_impedance_is_taken_out_where_the_motor_was_recorded(motor):
     stretch = raw_signals(made).stretches[0]
     expected = -(0.5 * 1.2 * np.cos(4.0 * time) - 0.02 * 4.8 * np.sin(4.0 * time))
     inner = slice(10, -10)
-    assert takes_out_intrinsic(made.given.recording)
     assert stretch.signals[DRIVING][inner] == pytest.approx(expected[inner], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("motor", "taken_out"),
+    [
+        (("motor_velocity",), 0.0),
+        (("motor_angle",), 10.0),
+        (("motor_velocity", "motor_angle"), 10.0),
+    ],
+)
+def test_intrinsic_stiffness_is_taken_out_where_the_angle_of_the_motor_was_recorded(
+    motor, taken_out
+):
+    time = np.arange(2000) / 500.0
+    moved = {"motor_angle": 0.3 * np.sin(4.0 * time), "motor_velocity": 1.2 * np.cos(4.0 * time)}
+    channels = {"angle": 0.1 * time, "torque": 0.0 * time, "command": 0.0 * time}
+    known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=10.0, sd=0.0))
+    made = source(time, channels | {name: moved[name] for name in motor}, calibration=known)
+    stretch = raw_signals(made).stretches[0]
+    assert intrinsic_left_in(made.given.recording) == (() if taken_out else ("stiffness",))
+    assert stretch.signals[DRIVING] == pytest.approx(-taken_out * moved["motor_angle"])
 
 
 def test_without_the_motor_the_intrinsic_impedance_is_left_in():
     known = CalibrationSpec(intrinsic_damping=Calibrated(value=0.5, sd=0.0))
     made = plain(500.0, calibration=known)
     stretch = raw_signals(made).stretches[0]
-    assert not takes_out_intrinsic(made.given.recording)
+    assert intrinsic_left_in(made.given.recording) == ("stiffness", "damping", "inertia")
     assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.recommended.response_decision import (
     Decision,
     NaturalSize,
@@ -37,7 +38,7 @@ class Found:
 NATURAL = NaturalSize(60.0, 3.0, 0.15)
 
 
-def decision(*, mass_kg=70.0, subtract=True, natural=NATURAL, **known):
+def decision(*, mass_kg=70.0, subtract=PARAMETERS, natural=NATURAL, **known):
     entries = {name: Calibrated(value=v, sd=sd) for name, (v, sd) in known.items()}
     return Decision(CalibrationSpec(**entries), subtract, mass_kg, natural)
 
@@ -96,10 +97,16 @@ def test_errors_of_the_gains_count_for_all_and_not_for_the_budget_of_noise():
 
 def test_intrinsic_impedance_is_subtracted_where_it_is_still_in():
     known = {"intrinsic_stiffness": (10.0, 3.0)}
-    kept = rows(subtract=False, **known)["stiffness"]
+    kept = rows(subtract=(), **known)["stiffness"]
     out = rows(**known)["stiffness"]
     assert (kept.value, out.value) == (60.0, 50.0)
     assert out.ci_high - out.value == pytest.approx(1.96 * 5.0, rel=1e-3)
+
+
+def test_each_part_of_the_intrinsic_impedance_is_subtracted_where_it_alone_is_still_in():
+    known = {"intrinsic_stiffness": (10.0, 0.0), "intrinsic_damping": (0.5, 0.0)}
+    found = rows(subtract=("stiffness",), **known)
+    assert (found["stiffness"].value, found["damping"].value) == (50.0, 2.5)
 
 
 def test_the_interval_of_inertia_is_that_of_its_logarithm():

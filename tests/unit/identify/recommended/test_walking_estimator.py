@@ -188,6 +188,21 @@ def test_units_of_torque_scale_the_estimates(walkers, usual):
         assert a.value == pytest.approx(b.value, rel=1e-6)
 
 
+def test_a_motor_of_which_only_the_velocity_is_known_leaves_no_stiffness_of_the_device(
+    walkers, usual
+):
+    walker, given = usual
+    own = {"intrinsic_stiffness": Calibrated(value=5.0, sd=0.0)}
+    known = given.calibration.model_copy(update=own)
+    still = np.zeros(given.recording.sizes["time"])
+    turned = given.recording.assign(motor_velocity=("time", still, {"units": "rad/s"}))
+    plain = walkers.analyze(walker, given)
+    result = walkers.analyze(walker, replace(given, recording=turned, calibration=known))
+    for point in walker.joints:
+        a, b = (cell(r, point).parameter("stiffness") for r in (plain, result))
+        assert b.value == pytest.approx(a.value - 5.0, rel=1e-6)
+
+
 # --- what is left out -----------------------------------------------------------------------------
 
 
