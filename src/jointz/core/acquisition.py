@@ -89,6 +89,8 @@ class SignalGroup:
         Time stamps, where the file has them.
     time_column : str
         What a study calls the column of its clock, where there is one and that is known.
+    time_unit_stated : bool
+        Whether the file says the unit of its time stamps; else they are taken for seconds.
     """
 
     name: str
@@ -97,6 +99,7 @@ class SignalGroup:
     start_s: float = 0.0
     time_s: np.ndarray | None = None
     time_column: str = ""
+    time_unit_stated: bool = True
 
     def __post_init__(self) -> None:
         """Check that lengths and names go together.

@@ -34,7 +34,8 @@ Place = tuple[SignalGroup, Signal | None]
 class AcquisitionReader:
     """Reads signals by name, or by ``group/signal`` where two groups have one of that name.
 
-    ``time``, or ``group/time``, is the clock of the group in seconds.
+    ``time``, or ``group/time``, is the clock of the group, in seconds or in the unit that a study
+    says where the file says none; it goes by the name of its column in the file, too.
     """
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
@@ -61,14 +62,14 @@ class AcquisitionReader:
         for c in map(str, request.labels):
             written = request.as_written
             columns[c] = label_column(path, c, _labels(*places[c]), as_written=written)
-        units = {c: unit for c, place in places.items() if (unit := _unit(place[1]))}
+        units = {c: unit for c, place in places.items() if (unit := _unit(*place))}
         return RawTable(columns, units, file_sha256(path))
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:
         """Return all names by which signals can be asked for, the shortest of each first.
 
-        ``time`` is among them where several groups have a clock: it is that of the group that
-        the other columns are in.
+        ``time`` is among them where several groups have a clock, and so is what the file calls
+        the columns of their clocks: it is that of the group that the other columns are in.
 
         Parameters
         ----------
@@ -80,7 +81,9 @@ class AcquisitionReader:
         content = read_acquisition(path, files)
         short = list(_short_names(content))
         clocks = [TIME] if any(name.endswith(f"/{TIME}") for name in short) else []
-        return list(dict.fromkeys([*clocks, *short, *_full_names(content)]))
+        own = [group.time_column for group in content.groups if group.time_column]
+        full = [*_full_names(content), *own, *_own_clocks(content)]
+        return list(dict.fromkeys([*clocks, *short, *full]))
 
 
 def study_columns(content: Acquisition) -> dict[tuple[str, str], str]:
@@ -118,6 +121,19 @@ def _full_names(content: Acquisition) -> dict[str, Place]:
     return {f"{g.name}/{name}": (g, signal) for g, name, signal in every if g.name}
 
 
+def _own_clocks(content: Acquisition) -> dict[str, Place]:
+    """Return the clocks by what the file calls their columns, where nothing else is called so."""
+    clocks = [(group, group.time_column) for group in content.groups if group.time_column]
+    counts = Counter([*(name for _, name in clocks), *(name for _, name, _ in _every(content))])
+    found: dict[str, Place] = {}
+    for group, name in clocks:
+        if group.name:
+            found[f"{group.name}/{name}"] = (group, None)
+        if counts[name] == 1:
+            found[name] = (group, None)
+    return found
+
+
 def _every(content: Acquisition) -> list[tuple[SignalGroup, str, Signal | None]]:
     every: list[tuple[SignalGroup, str, Signal | None]] = []
     for group in content.groups:
@@ -131,14 +147,14 @@ def _every(content: Acquisition) -> list[tuple[SignalGroup, str, Signal | None]]
 def _places(path: Path, content: Acquisition, names: Sequence[str]) -> dict[str, Place]:
     """Find the columns; ``time`` is the clock of the group that the others are in."""
     short = _short_names(content)
-    full = _full_names(content)
+    full = {**_own_clocks(content), **_full_names(content)}
     known = {**full, **short}
     found = {name: known[name] for name in names if name in known}
     groups = {id(group): group for group, _ in found.values()}
-    if TIME in names and TIME not in found and len(groups) == 1:
+    if len(groups) == 1:
         (group,) = groups.values()
-        own = known.get(f"{group.name}/{TIME}")
-        found |= {TIME: own} if own else {}
+        clocks = {name: known.get(f"{group.name}/{name}") for name in (TIME, group.time_column)}
+        found |= {n: own for n, own in clocks.items() if own and n in names and n not in found}
     missing = [name for name in names if name not in found]
     if missing:
         raise _not_there(path, missing, list(short), list(full))
@@ -206,5 +222,7 @@ def _labels(group: SignalGroup, signal: Signal | None) -> np.ndarray:
     return values
 
 
-def _unit(signal: Signal | None) -> str:
-    return "s" if signal is None else signal.unit
+def _unit(group: SignalGroup, signal: Signal | None) -> str:
+    if signal is not None:
+        return signal.unit
+    return "s" if group.time_unit_stated else ""

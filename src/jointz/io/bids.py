@@ -19,6 +19,7 @@ from jointz.core.errors import DataError
 from jointz.io.bids_tables import (
     NOTHING,
     cell_number,
+    end_note,
     entities_of,
     number,
     read_json,
@@ -139,8 +140,8 @@ def _person(
 def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]) -> Acquisition:
     entities = entities_of(file.name)
     sidecar_file, sidecar = _sidecar(root, file)
-    channels = _channels(root, file)
-    samples = read_samples(file, len(channels))
+    channels_file, channels = _channels(root, file)
+    samples = read_samples(file, len(channels), named_in=channels_file.name)
     rate, rate_note = _rate(sidecar_file, sidecar)
     _check_duration(file, sidecar, n_samples=len(samples), rate_hz=rate)
     start = _start(sidecar_file, sidecar)
@@ -164,7 +165,11 @@ def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]
     person = _person(root, entities, people)
     metadata = _metadata(file, entities, sidecar, person)
     metadata |= {f"positive.{c.name}": c.positive for c in channels if c.positive is not None}
-    notes = {"clock": clock_note, "rate": rate_note if time is None else ""}
+    notes = {
+        "clock": clock_note,
+        "rate": rate_note if time is None else "",
+        "end": _ends(root, file, channels_file),
+    }
     metadata |= {f"{READING}{name}": note for name, note in notes.items() if note}
     events = tuple(_events(root, file, zero, sidecar.get(EVENT_COUNT)))
     return Acquisition((group,), events, metadata)
@@ -208,7 +213,7 @@ def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     return files[-1], content
 
 
-def _channels(root: Path, file: Path) -> tuple[_Channel, ...]:
+def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...]]:
     files = _belonging(root, file, "_channels.tsv")
     if not files:
         raise DataError(
@@ -225,7 +230,7 @@ def _channels(root: Path, file: Path) -> tuple[_Channel, ...]:
             "Correct it.",
             path=str(files[-1]),
         )
-    return tuple(
+    return files[-1], tuple(
         _Channel(
             row["name"],
             row["type"].upper(),
@@ -235,6 +240,13 @@ def _channels(root: Path, file: Path) -> tuple[_Channel, ...]:
         )
         for row in rows
     )
+
+
+def _ends(root: Path, file: Path, channels_file: Path) -> str:
+    """Return what is said of the tables whose last line has no end."""
+    events_files = _belonging(root, file, "_events.tsv")[-1:]
+    tables = [root / "participants.tsv", channels_file, *events_files]
+    return " ".join(note for table in tables if table.is_file() and (note := end_note(table)))
 
 
 def _rate(file: Path, sidecar: Mapping[str, Any]) -> tuple[float, str]:
@@ -331,7 +343,7 @@ def _events(root: Path, file: Path, zero_s: float, count: Any) -> Iterator[Event
         if count:
             _check_count(file.with_name(file.name.replace("_motion", "_events")), 0, count, "rows")
         return
-    rows = read_tsv(files[-1], ("onset", "duration"))
+    rows = read_tsv(files[-1], ("onset", "duration"), whole=not isinstance(count, int))
     if isinstance(count, int):
         _check_count(files[-1], len(rows), count, "rows")
     found = []

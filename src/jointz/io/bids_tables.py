@@ -75,7 +75,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def read_tsv(path: Path, required: Sequence[str]) -> list[dict[str, str]]:
+def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> list[dict[str, str]]:
     """Read a table with a header: a mapping a row, ``""`` for ``n/a``.
 
     Parameters
@@ -84,13 +84,16 @@ def read_tsv(path: Path, required: Sequence[str]) -> list[dict[str, str]]:
         The file.
     required : sequence of str
         Columns that must be there.
+    whole : bool
+        Whether its last line must have an end, without which nobody can tell that it was not cut
+        off. Editors leave it out: where it need not be, see :func:`end_note`.
 
     Raises
     ------
     DataError
         When it cannot be read, a column is missing or a row has another width.
     """
-    lines = _lines(path)
+    lines = _lines(path, whole=whole)
     names = [name.strip() for name in lines[0].split("\t")]
     missing = [name for name in required if name not in names]
     if missing:
@@ -111,7 +114,22 @@ def read_tsv(path: Path, required: Sequence[str]) -> list[dict[str, str]]:
     return rows
 
 
-def read_samples(path: Path, n_columns: int) -> np.ndarray:
+def end_note(path: Path) -> str:
+    """Return a note where the last line of a table has no end, "" elsewhere.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    """
+    text = _text(path)
+    if text.endswith("\n"):
+        return ""
+    cell = re.split(r"[\t\n]", text)[-1].strip()
+    return f"{path.name}: the last line has no end; its last cell, '{cell[:40]}', may be cut off."
+
+
+def read_samples(path: Path, n_columns: int, *, named_in: str) -> np.ndarray:
     """Read a table of numbers without a header, ``n/a`` as NaN.
 
     Parameters
@@ -120,6 +138,8 @@ def read_samples(path: Path, n_columns: int) -> np.ndarray:
         The file.
     n_columns : int
         How many columns it must have.
+    named_in : str
+        The table that names them, for the message.
 
     Returns
     -------
@@ -132,10 +152,10 @@ def read_samples(path: Path, n_columns: int) -> np.ndarray:
         Naming row and column where it is not such a table.
     """
     rows = []
-    for row, line in enumerate(_lines(path), start=1):
+    for row, line in enumerate(_lines(path, whole=True), start=1):
         cells = line.split("\t")
         if len(cells) != n_columns:
-            raise _wrong_width(path, row, len(cells), n_columns)
+            raise _wrong_width(path, row, len(cells), n_columns, named_in=named_in)
         try:
             rows.append([math.nan if cell == NOTHING else float(cell) for cell in cells])
         except ValueError:
@@ -210,19 +230,20 @@ def cell_number(
     return value
 
 
-def _lines(path: Path) -> list[str]:
+def _lines(path: Path, *, whole: bool) -> list[str]:
     text = _text(path).replace("\r\n", "\n")
     if not text.strip():
         raise _bad(path, "holds nothing. Copy it again.")
-    if not text.endswith("\n"):
-        last = text.count("\n") + 1
+    lines = text.removesuffix("\n").split("\n")
+    rest = lines[-1].split("\t")[-1].strip() if len(lines) > 1 else ""
+    if not text.endswith("\n") and (whole or not rest):
         raise _bad(
             path,
             "the last line does not end: the file may be cut off. Copy it again, or add the end "
             "of the line where it is whole.",
-            last,
+            len(lines),
         )
-    return text[:-1].split("\n")
+    return lines
 
 
 def _text(path: Path) -> str:
@@ -235,11 +256,14 @@ def _text(path: Path) -> str:
         raise _bad(path, f"cannot be read ({why}). Bring the file, or correct its name.") from exc
 
 
-def _wrong_width(path: Path, row: int, found: int, expected: int) -> DataError:
+def _wrong_width(
+    path: Path, row: int, found: int, expected: int, *, named_in: str = ""
+) -> DataError:
+    told = f" ({named_in} names {expected} channels)" if named_in else ""
     return _bad(
         path,
-        f"expected {expected} values between tabs, found {found}. Correct the row, or copy the "
-        "file again.",
+        f"expected {expected} values between tabs, found {found}{told}. Correct the row, or copy "
+        "the file again.",
         row,
     )
 

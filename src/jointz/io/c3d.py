@@ -116,14 +116,15 @@ def _remarks(file: Source) -> dict[str, str]:
 def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | None:
     if not file.n_points:
         return None
-    labels = distinct_names(file.parameters.texts("POINT.LABELS"), file.n_points, "point")
-    notes = file.parameters.texts("POINT.DESCRIPTIONS")
-    units = _point_units(file)
+    stated = filled(file.parameters.texts("POINT.LABELS"), file.n_points)
+    labels = distinct_names(stated, file.n_points, "point")
+    notes = filled(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
+    units = map(_point_units(file), stated)
     factor = 1.0 if file.in_floats else file.scale
     values = np.where(frames[:, :, 3:] < 0, np.nan, frames[:, :, :3] * factor)
     signals = [
-        Signal(f"{label}.{axis}", np.ascontiguousarray(values[:, i, j]), units(label), note)
-        for i, (label, note) in enumerate(zip(labels, filled(notes, len(labels)), strict=True))
+        Signal(f"{label}.{axis}", np.ascontiguousarray(values[:, i, j]), unit, note)
+        for i, (label, unit, note) in enumerate(zip(labels, units, notes, strict=True))
         for j, axis in enumerate(AXES)
     ]
     return SignalGroup("points", tuple(signals), *_clock(file.rate_hz, start_s))
@@ -255,6 +256,7 @@ def _point_units(file: Source) -> "_Units":
         for kind, unit_name in KINDS.items()
         for unit in parameters.texts(f"POINT.{unit_name}")[:1]
         for label in parameters.texts(f"POINT.{kind}")
+        if label
     }
     return _Units(own, next(iter(parameters.texts("POINT.UNITS")), ""))
 

@@ -24,7 +24,13 @@ _TIME = re.compile(
     r"|[%#]?\s*(?:(?-i:t)|t_(?P<short>s|ms|us))",  # a bare T is a temperature, or a torque
     re.IGNORECASE,
 )
-_WORDS = {"sec": "s", "secs": "s", "seconds": "s"}
+#: Units of time as people write them, capitals or not.
+_UNITS_OF_TIME = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "usec", "usecs", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("min", "minute", "minutes"), "min"),
+}
 
 
 def unit_in_name(name: str) -> str:
@@ -42,14 +48,8 @@ def unit_in_name(name: str) -> str:
     >>> unit_in_name("knee [deg]"), unit_in_name("torque (Nm)"), unit_in_name("force (left)")
     ('deg', 'Nm', '')
     """
-    match = _BRACKETED.search(name)
-    if match is None:
-        return ""
-    square, round_ = match.groups()
-    unit: str = (square or round_).strip()
-    if unit.isdecimal() or (round_ and not _readable(unit)):
-        return ""
-    return unit
+    unit = _in_brackets(name)
+    return "" if name.rstrip().endswith(")") and not _readable(unit) else unit
 
 
 def name_with_unit(signal: Signal) -> str:
@@ -71,9 +71,9 @@ def with_clock(
     """Make a group of columns; one that holds time becomes its clock.
 
     Of several the first that states seconds is taken, else one that states another unit of time,
-    else one that states none; in any case it increases. A column of time in seconds is taken out
-    of the signals; its name is kept in the metadata. One in another unit stays as it is, and the
-    clock is made of it.
+    else one that states none, and is taken for seconds; in any case it increases, and what was
+    passed over is told. A column of time in seconds is taken out of the signals; its name is kept
+    in the metadata. One in another unit stays as it is, and the clock is made of it.
 
     Parameters
     ----------
@@ -87,29 +87,31 @@ def with_clock(
     Returns
     -------
     tuple of SignalGroup and dict
-        The group, and metadata that tell what was taken for the clock and why not.
+        The group, and metadata that tell what was taken for the clock, and why others were not.
     """
     named = sorted((s for s in signals if is_time(s.name)), key=_unclearness)
     if not named:
         return SignalGroup(name, tuple(signals)), {}
-    where = f"{READING}time{f'.{name}' if name else ''}"
-    why_not = {signal.name: _why_no_clock(signal, row) for signal in named}
-    clock = next((signal for signal in named if not why_not[signal.name]), None)
+    clock, why_not = _clearest(named, row)
+    told: dict[str, str] = {}
+    if why_not:
+        told[_of_group(f"{READING}time", name)] = why_not
     if clock is None:
-        return SignalGroup(name, tuple(signals)), {where: why_not[named[0].name]}
-    factor = seconds_of_one(clock) or 1.0
-    told = {}
-    if not _time_unit(clock):
-        told[where] = f"column '{clock.name}' states no unit; taken for seconds"
+        return SignalGroup(name, tuple(signals)), told
+    factor, column = seconds_of_one(clock) or 1.0, clock.column or clock.name
     if factor != 1.0:
-        column = clock.column or clock.name
         time_s = factor * clock.values
         return SignalGroup(name, tuple(signals), time_s=time_s, time_column=column), told
+    stated = bool(_time_unit(clock))
+    if not stated:
+        told[time_unit_key(name)] = f"column '{column}' states no unit; taken for seconds"
     if clock.name != CLOCK_COLUMN:
         told[time_column_key(name)] = clock.name
     rest = tuple(signal for signal in signals if signal is not clock)
-    column = clock.column or clock.name
-    return SignalGroup(name, rest, time_s=clock.values, time_column=column), told
+    group = SignalGroup(
+        name, rest, time_s=clock.values, time_column=column, time_unit_stated=stated
+    )
+    return group, told
 
 
 def clock_column(group: SignalGroup, metadata: Mapping[str, str]) -> str:
@@ -139,7 +141,18 @@ def time_column_key(group: str) -> str:
     group : str
         The group's name.
     """
-    return f"{_TIME_COLUMN}.{group}" if group else _TIME_COLUMN
+    return _of_group(_TIME_COLUMN, group)
+
+
+def time_unit_key(group: str) -> str:
+    """Return the key under which metadata say that a clock without a unit is taken for seconds.
+
+    Parameters
+    ----------
+    group : str
+        The group's name.
+    """
+    return _of_group(f"{READING}time_unit", group)
 
 
 def is_time(name: str) -> bool:
@@ -193,14 +206,38 @@ def unique_names(names: Sequence[str], *, sign: str = "_") -> list[str]:
     return list(found)
 
 
+def _of_group(key: str, group: str) -> str:
+    return f"{key}.{group}" if group else key
+
+
+def _in_brackets(name: str) -> str:
+    """Return what stands in brackets at the end of a name, "" for nothing or a number."""
+    match = _BRACKETED.search(name)
+    text: str = (match[1] or match[2]).strip() if match else ""
+    return "" if text.isdecimal() else text
+
+
 def _time_match(name: str) -> re.Match[str] | None:
     return _TIME.fullmatch(_BRACKETED.sub("", name).strip())
 
 
 def _time_unit(signal: Signal) -> str:
+    """Return the unit that a column of time states, one that cannot be read too; "" for none."""
     match = _time_match(signal.name)
     written = match.group("unit") or match.group("short") if match else None
-    return signal.unit or _WORDS.get(str(written).lower(), (written or "").lower())
+    stated = signal.unit or _in_brackets(signal.name) or written or ""
+    return _UNITS_OF_TIME.get(stated.lower(), stated)
+
+
+def _clearest(named: Sequence[Signal], row: int) -> tuple[Signal | None, str]:
+    """Return the first column that may be the clock, and why none before it is."""
+    passed_over: list[str] = []
+    for signal in named:
+        why_not = _why_no_clock(signal, row)
+        if not why_not:
+            return signal, "; ".join(passed_over)
+        passed_over.append(f"column '{signal.column or signal.name}' {why_not}: not the clock")
+    return None, "; ".join(passed_over)
 
 
 def _unclearness(signal: Signal) -> int:
@@ -213,13 +250,11 @@ def _why_no_clock(signal: Signal, row: int) -> str:
     """Return why a column of time is not the clock, "" where it may be."""
     if signal.is_text:
         shown = next((str(text) for text in signal.values if text), "")
-        return f"column '{signal.name}' holds text ('{shown[:40]}'), no numbers: not the clock"
+        return f"holds text ('{shown[:40]}'), no numbers"
     if seconds_of_one(signal) is None:
-        return f"column '{signal.name}' is in '{signal.unit}', no unit of time: not the clock"
+        return f"is in '{_time_unit(signal)}', no unit of time"
     wrong = _not_increasing(signal.values)
-    if wrong is not None:
-        return f"column '{signal.name}' does not increase at row {row + wrong}: not the clock"
-    return ""
+    return f"does not increase at row {row + wrong}" if wrong is not None else ""
 
 
 def _not_increasing(values: np.ndarray) -> int | None:

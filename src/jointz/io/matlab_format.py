@@ -22,7 +22,8 @@ recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
 read as a group a recording, and one more for its pulses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
-from jointz.io.column_names import READING, unique_names, with_clock
+from jointz.io.column_names import READING, is_time, unique_names, with_clock
 from jointz.io.formats import register_format
 from jointz.io.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
 from jointz.io.matlab import load_variables, series_names, value_at
@@ -358,10 +359,27 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
-        group, told = with_clock(name, _named_shortly(signals))
+        group, told = _with_clock(name, _named_shortly(signals))
         groups.append(group)
         metadata |= told
     return Acquisition(tuple(groups), (), metadata)
+
+
+def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict[str, str]]:
+    """Make a group; the time of a struct is its clock where the struct holds all of it."""
+    times = [s.name for s in signals if is_time(s.name.rpartition(".")[2])]
+    structs = [time[: time.rfind(".") + 1] for time in times]
+    shared = [p for p in structs if all(signal.name.startswith(p) for signal in signals)]
+    # A series alone, such as times of events, is the clock of nothing.
+    prefix = shared[0] if shared and len(signals) > 1 else ""
+    bare = [replace(s, name=s.name.removeprefix(prefix), column=s.name) for s in signals]
+    group, told = with_clock(name, bare)
+    if times and not shared and group.time_s is None:
+        told[f"{READING}clock.{name}"] = (
+            f"not the clock, as its struct does not hold all series of this length: {listed(times)}"
+        )
+    whole = tuple(replace(signal, name=signal.column, column="") for signal in group.signals)
+    return replace(group, signals=whole), told
 
 
 def _series(value: Any) -> np.ndarray | None:

@@ -28,10 +28,11 @@ from jointz.io.losses import (
 )
 from jointz.io.side_information import filled, read_beside, written_beside
 
-#: The words by which OpenSim's models name rotational coordinates.
+#: The words by which OpenSim names rotational coordinates. ``add`` and ``flex`` stand behind the
+#: joint there; at the beginning of a name they are muscles: ``add_long_r``.
 _ROTATION = re.compile(
-    r"(?:^|_)(angle|flexion|flex|extension|adduction|add|abduction|rotation|rot|tilt|list|bending"
-    r"|pro_sup|dev|inversion|eversion|beta)(?:_|$)"
+    r"(?:(?:^|_)(?:angle|flexion|extension|adduction|abduction|rotation|rot|tilt|list|bending"
+    r"|pro_sup|dev|inversion|eversion|beta)|_(?:add|flex))(?:_|$)"
 )
 _NO_COORDINATE = re.compile(
     r"moment|force|torque|reserve|activation|power|work|_[tpv][xyz](?:_|$)|acc"

@@ -238,11 +238,13 @@ def _numbered(found: _Found, above: tuple[str, ...], width: int) -> TextLayout:
 
 
 def _told_layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
-    """Return the layout of a table whose beginning is known: what was looked at begins there."""
-    skip_rows, header = int(known.get("skip_rows") or 0), bool(known.get("header", True))
-    files = found.spec(skip_rows, header=header)
-    row = found.rows[0]
-    return TextLayout(files, row if header else ("",) * len(row))
+    """Return the layout of a table that begins where it is said to, else where it was found."""
+    header = bool(known.get("header", True))
+    above = 0 if "skip_rows" in known else max((found.start or 0) - header, 0)
+    files = found.spec(int(known.get("skip_rows") or above), header=header)
+    row = found.rows[above]
+    note = f"{above} row(s) stand above the table and are skipped."
+    return TextLayout(files, row if header else ("",) * len(row), (), (note,) if above else ())
 
 
 def _is_units(row: tuple[str, ...]) -> bool:

@@ -285,9 +285,14 @@ def _refuse_names_above(sheet: Sheet, table: Table) -> None:
 
 
 def _is_clock(sheet: Sheet, table: Table, column: int, name: str) -> bool:
-    """Whether a column holds times: ``T [Nm]`` is a torque."""
+    """Whether a column holds times: ``T [Nm]`` is a torque, and a date is a text."""
     unit = _unit(sheet, table, column, name)
-    return is_time(name) and seconds_of_one(Signal(name, np.empty(0), unit)) is not None
+    if not is_time(name) or seconds_of_one(Signal(name, np.empty(0), unit)) is None:
+        return False
+    cells = [row[column] for row in sheet.rows[table.first_row :]]
+    filled = [cell for cell in cells if _kind(cell) != "empty"]
+    numbers = [cell for cell in filled if _looks_like_number(cell) and _kind(cell) != "date"]
+    return bool(numbers) or not filled
 
 
 def _blocks(columns: Sequence[int], clocks: Sequence[int]) -> list[list[int]]:

@@ -73,7 +73,7 @@ class XdfFormat:
         Raises
         ------
         DataError
-            When pyxdf is missing, or the file is damaged or cut off.
+            When pyxdf is missing or too old, or the file is damaged or cut off.
         """
         content = path.read_bytes()
         walked = walk(path, content)
@@ -170,6 +170,12 @@ def _load(path: Path, content: bytes) -> _Loaded:
     errors = [record for record in said if record.levelno >= logging.ERROR]
     if errors:
         raise damaged(path, ValueError(errors[0].getMessage()))
+    if any("clock_segments" not in stream["info"] for stream in streams):
+        raise DataError(
+            f"{path.name}: XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. "
+            "Update it: pip install --upgrade 'jointz[formats]'.",
+            path=str(path),
+        )
     unused = [match for record in said if (match := _UNUSED.match(record.getMessage()))]
     by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}
     return _Loaded(by_number, header, Counter(int(match[1]) for match in unused))

@@ -80,8 +80,12 @@ def inspect_file(
     names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
     own = words_of(_stem(file))
     names = Words(names.found, names.joint, own.side)
-    given, group = _main_group(columns, content.clocks, names)
-    clocks = tuple(_clock(c, given if c.group == group else {}) for c in content.clocks)
+    every, group = _groups(columns, content.clocks, names)
+    given = every.get(group, {})
+    clocks = tuple(
+        _clock(c, every[c.group] if c.group == group or c.time_s is not None else {})
+        for c in content.clocks
+    )
     clock = next((c for c in clocks if c.group == group), SeenClock(group, "", 0))
     overflow = _overflows(given)
     in_group = [c for c in columns if c.column.group == group]
@@ -124,28 +128,30 @@ def _bad_name(file: Path) -> list[str]:
     ]
 
 
-def _main_group(
+def _groups(
     columns: Sequence[Looked], clocks: Sequence[GroupClock], names: Words
-) -> tuple[Given, str]:
-    """Return the group of signals that makes the best study, with its channels."""
-    best: tuple[int, Given, str] = (-1, {}, "")
+) -> tuple[dict[str, Given], str]:
+    """Return the channels of every group of signals, and the one that makes the best study."""
+    found: dict[str, Given] = {}
     for clock in clocks:
         own = [c for c in columns if c.column.group == clock.group]
         joint, _ = guessed_joint(own, names)
         side, _ = guessed_side(own, names, joint)
-        given = assigned(own, names, joint=joint, side=side)
-        weight = len(given) + 10 * len({"angle", "torque"} & set(given))
-        if weight > best[0]:
-            best = (weight, given, clock.group)
-    return best[1], best[2]
+        found[clock.group] = assigned(own, names, joint=joint, side=side)
+    return found, max(found, key=lambda group: _weight(found[group]), default="")
+
+
+def _weight(given: Given) -> int:
+    return len(given) + 10 * len({"angle", "torque"} & set(given))
 
 
 def _clock(stated: GroupClock, given: Given) -> SeenClock:
-    if stated.time_s is not None:
+    if stated.time_s is not None and stated.unit_stated:
         return clock_of(stated.group, stated.n, "the file's own stamps", stated.time_s)
     if stated.rate_hz is not None:
-        end = (stated.n - 1) / stated.rate_hz if stated.n else 0.0
-        return SeenClock(stated.group, "rate", stated.n, stated.rate_hz, 0.0, end, uniform=True)
+        start, n = stated.start_s, stated.n
+        end = start + (n - 1) / stated.rate_hz if n else start
+        return SeenClock(stated.group, "rate", n, stated.rate_hz, start, end, uniform=True)
     if "time" in given:
         looked, taken = given["time"]
         return clock_of(stated.group, stated.n, str(looked.key), in_seconds(looked, taken))

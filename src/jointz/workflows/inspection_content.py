@@ -12,7 +12,7 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.acquisition_tables import SUFFIXES, TIME, study_columns
-from jointz.io.column_names import CLOCK_COLUMN, READING, time_column_key
+from jointz.io.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.delimited import as_written_with_point
 from jointz.io.registry import RawTable, read_table
 from jointz.io.text_layout import TextLayout, find_layout
@@ -70,14 +70,20 @@ class GroupClock:
         Samples.
     rate_hz : float or None
         Of a uniform clock.
+    start_s : float
+        Time of the first sample on a uniform clock.
     time_s : (n,) array or None
         Stamps.
+    unit_stated : bool
+        Whether the file says the unit of the stamps.
     """
 
     group: str
     n: int
     rate_hz: float | None = None
+    start_s: float = 0.0
     time_s: np.ndarray | None = None
+    unit_stated: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,8 +198,14 @@ def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:
 def _content(path: Path, content: Acquisition) -> Content:
     names = study_columns(content) if path.name.lower().endswith(SUFFIXES) else None
     columns = tuple(c for group in content.groups for c in _columns(group, content.metadata, names))
-    clocks = tuple(GroupClock(g.name, g.n_samples, g.rate_hz, g.time_s) for g in content.groups)
-    notes = tuple(text for key, text in content.metadata.items() if key.startswith(READING))
+    # A unit that nobody states is not taken for seconds here: the stamps tell it.
+    left = {time_unit_key(group.name) for group in content.groups}
+    kept = {key: text for key, text in content.metadata.items() if key not in left}
+    notes = tuple(text for key, text in kept.items() if key.startswith(READING))
+    clocks = tuple(
+        GroupClock(g.name, g.n_samples, g.rate_hz, g.start_s, g.time_s, g.time_unit_stated)
+        for g in content.groups
+    )
     return Content(columns, clocks, n_events=len(content.events), notes=notes)
 
 
@@ -209,11 +221,12 @@ def _columns(
         Column(group.name, key, s.name if s.name != key else "", s.values, s.unit)
         for key, s in zip(keys, group.signals, strict=True)
     ]
-    if group.time_s is not None:
-        title = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
-        own = group.time_column or title
-        key = own if names is None else names.get((group.name, TIME), TIME)
-        shown = title if title != key else ""
-        clock = Column(group.name, key, shown, group.time_s, "s")
-        columns = [clock, *columns] if key not in keys else columns
-    return columns
+    times = group.times_s()
+    if times is None or (group.time_s is None and not group.start_s):
+        return columns  # a clock that starts at 0 is told by its rate
+    title = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
+    own = group.time_column or title
+    key = own if names is None else names.get((group.name, TIME), TIME)
+    shown = title if title != key else ""
+    clock = Column(group.name, key, shown, times, "s" if group.time_unit_stated else "")
+    return [clock, *columns] if key not in keys else columns

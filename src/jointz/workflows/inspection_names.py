@@ -35,7 +35,7 @@ _NO_UNITS = word_set(
 _SMALL: Mapping[str, str] = {
     "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
     "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
-    "seconds": "s", "n/kg": "N/kg",
+    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg",
 }  # fmt: skip
 
 JOINTS = ("knee", "ankle", "hip", "elbow", "wrist", "shoulder")

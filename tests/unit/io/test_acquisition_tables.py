@@ -170,3 +170,37 @@ def test_a_study_of_a_c3d_file_opens_and_gives_si_units(c3d: Path) -> None:
     study_file.write_text(STUDY.replace('"knee"\nunit', '"ankle"\nunit'), encoding="utf-8")
     with pytest.raises(StudyError, match=r"walk\.c3d has no column 'ankle' for channel 'angle'"):
         jointz.open_study(c3d.parent)
+
+
+def book(path: Path, *rows: list[object]) -> Path:
+    openpyxl = pytest.importorskip("openpyxl", reason="workbooks need jointz[formats]")
+    made = openpyxl.Workbook()
+    for row in rows:
+        made.active.append(row)
+    made.save(path)
+    return path
+
+
+@pytest.mark.parametrize("column", ["time", "Time"])
+def test_a_clock_without_a_unit_has_the_one_that_a_study_says(tmp_path: Path, column: str) -> None:
+    samples = zip(5.0 * np.arange(N), ANGLE_DEG, TORQUE_NM, strict=True)
+    head = ["Time", "knee", "motor"], [None, "deg", "Nm"]
+    path = book(tmp_path / "walk.xlsx", *head, *[[float(x) for x in row] for row in samples])
+    assert "Time" in list_columns(path, PLAIN)
+    assert columns(path, "time", "knee").units == {"knee": "deg"}
+
+    said = STUDY.replace('"time"\nunit = "s"', f'"{column}"\nunit = "ms"').replace(".c3d", ".xlsx")
+    path.with_name("study.toml").write_text(said, encoding="utf-8")
+    study = jointz.open_study(tmp_path)
+    (recording,) = read_recording(study, study.spec.recordings[0])
+    np.testing.assert_allclose(recording["time"], np.arange(N) / 200, rtol=0, atol=1e-12)
+
+
+def test_of_two_clocks_of_one_name_that_of_the_group_is_read(tmp_path: Path) -> None:
+    head = ["Time [s]", "knee", None, "Time [s]", "motor"]
+    rows = [[0.0, 1.0, None, 0.00, 7.0], [0.1, 2.0, None, 0.05, 8.0]]
+    path = book(tmp_path / "two.xlsx", head, *rows)
+    assert columns(path, "Time [s]", "motor").columns["Time [s]"].tolist() == [0.0, 0.05]
+    assert columns(path, "Sheet!A/Time [s]", "knee").columns["Sheet!A/Time [s]"][1] == 0.1
+    with pytest.raises(DataError, match=r"name Sheet!A/Time \[s\] or Sheet!D/Time \[s\]"):
+        columns(path, "Time [s]")

@@ -211,6 +211,23 @@ def test_points_of_two_units_of_one_kind_are_not_given_a_wrong_one(tmp_path: Pat
     assert [(s.name, s.unit) for s in found[::3]] == [("A.x", "mm"), ("B.x", "deg")]
 
 
+def test_a_label_that_stands_twice_has_the_unit_of_its_kind_twice(tmp_path: Path) -> None:
+    signals = [
+        Signal(f"{label}.{axis}", np.zeros(2), unit)
+        for label, unit in (("LKNE", "mm"), ("KneeAngles", "deg"), ("KneeAnglez", "deg"))
+        for axis in "xyz"
+    ]
+    path = tmp_path / "a.c3d"
+    write_acquisition(content(SignalGroup("points", tuple(signals), 10.0)), path)
+    path.write_bytes(path.read_bytes().replace(b"KneeAnglez", b"KneeAngles"))
+    found = read_acquisition(path).groups[0].signals
+    assert [(s.name, s.unit) for s in found[::3]] == [
+        ("LKNE.x", "mm"),
+        ("KneeAngles.x", "deg"),
+        ("KneeAngles#2.x", "deg"),
+    ]
+
+
 def test_more_signals_than_a_frame_holds_are_left_out_and_the_others_written(
     tmp_path: Path,
 ) -> None:

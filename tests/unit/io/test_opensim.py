@@ -91,6 +91,30 @@ def test_degrees_are_stated_for_rotational_coordinates_only(tmp_path):
     assert found["knee_angle_r"].description == ""
 
 
+MUSCLES = (
+    *("glut_med1_r", "semimem_r", "bifemlh_r", "sar_r", "add_long_r", "add_brev_r", "add_mag1_r"),
+    *("tfl_r", "pect_r", "grac_r", "iliacus_r", "quad_fem_r", "rect_fem_r", "vas_med_r"),
+    *("med_gas_r", "soleus_r", "tib_post_r", "flex_dig_r", "flex_hal_r", "tib_ant_r"),
+    *("per_brev_r", "ext_dig_r", "ext_hal_r", "ercspn_r", "intobl_r", "extobl_r"),
+)
+ROTATIONS = (
+    *("pelvis_tilt", "pelvis_list", "pelvis_rotation", "hip_flexion_r", "hip_adduction_r"),
+    *("hip_rotation_r", "knee_angle_r", "ankle_angle_r", "subtalar_angle_r", "mtp_angle_r"),
+    *("lumbar_extension", "lumbar_bending", "lumbar_rotation", "arm_flex_r", "arm_add_r"),
+    *("arm_rot_r", "elbow_flex_r", "pro_sup_r", "wrist_flex_r", "wrist_dev_r"),
+)
+
+
+def test_muscles_of_gait2392_are_no_angles(tmp_path):
+    names = ["time", "pelvis_tx", *MUSCLES, *ROTATIONS]
+    rows = ["\t".join([str(time), *["0.5"] * (len(names) - 1)]) for time in (0.0, 0.1)]
+    head = STATES.partition("time")[0]
+
+    found = signals(read(tmp_path, "\n".join([head + "\t".join(names), *rows, ""]), "a.sto"))
+
+    assert {name for name, signal in found.items() if signal.unit} == set(ROTATIONS)
+
+
 def test_states_have_radians_and_speeds(tmp_path):
     found = signals(read(tmp_path, STATES, "a.sto"))
 

@@ -67,6 +67,11 @@ def test_one_bad_cell_among_numbers_is_an_error_with_its_row(tmp_path):
         ("loop_time", [0.0, 0.5]),
         ("time_ms", [0.0, 0.0005]),
         ("Time [ms]", [0.0, 0.0005]),
+        ("Time (Milliseconds)", [0.0, 0.0005]),
+        ("TIME [MSEC]", [0.0, 0.0005]),
+        ("Time (Seconds)", [0.0, 0.5]),
+        ("time (1)", [0.0, 0.5]),
+        ("Time (frames)", None),
         ("timing", None),
         ("time [deg]", None),
         ("contact time", None),
@@ -84,8 +89,30 @@ def test_what_is_the_clock(tmp_path, name, expected):
 def test_a_clock_without_a_unit_is_said_to_be_taken_for_seconds(tmp_path):
     content = read(tmp_path, "time,x\n0,1\n0.5,2\n")
 
-    assert content.metadata["reading.time"] == "column 'time' states no unit; taken for seconds"
+    assert content.metadata["reading.time_unit"] == (
+        "column 'time' states no unit; taken for seconds"
+    )
     assert content.metadata["time.column"] == "time"
+    assert not content.groups[0].time_unit_stated
+    assert read(tmp_path, "time_s,x\n0,1\n0.5,2\n").groups[0].time_unit_stated
+
+
+def test_a_unit_of_time_that_cannot_be_read_makes_no_clock_and_is_told(tmp_path):
+    content = read(tmp_path, "Time (frames),x\n0,1\n1,2\n")
+
+    assert content.groups[0].time_s is None
+    assert content.metadata["reading.time"] == (
+        "column 'Time (frames)' is in 'frames', no unit of time: not the clock"
+    )
+
+
+def test_a_column_of_time_that_is_passed_over_is_told(tmp_path):
+    content = read(tmp_path, "time_s,knee,time\n0,5,1\n0.2,6,2\n0.1,7,3\n")
+
+    np.testing.assert_array_equal(content.groups[0].time_s, [1, 2, 3])
+    assert content.metadata["reading.time"] == (
+        "column 'time_s' does not increase at row 4: not the clock"
+    )
 
 
 def test_a_clock_in_milliseconds_stays_a_column_too(tmp_path):

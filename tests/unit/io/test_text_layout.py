@@ -139,6 +139,18 @@ def test_what_is_known_is_kept(tmp_path):
     assert found.files.decimal == ","
 
 
+@pytest.mark.parametrize("header", [True, False])
+def test_where_the_table_begins_is_found_where_it_is_not_said(header, tmp_path):
+    head = ["# made by hand", "# 100 Hz, 3 columns"]
+    text = table(head=head, names=NAMES if header else None)
+
+    found = layout_of(tmp_path, text, header=header)
+
+    assert (found.files.skip_rows, found.files.header) == (2, header)
+    assert found.columns == (tuple(NAMES) if header else ("1", "2", "3"))
+    assert found.notes == ("2 row(s) stand above the table and are skipped.",)
+
+
 @pytest.mark.parametrize("text", ["only words\nand more\n", "\n\n\n"])
 def test_no_table_is_an_error_that_says_what_to_give(text, tmp_path):
     with pytest.raises(DataError, match=r"a\.csv: no table of numbers .*--delimiter"):

@@ -172,6 +172,17 @@ def test_two_clocks_after_another_column_are_refused_unless_they_are_one(book):
     np.testing.assert_array_equal(group.time_s, [0.0, 0.1, 0.2])
 
 
+def test_a_column_of_dates_is_no_clock(book):
+    days = [dt.datetime(2024, 5, 1, 12, 0, k) for k in range(3)]  # noqa: DTZ001
+    rows = [["Timestamp", "Time (s)", "Angle"], *[[d, k / 10, 1.0] for k, d in enumerate(days)]]
+
+    for table in (rows, [["Trial", *rows[0]], *[[1, *row] for row in rows[1:]]]):
+        (group,) = book(table).groups
+
+        np.testing.assert_array_equal(group.time_s, [0.0, 0.1, 0.2])
+        assert [s.name for s in group.signals][-2:] == ["Timestamp", "Angle"]
+
+
 def test_units_half_of_which_are_known_are_units(book):
     (group,) = book([["Time", "Load cell"], ["s", "counts"], [0, 1], [1, 2]]).groups
 

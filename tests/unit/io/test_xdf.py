@@ -345,6 +345,21 @@ def test_without_pyxdf_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
         read_acquisition(path)
 
 
+def test_a_pyxdf_that_is_too_old_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(small(), tmp_path / "a.xdf")
+    load = pyxdf.load_xdf
+
+    def load_as_before(*args: object, **options: object) -> object:
+        streams, header = load(*args, **options)
+        for stream in streams:
+            del stream["info"]["clock_segments"]  # came with 1.17.2
+        return streams, header
+
+    monkeypatch.setattr(pyxdf, "load_xdf", load_as_before)
+    with pytest.raises(DataError, match=r"a\.xdf: XDF files need pyxdf 1\.17\.2 or newer"):
+        read_acquisition(path)
+
+
 GOOD = xdf(header(1, "double64"), samples(1, [(1.0, bytes(8)), (2.0, bytes(8))]))
 
 

@@ -183,6 +183,17 @@ def test_the_struct_of_a_study_is_read_again(tmp_path, small_study):
     assert content.metadata["positive"] == "flexion"
 
 
+def test_a_struct_of_matlab_goes_on_with_its_clock(tmp_path):
+    data = {"time": np.arange(3.0) / 100, "knee_angle": np.arange(3.0)}
+    scipy.io.savemat(tmp_path / "walk.mat", {"data": data})
+
+    convert(tmp_path / "walk.mat", tmp_path / "walk.mot")
+
+    (group,) = read_acquisition(tmp_path / "walk.mot").groups
+    np.testing.assert_array_equal(group.time_s, data["time"])
+    assert [signal.name for signal in group.signals] == ["data.knee_angle"]
+
+
 def test_octave_loops_over_the_recordings_of_a_study(tmp_path, small_study):
     program = shutil.which("octave-cli")
     if program is None:

@@ -36,7 +36,7 @@ def apart(name: str) -> SignalGroup:
     return SignalGroup(name, (Signal("knee angle raw", np.arange(50.0), "V"),), 50.0)
 
 
-def assert_is_read(file: Path) -> None:
+def assert_is_read(file: Path) -> xr.Dataset:
     """Inspect a file, and read it by the study that was proposed."""
     found = inspect_file(file)
     assert found.obstacles == ()
@@ -46,6 +46,7 @@ def assert_is_read(file: Path) -> None:
     np.testing.assert_allclose(recording["angle"], np.deg2rad(ANGLE_DEG), atol=1e-6)
     np.testing.assert_allclose(recording["torque"], TORQUE, atol=1e-6)
     np.testing.assert_allclose(np.diff(recording["time"]), 1 / RATE_HZ, atol=5e-5)
+    return recording
 
 
 @pytest.mark.parametrize("made", [group, stamped])
@@ -65,6 +66,46 @@ def test_one_of_several_groups_is_read_as_it_was_proposed(tmp_path, suffix):
     content = Acquisition((apart("slow"), stamped("fast"), apart("other")))
     write_acquisition(content, file, lossy=True)
 
+    assert_is_read(file)
+
+
+@pytest.mark.parametrize("suffix", [".c3d", ".mat", ".nc", ".parquet", ".sto", ".xdf", ".xlsx"])
+def test_a_rate_that_does_not_start_at_0_keeps_its_start(tmp_path, suffix):
+    file = tmp_path / f"S01{suffix}"
+    cropped = replace(group("data"), start_s=5.0)
+    write_acquisition(Acquisition((cropped,)), file, lossy=True)
+
+    found = inspect_file(file)
+
+    (clock,) = found.clocks
+    assert (clock.source, clock.rate_hz, clock.start_s) == ("rate", RATE_HZ, 5.0)
+    assert clock.end_s == pytest.approx(5.0 + S[-1])
+    assert "sample_rate_hz" not in found.toml
+    assert float(assert_is_read(file)["time"][0]) == 5.0
+
+
+WRITERS = {
+    ".csv": lambda table, file: pd.DataFrame(table).to_csv(file, index=False),
+    ".mat": lambda table, file: scipy.io.savemat(file, table),
+    ".nc": lambda table, file: xr.Dataset({k: ("t", v) for k, v in table.items()}).to_netcdf(
+        file, engine="h5netcdf"
+    ),
+    ".parquet": lambda table, file: pd.DataFrame(table).to_parquet(file),
+    ".xlsx": lambda table, file: pd.DataFrame(table).to_excel(file, index=False),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_unit_of_time_that_no_file_states_is_told_by_the_stamps(tmp_path, suffix):
+    file = tmp_path / f"S01{suffix}"
+    WRITERS[suffix]({"time": 1e3 * S, "knee_angle_deg": ANGLE_DEG, "knee_torque": TORQUE}, file)
+
+    found = inspect_file(file)
+
+    time = found.channel("time")
+    assert (time.column, time.unit, time.unit_is) == ("time", "ms", "guessed")
+    assert found.clocks[0].rate_hz == pytest.approx(RATE_HZ)
+    assert not any("taken for seconds" in note for note in found.notes)
     assert_is_read(file)
 
 
