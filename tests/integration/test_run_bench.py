@@ -21,7 +21,7 @@ from jointz.io.recordings import read_recording
 from jointz.io.session_log import read_log
 from jointz.io.study import open_study
 from jointz.workflows.rigs import open_rig, rig_settings
-from jointz.workflows.run import NoOperator
+from jointz.workflows.worker_pool import NoOperator
 
 PERIOD_S = 1.0 / 900.0
 

@@ -12,6 +12,7 @@ import pytest
 import jointz
 from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolError, WriteError
 from jointz.core.limits import LimitsOverride
+from jointz.experiment import file_lock
 from jointz.experiment.journal import read_journal
 from jointz.experiment.recorder import Recorder
 from jointz.io.netcdf import read_recording
@@ -201,6 +202,30 @@ def test_a_disk_that_is_full_from_the_beginning_leaves_nothing(protocol, tmp_pat
         with pytest.raises(WriteError, match=r"run.json: cannot be written \(No space"):
             run(protocol, tmp_path / "study")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_without_locks_is_left_as_found(protocol, tmp_path, monkeypatch):
+    def without_locks(fd):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(file_lock, "_lock", without_locks)
+    with pytest.raises(WriteError, match=r"No locks available.*a disk that knows locks"):
+        run(protocol, tmp_path / "study")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_that_lacks_a_recording_is_not_called_complete(protocol, finished, tmp_path):
+    out = shutil.copytree(finished, tmp_path / "study")
+    run(protocol, out, resume=True)
+    (out / "S01_perturbed.nc").unlink()
+    (out / "study.toml").unlink()
+    with pytest.raises(OutputError, match=r"expected S01_perturbed\.nc, found none"):
+        run(protocol, out, resume=True)
+    assert not (out / "study.toml").exists()
+
+    (out / "sessions" / "S01" / "report.json").unlink()
+    assert_whole(out, run(protocol, out, resume=True), lost=0)
+    assert (out / "S01_perturbed.nc").exists()
 
 
 def test_no_device_is_opened_while_another_process_runs_the_study(protocol, out, monkeypatch):

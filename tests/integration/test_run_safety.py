@@ -22,7 +22,7 @@ from jointz.io.session_log import read_log
 from jointz.sim.devices import SimulatedActuator, SimulatedSensor
 from jointz.workflows.participant_run import _stopped_by_signals
 from jointz.workflows.rigs import RigSettings, open_rig
-from jointz.workflows.run import NoOperator
+from jointz.workflows.worker_pool import NoOperator
 
 PERIOD_S = 0.002
 #: The first pulse of the plan fires after the warm-up; by then gait has long been steady.

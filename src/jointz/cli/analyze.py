@@ -105,7 +105,7 @@ def analyze(
 
 
 def _broke(analysis: "StudyAnalysis") -> bool:
-    """Tell whether the program failed for somebody."""
+    """Tell whether the analysis of somebody broke off."""
     from jointz.core.codes import Failure
 
     broke = Failure.ANALYSIS_BROKE.status

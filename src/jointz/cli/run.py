@@ -80,7 +80,7 @@ class _Prompting:
                 typer.prompt(f"{text} [Enter]", default="", show_default=False, err=True)
             except typer.Abort:  # by Ctrl-C or the end of input, in the middle of the line
                 typer.echo(err=True)
-                raise
+                raise KeyboardInterrupt from None  # the run ends: it is no participant's failure
 
 
 def run(
@@ -134,7 +134,6 @@ def run(
     Example: jointz run walking --out study --participants 2 --seed 1
     """
     del debug
-    from jointz.workflows.run import NoOperator
     from jointz.workflows.run import run as run_study
 
     real = clock is ClockName.real or config is not None
@@ -153,7 +152,7 @@ def run(
             resume=resume,
             attended=attended,
             calibration=calibration,
-            operator=_Prompting(bars.paused) if real else NoOperator(),
+            operator=_Prompting(bars.paused) if real else None,
             progress=bars.experiment,
         )
     if as_json:
@@ -164,11 +163,13 @@ def run(
 
 @contextmanager
 def _resume_advised(out: Path) -> Iterator[None]:
-    """Say how to go on after what is nobody's mistake."""
+    """Say how to go on after what is nobody's mistake, where something was recorded."""
+    from jointz.workflows.run_settings import SESSIONS
+
     try:
         yield
     except (DeviceError, WriteError, EngineError, WorkerLostError) as exc:
-        if out.is_dir():
+        if (out / SESSIONS).is_dir():
             exc.add_note(STILL_THERE)
         raise
 

@@ -119,7 +119,8 @@ class QueryResult:
                 median=("value", "median"),
             )
             .reset_index()
-            .assign(onset_gait_pct=lambda groups: groups["onset_gait_pct"] % 100.0)
+            # Rounded: what lies a hair before heel strike would be 100 and come last.
+            .assign(onset_gait_pct=lambda groups: groups["onset_gait_pct"].round(9) % 100.0)
             .sort_values(["joint", "condition", "parameter", "onset_gait_pct"], ignore_index=True)
         )
 

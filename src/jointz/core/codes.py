@@ -135,7 +135,7 @@ _EXCLUSION_MEANING = {
 
 _FAILURE_MEANING = {
     Failure.NO_PULSES: "no pulse at this timing point",
-    Failure.ANALYSIS_BROKE: "the program failed for this participant; a note says how",
+    Failure.ANALYSIS_BROKE: "this participant's analysis broke off; a note says why",
     Failure.TOO_FEW_PULSES: "one pulse only: no interval can be made",
     Failure.ALL_PULSES_EXCLUDED: "every pulse was left out; excluded.csv says why",
     Failure.NO_HEEL_STRIKES: "no heel strikes in the perturbed recording",

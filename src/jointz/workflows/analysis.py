@@ -10,7 +10,7 @@ from jointz.core import provenance
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.errors import DataError, EngineError, OutputError, StudyError
+from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
 from jointz.core.estimates import CellEstimate
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
@@ -92,7 +92,7 @@ def analyze(
     name = _chosen(opened, check_method(method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
-    found = _Found()
+    found = _Found(seed)
     exclusions = opened.root / "exclusions.csv"
     if exclusions.is_file():
         found.inputs[exclusions.name] = hashed(opened, exclusions.name)
@@ -115,8 +115,9 @@ def analyze(
 
 @dataclass(slots=True)
 class _Found:
-    """What came out for everybody so far."""
+    """What came out for everybody so far; of whom nothing did, ``broken`` says why."""
 
+    seed: int
     results: dict[str, ParticipantResult] = field(default_factory=dict)
     virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
     inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -139,10 +140,19 @@ class _Found:
             if last_hope:
                 raise
             self.results[person_id] = _NOTHING
-            self.broken[person_id] = f"{type(exc).__name__}: {exc}"
+            self.broken[person_id] = self._why(person_id, exc)
             return
         self.inputs |= found.inputs
         self.results[person_id], self.virtual[person_id] = found.result, found.virtual
+
+    def _why(self, person_id: str, exc: Exception) -> str:
+        """Say what broke an analysis; want of memory is no bug."""
+        if isinstance(exc, WorkerLostError):
+            return str(exc)
+        return (
+            f"{person_id} (seed {self.seed}): the program failed ({type(exc).__name__}: {exc}). "
+            "Please report it; the others are not concerned."
+        )
 
 
 def _with_people_together(
@@ -226,11 +236,7 @@ def _assembled(
         for cell in _completed(study, name, results, broken)
     ]
     statistics = study_statistics(study, method, cells, results.values())
-    statistics["notes"] += [
-        f"{person_id} (seed {seed}): the program failed ({why}). Please report it; the others "
-        "are not concerned."
-        for person_id, why in broken.items()
-    ]
+    statistics["notes"] += broken.values()
     pulses = tuple(p for r in results.values() for p in r.pulses)
     strides = tuple(s for r in results.values() for s in r.strides)
     gaps = tuple(g for r in results.values() for g in r.gaps)

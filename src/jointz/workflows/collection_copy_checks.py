@@ -96,14 +96,17 @@ def _conditions_twice(people: pd.DataFrame, pairs: Sequence[tuple[int, int]]) ->
 
 
 def _values(tables: Sequence[Table]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return every value but zeros, with how it is written; and whose they are, by ``who``."""
+    """Return every value but zeros, with how it is written; and whose they are, by ``who``.
+
+    Those at a bound are left out: a bound less an impedance that all share is the same for all.
+    """
     parts = []
     for name, one in tables:
         held = standing(one.rows)
-        held = held[held["value"] != 0]
+        held = held[(held["status"] == "ok") & (held["value"] != 0)]
         about = {"entry": name, "condition": one.condition.name,
                  "sha256": one.sha256[one.condition.estimates]}  # fmt: skip
-        columns = ["participant", "method", "parameter", "timing_point", "value", "status"]
+        columns = ["participant", "method", "parameter", "timing_point", "value"]
         parts.append(held[columns].assign(**about))
     if not parts:
         return pd.DataFrame(), pd.DataFrame()
@@ -113,7 +116,7 @@ def _values(tables: Sequence[Table]) -> tuple[pd.DataFrame, pd.DataFrame]:
     size = values["value"].abs().to_numpy()
     exponent = np.floor(np.log10(size))
     mantissa = size / 10.0**exponent
-    made = values[["parameter", "timing_point", "value", "status"]].assign(
+    made = values[["parameter", "timing_point", "value"]].assign(
         who=code, exponent=exponent, digits=_digits(mantissa),
         written=np.sign(values["value"]) * np.round(mantissa, _DIGITS - 1),
     )  # fmt: skip
@@ -145,7 +148,7 @@ def _people_alike(values: pd.DataFrame, who: Sequence[Who]) -> dict[tuple[int, i
     Looked at are people whose values are rounded, and those with several conditions: of others
     every value tells.
     """
-    size, unit, rounded = _matrices(values[values["status"] == "ok"], len(who))
+    size, unit, rounded = _matrices(values, len(who))
     there = np.isfinite(size)
     conditions = Counter(who)
     with_whom: dict[bytes, np.ndarray] = {}  # few sets of places serve all people

@@ -24,6 +24,7 @@ from jointz.workflows.collection_studies import (
     TOGETHER,
     Row,
     checked_rows,
+    has_value,
     joint_mean,
     people_of,
     place_columns,
@@ -111,13 +112,15 @@ def pool_catalog(
         chosen = people if with_printed else people[people["values"] != "printed"]
         pooled += _joint_rows(chosen, [*by, *([] if mix_methods else ["method"])])
     values["weight_pct"] = weights
+    held = table[has_value(table)]
+    held = held if with_printed else held[held["values"] != "printed"]
     return CollectionPool(
         pooled_table(pooled, by),
         values[~is_printed].reset_index(drop=True),
         values[is_printed].reset_index(drop=True),
         by=by,
         notes=(
-            *_place_notes(table, by, pooled),
+            *_place_notes(held, by, pooled, together=keys),
             *_notes(people, used, values, mix_methods=mix_methods, jointly=jointly),
         ),
     )
@@ -202,21 +205,26 @@ def _check_one_method(group: pd.DataFrame, place: Mapping[str, Any]) -> None:
         )
 
 
-def _place_notes(table: pd.DataFrame, by: tuple[str, ...], pooled: Sequence[Row]) -> Iterator[str]:
-    """Yield what became of the places, and of what does not tell them apart."""
+def _place_notes(
+    held: pd.DataFrame, by: tuple[str, ...], pooled: Sequence[Row], *, together: list[str]
+) -> Iterator[str]:
+    """Yield what became of the places, and of what does not tell them apart.
+
+    ``held`` are the rows with a value to pool; those that agree in ``together`` are pooled.
+    """
     count = Counter(str(row["status"]) for row in pooled)
     yield (
         f"Places are told apart by {', '.join(key.replace('_', ' ') for key in by)}: "
         f"{count['ok']} values over studies, {count[ONE_STUDY]} of one study, "
         f"{count.total() - count['ok'] - count[ONE_STUDY]} without an error."
     )
-    if "condition" in by and not count["ok"] and len(set(table["study"])) > 1:
+    if "condition" in by and not count["ok"] and len(set(held["study"])) > 1:
         yield (
             "At no place are there two studies. Where labs name the same condition unlike, tell "
             "places apart by activity, speed and slope instead."
         )
     for key in _TOLD:
-        found = [] if key in by else [set(own) for _, own in table.groupby(list(by))[key]]
+        found = [] if key in by else [set(own) for _, own in held.groupby(together)[key]]
         if several := [names for names in found if len(names) > 1]:
             names = sorted(name or "not stated" for name in set().union(*several))
             more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""

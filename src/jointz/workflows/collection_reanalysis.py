@@ -92,7 +92,7 @@ def reanalysed(
     rows : pandas.DataFrame
         In the same columns, of one method; printed values as they were.
     notes : tuple of str
-        Entries that are not in them, and why.
+        Entries and people that are not in them, and why.
 
     Raises
     ------
@@ -108,9 +108,12 @@ def reanalysed(
             progress(done, len(entries), str(name))
         try:
             analysis = _analysed(entry, raw[str(name)], collection, method=method, seed=seed)
+            missing = _without_raw_data(entry, analysis)
         except DataError as exc:
             notes.append(f"{name}: left out, {exc}")
             continue
+        if missing:
+            notes.append(f"{name}: left out {', '.join(missing)}: not in its raw data.")
         made.append(_estimated_again(entry, analysis))
     together = pd.concat([typed_table(part, CATALOG_COLUMNS) for part in made], ignore_index=True)
     if phase_pct is not None:
@@ -141,6 +144,18 @@ def _analysed(
         return analyze(study, method=method, seed=seed)
     except (ValueError, EstimationError, OSError) as exc:
         raise DataError(f"its raw data cannot be analysed: {exc}") from exc
+
+
+def _without_raw_data(entry: pd.DataFrame, analysis: StudyAnalysis) -> list[str]:
+    """Return the entry's people whom its raw data do not hold; an error where that is everybody."""
+    people = set(entry["participant"])
+    missing = people - set(analysis.to_frame()["participant"])
+    if missing == people:
+        raise DataError(
+            "its raw data hold none of the entry's people. Give them the ids that they have in "
+            "study.toml."
+        )
+    return sorted(missing)
 
 
 def _estimated_again(entry: pd.DataFrame, analysis: StudyAnalysis) -> pd.DataFrame:

@@ -60,6 +60,18 @@ def checked_rows(rows: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
     return rows.assign(**{name: column.fillna("") for name, column in text.items()})
 
 
+def has_value(table: pd.DataFrame) -> pd.Series:
+    """Tell which rows have a value to pool.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`checked_rows`.
+    """
+    printed = (table["values"] == "printed") & (table["status"] == "")
+    return table["value"].notna() & (table["status"].isin(STANDING) | printed)
+
+
 def place_columns(rows: pd.DataFrame, by: tuple[str, ...]) -> dict[str, pd.Series]:
     """Return what tells places apart, as text.
 
@@ -106,9 +118,7 @@ def people_of(table: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
     by : tuple of str
         What places are told apart by.
     """
-    status, value = table["status"], table["value"].astype(float)
-    printed = (table["values"] == "printed") & (status == "")
-    stands = value.notna() & (status.isin(STANDING) | printed)
+    status, value, stands = table["status"], table["value"].astype(float), has_value(table)
     at_bound = status == "at_bound"
     reach = np.where(at_bound, table["ci_high"] - value, (table["ci_high"] - table["ci_low"]) / 2.0)
     error = (reach / np.where(at_bound, _REACH_ONE_SIDED, REACH_95)) ** 2

@@ -123,6 +123,18 @@ class Engine(ABC):
         except CancelledError:  # with the others of its pool
             return 1
 
+    def has_lost(self, future: Future[Any]) -> bool:
+        """Tell, once a worker was lost, whether a call went with it.
+
+        Where one that is killed takes the others with it, so does every call that is not made.
+
+        Parameters
+        ----------
+        future : concurrent.futures.Future
+            Of :meth:`submit`.
+        """
+        return not future.done() or self.losses(future) > 0
+
 
 class Serial(Engine):
     """Makes one call after the other, in this process."""
@@ -250,7 +262,7 @@ def open_engine(
         yield Serial()
         return
     opening = partial(spawned_pool, count, begin_worker, needs=needs)
-    with _engine_s_own_failures():
+    with engine_s_own_failures():
         engine = Processes(count, opening)
     with closing(engine):
         yield engine
@@ -282,8 +294,9 @@ def done_in_turn(
 
     Notes
     -----
-    A worker that is killed costs what was under way. That is done again, one task after the
-    other: one that loses its worker then, four times, is reported as lost, and the rest goes on.
+    A worker that is killed costs what went with it. That is done again, one task after the
+    other, with nothing else under way: one that loses its worker then, four times, is reported
+    as lost, and the rest goes on.
     """
     coming = iter(tasks)
     line: deque[_Place[Result]] = deque()
@@ -293,7 +306,7 @@ def done_in_turn(
                 line.append(_Place(task, store))
             if not line:
                 return
-            with _engine_s_own_failures():
+            with engine_s_own_failures():
                 ready = _is_first_done(engine, line)
             if ready:
                 yield line.popleft().done()
@@ -303,8 +316,14 @@ def done_in_turn(
 
 
 @contextmanager
-def _engine_s_own_failures() -> Iterator[None]:
-    """Tell whatever is raised as the engine's; what tasks raise is in their futures."""
+def engine_s_own_failures() -> Iterator[None]:
+    """Tell whatever is raised as the engine's; what tasks raise is in their futures.
+
+    Raises
+    ------
+    EngineError
+        With what was raised.
+    """
     try:
         yield
     except EngineError:
@@ -326,7 +345,7 @@ class _Place(Generic[Result]):
         self._call = store.kept(task.key, call) if store and task.key else call
         self._future: Future[Result] | None = None
         self._losses = 0
-        #: Whether it was under way when a worker was lost: it may have been the cause.
+        #: Whether it went with a lost worker: it may have been the cause.
         self.suspect = False
 
     def begin(self, engine: Engine) -> None:
@@ -339,10 +358,9 @@ class _Place(Generic[Result]):
         return 0 if self._future is None else engine.losses(self._future)
 
     def forget(self, engine: Engine) -> None:
-        """Take note of a lost worker: what was not ready has to be done again."""
-        if self._future is None or (self._future.done() and not self.losses(engine)):
-            return
-        self._future, self.suspect = None, True
+        """Take note of a lost worker: what went with it has to be done again."""
+        if self._future is not None and engine.has_lost(self._future):
+            self._future, self.suspect = None, True
 
     def blame(self, losses: int) -> None:
         """Take note of workers that it lost while nothing else was under way."""
@@ -357,7 +375,10 @@ class _Place(Generic[Result]):
         """Return what became of it."""
         name = self._task.name
         if self._future is None:
-            why = f"{name}: its worker was killed {self._losses} times, most likely for memory."
+            why = (
+                f"{name}: its worker was killed {self._losses} times, most likely for memory. "
+                "Give workers more of it, or take fewer at once."
+            )
             return Done(name, error=WorkerLostError(why))
         error = self._future.exception()
         if error is None:
@@ -376,15 +397,25 @@ def _is_first_done(engine: Engine, line: deque[_Place[Result]]) -> bool:
     """Wait for the first of the line; False when a worker was lost, and it is to be done again."""
     first = line[0]
     with suppress(BrokenProcessPool):
-        for place in takewhile(lambda place: not place.suspect, line):
-            place.begin(engine)
-        first.begin(engine)
-        losses = first.losses(engine)
-        if not losses:
+        if _is_ready(engine, line):
             return True
-        if first.suspect:  # nothing else was begun
-            first.blame(losses)
     for place in line:
         place.forget(engine)
     engine.renew()
     return first.is_hopeless
+
+
+def _is_ready(engine: Engine, line: deque[_Place[Result]]) -> bool:
+    """Have begun what may be, and wait for the first; False when a worker was lost."""
+    first = line[0]
+    if not first.suspect:
+        for place in takewhile(lambda place: not place.suspect, line):
+            place.begin(engine)
+        return not first.losses(engine)
+    # It is tried alone. Nobody can stop what other workers are still at: that ends before.
+    if any(place.losses(engine) for place in line):
+        return False
+    first.begin(engine)
+    losses = first.losses(engine)
+    first.blame(losses)
+    return not losses

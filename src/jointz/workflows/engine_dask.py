@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 from jointz.core.errors import DataError, EngineError
 from jointz.core.provenance import software
-from jointz.workflows.engine import Engine
+from jointz.workflows.engine import Engine, engine_s_own_failures
 from jointz.workflows.process_pool import cores
 
 Result = TypeVar("Result")
@@ -53,6 +53,9 @@ class Cluster(Engine):
     -----
     A call is sent to workers by their addresses: to those that are known to have the same
     software. One that joins later is asked first, and gets none if it has another.
+
+    A worker that is killed leaves the others at what they are at, and what lay ready for it goes
+    to them.
     """
 
     def __init__(self, client: Any, address: str) -> None:
@@ -108,6 +111,20 @@ class Cluster(Engine):
         killed = import_module("distributed").KilledWorker
         return error.allowed_failures + 1 if isinstance(error, killed) else 0
 
+    def has_lost(self, future: Future[Any]) -> bool:
+        """Tell, once a worker was lost, whether a call went with it.
+
+        One that a worker is still at has not: a cluster cannot stop it, and would make it twice.
+
+        Parameters
+        ----------
+        future : concurrent.futures.Future
+            Of :meth:`submit`.
+        """
+        if future.done():
+            return self.losses(future) > 0
+        return self._fit.isdisjoint(self._sent[future])
+
     def renew(self) -> None:
         """Wait for workers that the cluster starts again.
 
@@ -116,8 +133,9 @@ class Cluster(Engine):
         EngineError
             When none comes that may be sent calls.
         """
-        for future in list(self._sent):
-            future.cancel()  # it would be made twice
+        for future, workers in list(self._sent.items()):
+            if self._fit.isdisjoint(workers):
+                future.cancel()  # or one that comes back would make it too
         until = time.monotonic() + _RETURN_S
         self._look(now=True)
         while not self._fit:
@@ -170,7 +188,7 @@ class Cluster(Engine):
         threads: dict[str, int] = self._client.nthreads()
         if not found:
             raise DataError(f"{self._address}: the cluster has no workers. Start some first.")
-        for worker in found.keys() & threads.keys():
+        for worker in _reached(found).keys() & threads.keys():  # others are asked again
             self._take_note(worker, found[worker], threads[worker])
         if self._unfit:
             raise DataError(f"{self._address}: {self._complaint()}".rstrip())
@@ -194,11 +212,16 @@ def _begun(ask: Callable[[], dict[str, Any]]) -> Future[dict[str, Any]]:
     def asked() -> None:
         found: dict[str, Any] = {}
         with suppress(Exception):  # it is gone
-            found = {worker: one for worker, one in ask().items() if not isinstance(one, OSError)}
+            found = _reached(ask())
         answer.set_result(found)
 
     threading.Thread(target=asked, daemon=True).start()
     return answer
+
+
+def _reached(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what those said who could be asked."""
+    return {worker: one for worker, one in found.items() if not isinstance(one, OSError)}
 
 
 @contextmanager
@@ -222,6 +245,8 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     DataError
         When ``dask`` is not installed, nobody answers, or a worker has other software or several
         threads.
+    EngineError
+        When processes cannot be started.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -234,14 +259,15 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
         address = scheduler
         if scheduler == LOCAL:
             stack.enter_context(import_module("dask").config.set(_OWN_CLUSTER))
-            local = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=workers or cores(),
-                    threads_per_worker=1,
-                    dashboard_address=":0",
-                    host="127.0.0.1",
+            with engine_s_own_failures():
+                local = stack.enter_context(
+                    distributed.LocalCluster(
+                        n_workers=workers or cores(),
+                        threads_per_worker=1,
+                        dashboard_address=":0",
+                        host="127.0.0.1",
+                    )
                 )
-            )
             address = local.scheduler_address
         try:
             client = stack.enter_context(

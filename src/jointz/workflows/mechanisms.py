@@ -30,9 +30,9 @@ from jointz.sim.sea import sea_preset
 from jointz.sim.sea_bench_rig import SeaBench
 from jointz.workflows.analysis import analyze
 from jointz.workflows.participant_run import run_participant
-from jointz.workflows.run import NoOperator
 from jointz.workflows.run_settings import RunSettings
 from jointz.workflows.study_file import study_toml
+from jointz.workflows.worker_pool import NoOperator
 
 _PARAMETERS = ("stiffness", "damping", "inertia")
 _WINDOW_S = 0.1

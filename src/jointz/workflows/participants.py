@@ -96,11 +96,14 @@ def outcomes(
     if isinstance(engine, Serial):
         yield from _in_turn(asked, people, store)
         return
+    # Workers may have been started in another folder.
+    study = replace(asked.study, root=asked.study.root.absolute())
+    sent = replace(asked, study=study)
     tasks = (
         Task(
             f"{person_id} (seed {asked.seed})",
-            partial(_read_and_analyzed, asked, person_id),
-            key=partial(_key, asked, person_id),
+            partial(_read_and_analyzed, sent, person_id),
+            key=partial(_key, sent, person_id),
         )
         for person_id in people
     )

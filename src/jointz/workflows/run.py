@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.device_limits import limits_on_device
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, OutputError
 from jointz.core.protocol import Protocol
 from jointz.core.provenance import now
 from jointz.core.run_report import RunReport
@@ -35,25 +35,12 @@ from jointz.workflows.rigs import (
     with_calibration,
 )
 from jointz.workflows.run_claim import REPORT_FILE, STUDY_FILE, claimed
-from jointz.workflows.run_settings import SESSIONS, RunSettings
+from jointz.workflows.run_settings import SESSIONS, RunSettings, recording_name
 from jointz.workflows.study_file import exclusions_csv, study_toml
 from jointz.workflows.worker_pool import RunProgress, run_people
 
 TRUTH_FILE = "ground_truth.json"
 _MOST_PARTICIPANTS = 1000
-
-
-class NoOperator:
-    """Nobody to prompt: simulated people know what to do."""
-
-    def prompt(self, text: str) -> None:
-        """Return at once.
-
-        Parameters
-        ----------
-        text : str
-            Not shown.
-        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +103,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         not depend on it. One on Windows, whose processes cannot be stopped gently.
     scheduler : str, optional
         Dask cluster that simulates them instead: ``tcp://host:port``, or ``local``. Its workers
-        must see the study's folder.
+        must see the study's folder under the same path.
     resume : bool
         Go on with a run that was interrupted; starts where nothing is there.
     attended : bool
@@ -141,7 +128,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         When an argument is out of range or does not go with real devices, ``config`` lacks
         what the protocol needs, or ``resume`` meets another run.
     OutputError
-        When the folder exists, another process runs it, or it cannot be written.
+        When the folder exists, another process runs it, it cannot be written, or lacks what was
+        recorded in the end.
     DeviceError
         When a device failed or the safety gate tripped.
     """
@@ -174,7 +162,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             count,
             workers=workers if CAN_WAIT else 1,
             scheduler=scheduler,
-            operator=operator or NoOperator(),
+            operator=operator,
             progress=progress,
         )
         return _finish(settings, rig, reports)
@@ -233,6 +221,9 @@ def _refuse_another_torque_model(study: Path, now: TorqueModelSpec) -> None:
 def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any]]) -> StudyRun:
     """Write what belongs to the whole study; ``study.toml`` comes last and says it is complete."""
     protocol, study = settings.protocol, settings.study
+    rigs = [open_rig(rig, number) for number in range(len(reports))]
+    people: list[Wearer] = [one.wearer for one in rigs]
+    _see_that_all_is_there(settings, people)
     report = RunReport(
         protocol=protocol.name,
         seed=settings.seed,
@@ -241,8 +232,6 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         timing=tuple(row for r in reports for row in r["timing"]),
     )
     write_whole(study / REPORT_FILE, json.dumps(report.to_dict(), indent=1))
-    rigs = [open_rig(rig, number) for number in range(len(reports))]
-    people: list[Wearer] = [one.wearer for one in rigs]
     truth = {p.id: r["truth"] for p, r in zip(people, reports, strict=True) if r["truth"]}
     if truth:
         content = {"protocol": protocol.name, "preset": rig.preset, "participants": truth}
@@ -265,6 +254,20 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     if not (study / STUDY_FILE).exists():
         write_whole(study / STUDY_FILE, text)
     return StudyRun(study, report)
+
+
+def _see_that_all_is_there(settings: RunSettings, people: Sequence[Wearer]) -> None:
+    """Refuse to call a study complete whose recordings are elsewhere."""
+    names = [recording_name(p.id, c.name) for p in people for c in settings.protocol.conditions]
+    missing = [name for name in names if not (settings.study / name).is_file()]
+    if missing:
+        more = f" and {len(missing) - 1} more recordings" if len(missing) > 1 else ""
+        raise OutputError(
+            f"{settings.study.absolute()}: expected {missing[0]}{more}, found none, though the "
+            "sessions ended. Every worker of a cluster must see this folder under this path: they "
+            "may have written to disks of their own. What was removed here is made again from the "
+            f"logs: delete {SESSION_REPORT} of its session, and add --resume."
+        )
 
 
 def _calibration(settings: RunSettings, rig: Rig, report: Mapping[str, Any]) -> CalibrationSpec:

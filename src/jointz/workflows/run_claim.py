@@ -63,7 +63,11 @@ def claimed(
         raise WriteError(str(file), exc, "Name a place that can be written.") from exc
     refused = False
     try:
-        file_lock.hold(fd, file)
+        try:
+            file_lock.hold(fd, file)
+        except WriteError:  # no locks there; where another process holds it, the file is its own
+            refused = True
+            raise
         try:
             _enter(file, fd, _about(settings, rig, count), check)
         except BaseException:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
 from queue import Empty
@@ -23,6 +24,7 @@ from jointz.workflows.engine import (
     Serial,
     Task,
     done_in_turn,
+    engine_s_own_failures,
     open_engine,
 )
 from jointz.workflows.participant_run import run_participant
@@ -38,6 +40,19 @@ _AGAIN_S = 1.0
 _WORKER: dict[str, Any] = {}
 
 
+class NoOperator:
+    """Nobody to prompt: simulated people know what to do."""
+
+    def prompt(self, text: str) -> None:
+        """Return at once.
+
+        Parameters
+        ----------
+        text : str
+            Not shown.
+        """
+
+
 def run_people(
     settings: RunSettings,
     rig: RigSettings,
@@ -45,7 +60,7 @@ def run_people(
     *,
     workers: int,
     scheduler: str | None,
-    operator: Operator,
+    operator: Operator | None,
     progress: RunProgress | None,
 ) -> list[dict[str, Any]]:
     """Run every participant and return their reports in order.
@@ -62,7 +77,7 @@ def run_people(
         How many at once.
     scheduler : str or None
         Of a Dask cluster that does it instead; it tells of participants that are done.
-    operator : Operator
+    operator : Operator or None
         Asked before every condition; only with one worker.
     progress : callable or None
         Told after every accepted stride.
@@ -76,13 +91,17 @@ def run_people(
     """
     tell = progress or _silent
     alone = scheduler is None and (workers == 1 or count == 1)
-    call = partial(_run_here, operator=operator, tell=tell) if alone else _run_one
+    call: Callable[..., dict[str, Any]] = _run_one
+    if alone:
+        call = partial(_run_here, operator=operator or NoOperator(), tell=tell)
+    else:  # workers may have been started in another folder
+        settings = replace(settings, study=settings.study.absolute())
     tasks = [
         Task(f"participant {n + 1} (seed {rig.seed})", partial(call, settings, rig, n))
         for n in range(count)
     ]
     with _engine(scheduler, 1 if alone else min(workers, count), tell) as engine:
-        stops = rig.hardware is not None or settings.attended
+        stops = rig.hardware is not None or settings.attended or (alone and operator is not None)
         return _reports(done_in_turn(engine, tasks), stops=stops)
 
 
@@ -111,7 +130,9 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
         yield Serial()
         return
     # A session that was cut off goes on from its journal.
-    with closing(Processes(workers, partial(_session_pool, workers, tell))) as processes:
+    with engine_s_own_failures():
+        processes = Processes(workers, partial(_session_pool, workers, tell))
+    with closing(processes):
         yield processes
 
 
@@ -183,7 +204,7 @@ def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, 
         queue = _WORKER.get("queue")  # a cluster's workers have none
         tell = _silent if queue is None else (lambda *told: queue.put(told))
         progress = _named(tell, one.wearer.id)
-        return run_participant(one, settings, operator=_Silent(), progress=progress)
+        return run_participant(one, settings, operator=NoOperator(), progress=progress)
 
 
 def _run_here(
@@ -192,11 +213,6 @@ def _run_here(
     one = open_rig(rig, number)
     progress = _named(tell, one.wearer.id)
     return run_participant(one, settings, operator=operator, progress=progress)
-
-
-class _Silent:
-    def prompt(self, text: str) -> None:
-        del text
 
 
 def _named(tell: RunProgress, participant: str) -> Callable[[str, int, int, int], None]:

@@ -12,6 +12,7 @@ from jointz import __version__
 from jointz.cli import main
 from jointz.cli.main import app
 from jointz.core.errors import EngineError, WorkerLostError
+from jointz.experiment import file_lock
 from jointz.workflows import analysis, participants, results_folder, run
 
 FEW = ("--resamples", 20)
@@ -196,6 +197,22 @@ def test_a_bug_is_told_with_its_notes(jointz, tmp_path, monkeypatch):
 
     told = "ZeroDivisionError: oops. It was participant 1 (seed 7). This is a bug in jointz;"
     assert (outcome.code, told in outcome.err) == (70, True)
+
+
+def test_going_on_is_advised_only_where_something_was_recorded(jointz, tmp_path, monkeypatch):
+    def without_locks(fd):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(file_lock, "_lock", without_locks)
+    words = ("run", "walking", "--out", tmp_path, "--participants", 1)
+    first = jointz(*words)
+
+    assert (first.code, "No locks available" in first.err) == (1, True)
+    assert "--resume" not in first.err
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "sessions").mkdir()
+    (tmp_path / "run.json").touch()
+    assert "the same arguments with --resume go on." in jointz(*words, "--resume").err
 
 
 def test_quiet_prints_nothing_and_writes_all(jointz, small_study, tmp_path):

@@ -108,6 +108,17 @@ def test_who_does_not_answer_the_prompt_stops_the_run_and_can_go_on(
     assert jointz(*arguments, "--resume").code == 0
 
 
+def test_who_does_not_answer_for_one_simulated_person_is_not_asked_for_the_next(
+    jointz, laboratory, monkeypatch, protocol, tmp_path
+):
+    out = tmp_path / "study"
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n"))
+    done = jointz("run", protocol, "--clock", "real", "--out", out, "--participants", 2)
+    assert done.code == 130
+    assert "Stopped." in done.err
+    assert [folder.name for folder in (out / "sessions").iterdir()] == ["S01"]
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

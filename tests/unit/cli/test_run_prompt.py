@@ -39,7 +39,7 @@ def test_ctrl_c_at_the_prompt_ends_its_line_and_draws_nothing_more(screen, monke
         raise typer.Abort
 
     monkeypatch.setattr(command.typer, "prompt", stopped)
-    with pytest.raises(typer.Abort):
+    with pytest.raises(KeyboardInterrupt):
         command._Prompting(alone_on(screen)).prompt("Walk.")
 
     assert screen == ["hidden", "Walk. [Enter]", "line ended"]

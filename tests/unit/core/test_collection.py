@@ -109,14 +109,17 @@ def test_the_median_onset_is_one_on_the_cycle():
     empty = {name: "" if kind == "text" else float("nan") for name, kind in CATALOG_COLUMNS.items()}
     row = empty | {"study": "a", "status": "ok", "value": 1.0}
     onsets = {"TSW": [99.0, 1.0, 98.5], "LRE": [7.0, 8.5], "strike": [99.5, 0.5], "all": [math.nan]}
+    onsets["near"] = [99.6, 0.4]  # whose median is a hair before heel strike
     table = pd.DataFrame(
         [row | {"timing_point": p, "onset_gait_pct": x} for p, xs in onsets.items() for x in xs]
     )
 
     groups = QueryResult(table, CatalogFilter()).groups().set_index("timing_point")
 
-    assert groups["onset_gait_pct"].dropna().to_dict() == {"strike": 0.0, "LRE": 7.75, "TSW": 99.0}
-    assert groups.index.tolist() == ["strike", "LRE", "TSW", "all"]
+    assert groups["onset_gait_pct"].dropna().to_dict() == {
+        "strike": 0.0, "near": 0.0, "LRE": 7.75, "TSW": 99.0,
+    }  # fmt: skip
+    assert groups.index.tolist() == ["strike", "near", "LRE", "TSW", "all"]
 
 
 def test_an_infinite_value_is_told_in_json_and_comes_back():

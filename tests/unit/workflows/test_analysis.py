@@ -1,5 +1,6 @@
 """A whole study: methods, order, notes, provenance."""
 
+import contextlib
 import hashlib
 import json
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 
 import jointz
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.errors import DataError, EngineError, StudyError
+from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
 from jointz.io.study import open_study
 from jointz.workflows import participants
 from jointz.workflows.analysis import analyze, check_method
@@ -93,6 +94,50 @@ def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
     )
     [note] = [n for n in found.statistics["notes"] if "the program failed" in n]
     assert note.startswith(f"{first} (seed 3): the program failed (ZeroDivisionError: planted)")
+
+
+def test_a_participant_who_costs_workers_is_told_as_no_failure_of_the_program(
+    small_study_source, monkeypatch
+):
+    told = "S01 (seed 3): its worker was killed 4 times, most likely for memory."
+
+    def lost(person_id, *given):
+        if person_id == "S01":
+            raise WorkerLostError(told)
+        return analyze_participant(person_id, *given)
+
+    analyze_participant = participants.analyze_participant
+    monkeypatch.setattr(participants, "analyze_participant", lost)
+    found = analyze(small_study_source, resamples=20, seed=3)
+
+    frame = found.to_frame()
+    assert set(frame.loc[frame["participant"] == "S01", "status"]) == {"failed:analysis_broke"}
+    assert told in found.statistics["notes"]
+    assert "report it" not in str(found.statistics["notes"])
+
+
+class Elsewhere(Engine):
+    """Makes calls in another folder, where a worker may have been started."""
+
+    def __init__(self, folder):
+        self._folder, self._serial = folder, Serial()
+
+    def submit(self, call):
+        with contextlib.chdir(self._folder):
+            return self._serial.submit(call)
+
+    def renew(self):
+        raise AssertionError
+
+
+def test_workers_in_another_folder_find_a_study_that_was_named_from_here(
+    small_study, tmp_path, monkeypatch
+):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(small_study.root.parent)
+
+    assert analyze(small_study.root.name, resamples=20, engine=Elsewhere(elsewhere)).n_standing
 
 
 def test_an_analysis_goes_on_where_another_was_killed(small_study, tmp_path, monkeypatch):

@@ -421,6 +421,20 @@ def test_people_whose_values_are_rounded_are_not_taken_for_each_other(tmp_path):
     assert check_collection(tmp_path).findings == ()
 
 
+def test_people_at_the_same_bound_are_not_taken_for_each_other(tmp_path):
+    """A bound less what the device adds, which is the same for all, is one number for all."""
+
+    def at_a_bound(table):
+        there = (table["parameter"] == "damping") & (table["participant"] <= "S002")
+        table.loc[there, ["value", "ci_low", "ci_high"]] = [1.2345678, 0.0, 2.0]
+        table.loc[there, "status"] = "at_bound"
+        return table
+
+    write_entry(tmp_path / "lab", seed=3, change=estimates_alone(at_a_bound))
+
+    assert check_collection(tmp_path).findings == ()
+
+
 def test_a_person_with_one_code_in_two_entries_is_found(tmp_path):
     for name, seed in (("lab-a", 3), ("lab-b", 4)):
         change = set_spec("participants", 0, "person", value="anna-of-the-tale")

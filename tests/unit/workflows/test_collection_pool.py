@@ -212,6 +212,26 @@ def test_unlike_things_at_one_place_are_named() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("told", "pooled"),
+    [
+        ({"values": "printed"}, {"with_printed": True}),
+        ({"method": "dissertation"}, {"mix_methods": True}),
+        ({"status": "failed:no_pulses"}, None),
+        ({"parameter": "damping"}, None),
+    ],
+)
+def test_unlike_things_that_are_not_pooled_together_are_not_named(
+    told: dict[str, str], pooled: dict[str, bool] | None
+) -> None:
+    other = rows("lab-h", [99.0, 88.0], joint="hip", **told)
+    table = pd.concat([catalog(), other], ignore_index=True)
+    note = "Not told apart by joint (--by joint would), and pooled at one place: hip, knee."
+    assert note not in pool_catalog(table, by=("timing_point",)).notes
+    if pooled:
+        assert note in pool_catalog(table, by=("timing_point",), **pooled).notes
+
+
 def test_covariances_that_stand_one_way_only_are_not_used() -> None:
     table = simulated(6, 8, 1)
     plain = pool_catalog(table, jointly=True)
@@ -422,6 +442,7 @@ def test_raw_data_are_analysed_again_by_one_method(
     assert made.columns.tolist() == list(CATALOG_COLUMNS)
     assert (made["values"] == "printed").sum() == 1
     assert notes == (
+        "lab-a: left out P1, P3: not in its raw data.",
         "lab-b: left out, it has no raw data to analyse by dissertation.",
         "lab-c: left out, raw data of several conditions cannot be told apart.",
         "lab-e: left out, its raw data cannot be analysed: gone/study.toml: is not there.",
@@ -432,6 +453,19 @@ def test_raw_data_are_analysed_again_by_one_method(
     )
     assert steps[:2] == ["0/6 lab-a", "1/6 lab-b"]
     assert only(pool_catalog(made))["status"] == "one_study"
+
+
+def test_an_entry_whose_people_the_raw_data_do_not_hold_is_named(
+    analysed: list[tuple[Path, str, int]], tmp_path: Path
+) -> None:
+    table = rows("lab-a", LABS["lab-b"], raw_study="raw").assign(participant=["S1", "S2", "S3"])
+    made, notes = reanalysed(table, "dissertation", collection=tmp_path, raw={"lab-a": ONE})
+    assert len(analysed) == 1
+    assert made.empty
+    assert notes == (
+        "lab-a: left out, its raw data hold none of the entry's people. Give them the ids that "
+        "they have in study.toml.",
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,9 @@ import signal
 import subprocess
 import threading
 import time
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -122,6 +123,80 @@ def test_a_task_that_kills_its_worker_is_told_and_the_rest_is_done(processes):
     assert [d.value for d in done] == [0, 1, 2, None, 4, 5, 6]
     assert isinstance(done[3].error, WorkerLostError)
     assert "task 3: its worker was killed" in str(done[3].error)
+
+
+class KilledError(Exception):
+    """Stands for the end of the worker that a call was on."""
+
+
+class Apart(Engine):
+    """Workers that nobody can stop: one that is killed leaves the others at what they are at."""
+
+    def __init__(self, workers):
+        self.workers = workers
+        self._pool = ThreadPoolExecutor(workers)
+
+    def submit(self, call):
+        return self._pool.submit(call)
+
+    def losses(self, future):
+        return 4 if isinstance(future.exception(), KilledError) else 0
+
+    def has_lost(self, future):
+        return future.done() and self.losses(future) > 0
+
+    def renew(self):
+        """Nothing is to be started: workers are started again by themselves."""
+
+    def close(self):
+        self._pool.shutdown()
+
+
+class Sessions:
+    """Sessions of participants: one that is run twice at once is refused, some kill who runs it."""
+
+    def __init__(self, killers):
+        self._killers = killers
+        self._lock = threading.Lock()
+        self._running = set()
+        self.begun = []  # which, and what else ran
+
+    def run(self, k):
+        with self._lock:
+            if k in self._running:
+                raise RuntimeError("another process is running this")
+            self.begun.append((k, set(self._running)))
+            self._running.add(k)
+        time.sleep(0.02 if k in self._killers else 0.1)
+        with self._lock:
+            self._running.remove(k)
+        if k in self._killers:
+            raise KilledError
+        return k
+
+
+@pytest.mark.parametrize("killers", [{0}, {1}, {5}, {1, 3}, {0, 1, 2, 3, 4, 5}], ids=str)
+def test_what_other_workers_are_at_when_one_is_killed_is_not_done_twice(killers, monkeypatch):
+    monkeypatch.setattr(engine_module, "on_one_thread", lambda call: call())  # of a whole process
+    sessions = Sessions(killers)
+    with closing(Apart(3)) as engine:
+        done = list(done_in_turn(engine, tasks(sessions.run, 6)))
+
+    assert [d.value for d in done] == [None if k in killers else k for k in range(6)]
+    for k in killers:
+        assert f"task {k}: its worker was killed 4 times" in str(done[k].error)
+    begun = [k for k, _ in sessions.begun]
+    assert sorted(begun) == sorted([*range(6), *killers])
+    again = [who for n, (k, who) in enumerate(sessions.begun) if k in begun[:n]]
+    assert again == [set()] * len(killers)  # each was tried alone
+
+
+def test_a_call_of_processes_is_lost_with_any_of_them():
+    engine, made, lost = Serial(), Future(), Future()
+    made.set_result(1)
+    lost.set_exception(BrokenProcessPool())
+
+    assert [engine.has_lost(future) for future in (made, lost, Future())] == [False, True, True]
 
 
 @pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.slow)])

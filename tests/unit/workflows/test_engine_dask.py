@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
 from functools import partial
 
@@ -63,6 +64,77 @@ def test_other_software_on_a_worker_is_refused(joined, address, monkeypatch, nam
     monkeypatch.setattr(engine_dask, "_calculating", lambda: {**there, name: "99.0"})
     told = rf"tcp://\S+ has {name} {re.escape(there[name])} instead of 99\.0; tcp://"
     with pytest.raises(DataError, match=told), open_engine(address, tasks=1, needs="json"):
+        pass
+
+
+class Client:
+    """Knows workers, by address, and what each says when it is asked; calls wait for ever."""
+
+    def __init__(self, *workers):
+        self.says = dict.fromkeys(workers, engine_dask._calculating())
+
+    def nthreads(self):
+        return dict.fromkeys(self.says, 1)
+
+    def run(self, *_, workers, **__):
+        return {worker: self.says[worker] for worker in workers or self.says}
+
+    def get_executor(self, **_):
+        return self
+
+    def submit(self, *_):
+        return Future()
+
+
+def until_it_has(cluster, workers):
+    deadline = time.monotonic() + 60
+    while cluster._fit != workers:
+        cluster._look(now=True)
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_worker_that_cannot_be_reached_at_first_is_asked_again():
+    client = Client("a", "b")
+    client.says["b"] = OSError("gone for a moment")
+    cluster = engine_dask.Cluster(client, "tcp://lab:8786")
+    assert cluster._fit == {"a"}
+
+    client.says["b"] = client.says["a"]
+    until_it_has(cluster, {"a", "b"})
+
+
+def test_only_what_no_worker_is_at_any_more_is_taken_back(monkeypatch):
+    monkeypatch.setattr(engine_dask, "_LOOK_S", 0.01)
+    client = Client("a", "b")
+    cluster = engine_dask.Cluster(client, "tcp://lab:8786")
+    killed, running = cluster.submit(int), cluster.submit(int)
+    killed.set_exception(distributed.KilledWorker("it", None, 3))
+    assert cluster.losses(killed) == 4
+
+    del client.says["a"]
+    until_it_has(cluster, {"b"})
+    assert [cluster.has_lost(future) for future in (killed, running)] == [True, False]
+    cluster.renew()
+    assert not running.cancelled()
+
+    client.says = dict.fromkeys(["c"], client.says["b"])
+    assert cluster.losses(running) == 1
+    assert cluster.has_lost(running)
+    cluster.renew()
+    assert running.cancelled()
+    assert cluster._fit == {"c"}
+
+
+def test_a_cluster_that_cannot_be_started_here_is_told(monkeypatch):
+    def refused(**_):
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(distributed, "LocalCluster", refused)
+    with (
+        pytest.raises(EngineError, match="Resource temporarily unavailable"),
+        open_engine("local", workers=1, tasks=1, needs="json"),
+    ):
         pass
 
 
