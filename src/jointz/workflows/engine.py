@@ -326,7 +326,7 @@ def engine_s_own_failures() -> Iterator[None]:
     """
     try:
         yield
-    except EngineError:
+    except (EngineError, DataError):
         raise
     except Exception as exc:
         why = f"{type(exc).__name__}: {exc}".strip().rstrip(".:")

@@ -94,12 +94,11 @@ def _rows(source: Source) -> np.ndarray:
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
     friction = _channel(recording, "friction", angle.size)
-    driving = torque - friction - _intrinsic_torque(source)
     torque_gain, angle_gain = value_of(known.torque_gain, 1.0), value_of(known.angle_gain, 1.0)
     return np.stack(
         [
             angle / angle_gain,
-            driving / torque_gain,
+            (torque - friction) / torque_gain - _intrinsic_torque(source),
             friction / torque_gain,
             np.nan_to_num(_channel(recording, "command", angle.size)),
         ]

@@ -118,6 +118,7 @@ def test_intrinsic_impedance_is_taken_out_where_the_motor_was_recorded(motor):
     turned = angle if motor == "motor_angle" else 1.2 * np.cos(4.0 * time)
     channels = {"angle": 0.1 * time, "torque": 0.0 * time, "command": 0.0 * time, motor: turned}
     known = CalibrationSpec(
+        torque_gain=Calibrated(value=0.8, sd=0.0),  # the impedance is one of true torque
         intrinsic_damping=Calibrated(value=0.5, sd=0.0),
         intrinsic_inertia=Calibrated(value=0.02, sd=0.0),
     )
