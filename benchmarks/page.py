@@ -285,8 +285,10 @@ def _engines_section(title: str, unit: str, measured: Sequence[Mapping[str, Any]
         for one in measured
     ]
     return (
-        f"## {title}\n\nEfficiency is the serial time / workers / time; waiting, the share of "
-        f"their time in which workers have nothing to do.\n\n{_table(head, lines)}\n"
+        f"## {title}\n\nEfficiency is the serial time / workers / time, measured one after the "
+        "other: above 1 the machine was faster when all worked than when one did. Waiting is the "
+        "share of their time in which workers have nothing to do.\n\n"
+        f"{_table(head, lines)}\n"
     )
 
 
