@@ -7,7 +7,7 @@ the nearest one over the others. :mod:`jointz.workflows.bids` writes such folder
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from jointz.core.errors import DataError
 from jointz.io.bids_tables import (
     NOTHING,
     cell_number,
-    end_note,
     entities_of,
     number,
     read_json,
@@ -106,21 +105,23 @@ def read_bids(
             "another folder.",
             path=str(root),
         )
-    people = _people(root)
-    return {name: _acquisition(root, file, people) for name, file in names.items()}
+    people, people_end = _people(root)
+    return {name: _acquisition(root, file, people, people_end) for name, file in names.items()}
 
 
-def _people(root: Path) -> dict[str, dict[str, str]]:
+def _people(root: Path) -> tuple[dict[str, dict[str, str]], str]:
+    """Return the row of every participant, and a note on the end of their table."""
     table = root / "participants.tsv"
     if not table.is_file():
-        return {}
-    rows = {row["participant_id"]: row for row in read_tsv(table, ("participant_id",))}
+        return {}, ""
+    found = read_tsv(table, ("participant_id",))
+    rows = {row["participant_id"]: row for row in found.rows}
     if not rows:
         raise DataError(
             "participants.tsv: expected a row for each participant, found none. Copy it again.",
             path=str(table),
         )
-    return rows
+    return rows, found.end_note
 
 
 def _person(
@@ -137,10 +138,12 @@ def _person(
     return people.get(name, {})
 
 
-def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]) -> Acquisition:
+def _acquisition(
+    root: Path, file: Path, people: Mapping[str, Mapping[str, str]], people_end: str
+) -> Acquisition:
     entities = entities_of(file.name)
     sidecar_file, sidecar = _sidecar(root, file)
-    channels_file, channels = _channels(root, file)
+    channels_file, channels, channels_end = _channels(root, file)
     samples = read_samples(file, len(channels), named_in=channels_file.name)
     rate, rate_note = _rate(sidecar_file, sidecar)
     _check_duration(file, sidecar, n_samples=len(samples), rate_hz=rate)
@@ -165,13 +168,13 @@ def _acquisition(root: Path, file: Path, people: Mapping[str, Mapping[str, str]]
     person = _person(root, entities, people)
     metadata = _metadata(file, entities, sidecar, person)
     metadata |= {f"positive.{c.name}": c.positive for c in channels if c.positive is not None}
+    events, events_end = _events(root, file, zero, sidecar.get(EVENT_COUNT))
     notes = {
         "clock": clock_note,
         "rate": rate_note if time is None else "",
-        "end": _ends(root, file, channels_file),
+        "end": " ".join(filter(None, (people_end, channels_end, events_end))),
     }
     metadata |= {f"{READING}{name}": note for name, note in notes.items() if note}
-    events = tuple(_events(root, file, zero, sidecar.get(EVENT_COUNT)))
     return Acquisition((group,), events, metadata)
 
 
@@ -213,15 +216,16 @@ def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     return files[-1], content
 
 
-def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...]]:
+def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...], str]:
+    """Return the table of channels, what it says, and a note on its end."""
     files = _belonging(root, file, "_channels.tsv")
     if not files:
         raise DataError(
             f"{file.name}: no *_channels.tsv names its columns. Bring the file that belongs to it.",
             path=str(file),
         )
-    rows = read_tsv(files[-1], ("name", "type", "units"))
-    names = [row["name"] for row in rows]
+    table = read_tsv(files[-1], ("name", "type", "units"))
+    names = [row["name"] for row in table.rows]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if not all(names) or repeated:
         what = f"'{repeated[0]}' more than once" if repeated else "a row without a name"
@@ -230,7 +234,7 @@ def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...]]:
             "Correct it.",
             path=str(files[-1]),
         )
-    return files[-1], tuple(
+    channels = tuple(
         _Channel(
             row["name"],
             row["type"].upper(),
@@ -238,15 +242,9 @@ def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...]]:
             row.get("description", ""),
             row.get("positive_direction"),
         )
-        for row in rows
+        for row in table.rows
     )
-
-
-def _ends(root: Path, file: Path, channels_file: Path) -> str:
-    """Return what is said of the tables whose last line has no end."""
-    events_files = _belonging(root, file, "_events.tsv")[-1:]
-    tables = [root / "participants.tsv", channels_file, *events_files]
-    return " ".join(note for table in tables if table.is_file() and (note := end_note(table)))
+    return files[-1], channels, table.end_note
 
 
 def _rate(file: Path, sidecar: Mapping[str, Any]) -> tuple[float, str]:
@@ -337,21 +335,22 @@ def _increases(stamps: np.ndarray) -> bool:
 # --- events and what else is said ---------------------------------------------------------------
 
 
-def _events(root: Path, file: Path, zero_s: float, count: Any) -> Iterator[Event]:
+def _events(root: Path, file: Path, zero_s: float, count: Any) -> tuple[tuple[Event, ...], str]:
+    """Return the events by time, and a note on the end of their table."""
     files = _belonging(root, file, "_events.tsv")
     if not files:
         if count:
             _check_count(file.with_name(file.name.replace("_motion", "_events")), 0, count, "rows")
-        return
-    rows = read_tsv(files[-1], ("onset", "duration"), whole=not isinstance(count, int))
+        return (), ""
+    table = read_tsv(files[-1], ("onset", "duration"), whole=not isinstance(count, int))
     if isinstance(count, int):
-        _check_count(files[-1], len(rows), count, "rows")
+        _check_count(files[-1], len(table.rows), count, "rows")
     found = []
-    for row, cells in enumerate(rows, start=2):
+    for row, cells in enumerate(table.rows, start=2):
         onset = cell_number(files[-1], row, "onset", cells["onset"])
         length = cell_number(files[-1], row, "duration", cells["duration"], default=np.nan)
         found.append(Event(zero_s + onset, _event_label(cells), length))
-    yield from sorted(found, key=lambda event: event.time_s)
+    return tuple(sorted(found, key=lambda event: event.time_s)), table.end_note
 
 
 def _event_label(cells: Mapping[str, str]) -> str:

@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +76,24 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> list[dict[str, str]]:
-    """Read a table with a header: a mapping a row, ``""`` for ``n/a``.
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table with a header.
+
+    Parameters
+    ----------
+    rows : list of dict
+        A mapping a row, ``""`` for ``n/a``.
+    end_note : str
+        A note where the last line has no end, "" elsewhere.
+    """
+
+    rows: list[dict[str, str]]
+    end_note: str
+
+
+def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> Table:
+    """Read a table with a header.
 
     Parameters
     ----------
@@ -86,14 +103,15 @@ def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> lis
         Columns that must be there.
     whole : bool
         Whether its last line must have an end, without which nobody can tell that it was not cut
-        off. Editors leave it out: where it need not be, see :func:`end_note`.
+        off. Editors leave it out: where it need not be, the table has a note.
 
     Raises
     ------
     DataError
         When it cannot be read, a column is missing or a row has another width.
     """
-    lines = _lines(path, whole=whole)
+    text = _text(path)
+    lines = _lines(path, text, whole=whole)
     names = [name.strip() for name in lines[0].split("\t")]
     missing = [name for name in required if name not in names]
     if missing:
@@ -111,18 +129,10 @@ def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> lis
             raise _wrong_width(path, row, len(cells), len(names))
         values = ("" if cell.strip() == NOTHING else cell.strip() for cell in cells)
         rows.append(dict(zip(names, values, strict=True)))
-    return rows
+    return Table(rows, _end_note(path, text))
 
 
-def end_note(path: Path) -> str:
-    """Return a note where the last line of a table has no end, "" elsewhere.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    """
-    text = _text(path)
+def _end_note(path: Path, text: str) -> str:
     if text.endswith("\n"):
         return ""
     cell = re.split(r"[\t\n]", text)[-1].strip()
@@ -152,7 +162,7 @@ def read_samples(path: Path, n_columns: int, *, named_in: str) -> np.ndarray:
         Naming row and column where it is not such a table.
     """
     rows = []
-    for row, line in enumerate(_lines(path, whole=True), start=1):
+    for row, line in enumerate(_lines(path, _text(path), whole=True), start=1):
         cells = line.split("\t")
         if len(cells) != n_columns:
             raise _wrong_width(path, row, len(cells), n_columns, named_in=named_in)
@@ -230,8 +240,8 @@ def cell_number(
     return value
 
 
-def _lines(path: Path, *, whole: bool) -> list[str]:
-    text = _text(path).replace("\r\n", "\n")
+def _lines(path: Path, text: str, *, whole: bool) -> list[str]:
+    text = text.replace("\r\n", "\n")
     if not text.strip():
         raise _bad(path, "holds nothing. Copy it again.")
     lines = text.removesuffix("\n").split("\n")

@@ -13,6 +13,7 @@ from jointz.core.channels import (
     DEVICE_SIDE_CHANNELS,
     LABEL_CHANNELS,
     MOTOR_CHANNELS,
+    is_turned,
 )
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording
@@ -198,9 +199,8 @@ def _turned(name: str, spec: StudySpec) -> bool:
     if direction is None and name in MOTOR_CHANNELS and "current" in spec.channels:
         # Current, velocity and friction of a motor change sign together.
         direction = spec.channels["current"].positive
-    against = direction is not None and direction != spec.positive
     on_device = name in DEVICE_SIDE_CHANNELS and spec.torque_acts_on == "device"
-    return against != on_device
+    return is_turned(direction, spec.positive, on_device=on_device)
 
 
 def _split(labels: Mapping[str, np.ndarray], n: int) -> list[slice]:

@@ -291,8 +291,7 @@ def _is_clock(sheet: Sheet, table: Table, column: int, name: str) -> bool:
         return False
     cells = [row[column] for row in sheet.rows[table.first_row :]]
     filled = [cell for cell in cells if _kind(cell) != "empty"]
-    numbers = [cell for cell in filled if _looks_like_number(cell) and _kind(cell) != "date"]
-    return bool(numbers) or not filled
+    return not filled or any(_kind(c) != "date" and _looks_like_number(c) for c in filled)
 
 
 def _blocks(columns: Sequence[int], clocks: Sequence[int]) -> list[list[int]]:

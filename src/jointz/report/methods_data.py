@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.channels import is_turned
 from jointz.core.events import PulseRecord
 from jointz.report.citations import cite
 from jointz.report.methods_calibration import calibration_sentences
@@ -220,12 +221,11 @@ def torque_is_turned(study: Mapping[str, Any]) -> bool:
     Parameters
     ----------
     study : mapping
-        What ``study.toml`` said; a torque on the device that is positive the other way is turned
-        twice, that is, not at all.
+        What ``study.toml`` said.
     """
     own = ((study.get("channels") or {}).get("torque") or {}).get("positive")
-    against = own not in (None, study.get("positive"))
-    return against != (study.get("torque_acts_on") == "device")
+    on_device = study.get("torque_acts_on") == "device"
+    return is_turned(own, study.get("positive"), on_device=on_device)
 
 
 def _torque_sentences(study: Mapping[str, Any]) -> list[str]:

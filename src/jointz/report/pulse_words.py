@@ -3,6 +3,7 @@
 from typing import Final
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.identify.preparation.sources import usual_source
 
 #: Letters of the units of an angle; no unit of a torque has them.
 _OF_ANGLES: Final = ("rad", "deg", "°", "turn", "rev")
@@ -68,7 +69,6 @@ def _source(analysis: StudyAnalysis) -> str:
     study = analysis.provenance.get("study") or {}
     if told := (study.get("perturbations") or {}).get("source"):
         return str(told)
-    if any(r.get("perturbations") for r in study.get("recordings") or ()):
-        return "table"
+    table = any(r.get("perturbations") for r in study.get("recordings") or ())
     channels = study.get("channels") or {}
-    return "reference" if "reference" in channels and "command" not in channels else "command"
+    return usual_source(table=table, command="command" in channels or "reference" not in channels)

@@ -172,6 +172,11 @@ class Processes(Engine):
         How many.
     opening : callable
         Gives a pool of them, as a context that ends it.
+
+    Raises
+    ------
+    EngineError
+        When they cannot be started.
     """
 
     def __init__(
@@ -180,7 +185,8 @@ class Processes(Engine):
         self.workers = workers
         self._opening = opening
         self._opened = ExitStack()
-        self._pool = self._opened.enter_context(opening())
+        with engine_s_own_failures():
+            self._pool = self._opened.enter_context(opening())
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
         """Have a call made by a worker.
@@ -262,9 +268,7 @@ def open_engine(
         yield Serial()
         return
     opening = partial(spawned_pool, count, begin_worker, needs=needs)
-    with engine_s_own_failures():
-        engine = Processes(count, opening)
-    with closing(engine):
+    with closing(Processes(count, opening)) as engine:
         yield engine
 
 

@@ -103,8 +103,8 @@ class Cluster(Engine):
         """
         while not wait([future], timeout=_LOOK_S).done:
             self._look()
-            if self._fit.isdisjoint(self._sent[future]):
-                return 1  # nobody is left of those that it was sent to
+            if self._is_left_alone(future):
+                return 1
         if future.cancelled():  # with the connection to the scheduler
             return 1
         error = future.exception()
@@ -123,7 +123,7 @@ class Cluster(Engine):
         """
         if future.done():
             return self.losses(future) > 0
-        return self._fit.isdisjoint(self._sent[future])
+        return self._is_left_alone(future)
 
     def renew(self) -> None:
         """Wait for workers that the cluster starts again.
@@ -133,8 +133,8 @@ class Cluster(Engine):
         EngineError
             When none comes that may be sent calls.
         """
-        for future, workers in list(self._sent.items()):
-            if self._fit.isdisjoint(workers):
+        for future in list(self._sent):
+            if self._is_left_alone(future):
                 future.cancel()  # or one that comes back would make it too
         until = time.monotonic() + _RETURN_S
         self._look(now=True)
@@ -146,6 +146,10 @@ class Cluster(Engine):
                 )
             time.sleep(_LOOK_S / 4)
             self._look(now=True)
+
+    def _is_left_alone(self, future: Future[Any]) -> bool:
+        """Tell whether nobody is left of the workers that a call was sent to."""
+        return self._fit.isdisjoint(self._sent[future])
 
     def _on(self, workers: set[str]) -> Executor:
         executor: Executor = self._client.get_executor(pure=False, workers=sorted(workers))

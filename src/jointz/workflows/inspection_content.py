@@ -200,8 +200,11 @@ def _content(path: Path, content: Acquisition) -> Content:
     columns = tuple(c for group in content.groups for c in _columns(group, content.metadata, names))
     # A unit that nobody states is not taken for seconds here: the stamps tell it.
     left = {time_unit_key(group.name) for group in content.groups}
-    kept = {key: text for key, text in content.metadata.items() if key not in left}
-    notes = tuple(text for key, text in kept.items() if key.startswith(READING))
+    notes = tuple(
+        text
+        for key, text in content.metadata.items()
+        if key.startswith(READING) and key not in left
+    )
     clocks = tuple(
         GroupClock(g.name, g.n_samples, g.rate_hz, g.start_s, g.time_s, g.time_unit_stated)
         for g in content.groups

@@ -24,7 +24,6 @@ from jointz.workflows.engine import (
     Serial,
     Task,
     done_in_turn,
-    engine_s_own_failures,
     open_engine,
 )
 from jointz.workflows.participant_run import run_participant
@@ -130,9 +129,7 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
         yield Serial()
         return
     # A session that was cut off goes on from its journal.
-    with engine_s_own_failures():
-        processes = Processes(workers, partial(_session_pool, workers, tell))
-    with closing(processes):
+    with closing(Processes(workers, partial(_session_pool, workers, tell))) as processes:
         yield processes
 
 

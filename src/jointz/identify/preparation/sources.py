@@ -263,7 +263,9 @@ def _pulses(
 ) -> tuple[Pulse, ...]:
     if given.condition == "no_device":
         return ()
-    source = settings.perturbations.source or _usual_source(given)
+    source = settings.perturbations.source or usual_source(
+        table=given.pulse_table is not None, command="command" in given.recording
+    )
     if given.condition == "unperturbed":
         # A pulse in the unperturbed condition spoils its stride; only a command can show it.
         return pulses_from_command(given.recording) if "command" in given.recording else ()
@@ -299,10 +301,17 @@ def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettin
         )
 
 
-def _usual_source(given: RecordingInput) -> str:
-    if given.pulse_table is not None:
+def usual_source(*, table: bool, command: bool) -> str:
+    """Return where pulses are read off where a study does not say.
+
+    Parameters
+    ----------
+    table, command : bool
+        Whether there is a pulse table, and a channel of what was commanded.
+    """
+    if table:
         return "table"
-    return "command" if "command" in given.recording else "reference"
+    return "command" if command else "reference"
 
 
 def most_alike(
