@@ -4,9 +4,6 @@ Moore, Hnat, van den Bogert (2015), PeerJ 3:e918; and a vertical force of pertur
 walking from the GaitAnalysisToolKit's tests.
 """
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,12 +14,7 @@ from jointz.gait.phase import gait_phase
 from jointz.gait.strides import find_strides
 from jointz.gait.timestamps import find_gaps, is_uniform, rate_hz, resample_stretch, stretches
 
-DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[3] / "shared" / "data"))
-
-pytestmark = [
-    pytest.mark.real_data,
-    pytest.mark.skipif(not DATA.is_dir(), reason="no real recordings: set JOINTZ_DATA"),
-]
+pytestmark = pytest.mark.real_data
 
 
 def recording_of(path, column):
@@ -32,13 +24,13 @@ def recording_of(path, column):
 
 
 @pytest.fixture(scope="module")
-def right():
-    return recording_of(DATA / "moore2015_walk" / "UnpertPre_data.csv", "RightGRF_y")
+def right(real_data):
+    return recording_of(real_data / "moore2015_walk" / "UnpertPre_data.csv", "RightGRF_y")
 
 
 @pytest.fixture(scope="module")
-def events():
-    return pd.read_csv(DATA / "moore2015_walk" / "UnpertPre__event.csv")
+def events(real_data):
+    return pd.read_csv(real_data / "moore2015_walk" / "UnpertPre__event.csv")
 
 
 def test_the_time_stamps_have_15_gaps_of_up_to_137_ms(right):
@@ -71,8 +63,8 @@ def test_the_right_force_gives_42_strides_of_1_34_s(right):
 
 
 @pytest.mark.parametrize(("side", "count"), [("Right", 43), ("Left", 44)])
-def test_every_strike_is_within_20_ms_of_the_published_event(events, side, count):
-    path = DATA / "moore2015_walk" / "UnpertPre_data.csv"
+def test_every_strike_is_within_20_ms_of_the_published_event(real_data, events, side, count):
+    path = real_data / "moore2015_walk" / "UnpertPre_data.csv"
     found = find_heel_strikes(recording_of(path, f"{side}GRF_y"))
     published = events[f"{side[0].lower()}hs"].dropna().to_numpy()
     assert found.time_s.size == published.size == count
@@ -87,8 +79,8 @@ def test_left_heel_strikes_fall_in_the_middle_of_the_right_gait_cycle(right, eve
     assert np.all(np.abs(phase.pct[known] - 50.0) < 5.0)
 
 
-def test_perturbed_walking_loses_its_spurious_crossings():
-    path = DATA / "gaitanalysistoolkit" / "example_vertical_grf.csv"
+def test_perturbed_walking_loses_its_spurious_crossings(real_data):
+    path = real_data / "gaitanalysistoolkit" / "example_vertical_grf.csv"
     time, force = np.loadtxt(path, delimiter=",").T
     assert np.count_nonzero((force[:-1] < 20.0) & (force[1:] >= 20.0)) == 49
     found = find_heel_strikes(build_recording(time, {"ground_reaction_force": force}))

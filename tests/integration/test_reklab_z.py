@@ -1,7 +1,6 @@
 """Stationary records of a human ankle under position perturbations (REKLAB)."""
 
-import os
-import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -11,21 +10,29 @@ from jointz import identify_joint
 from jointz.core.joint_fit import JointFit
 from jointz.core.reflex_fit import ReflexFit
 
-_DEFAULT = Path(__file__).resolve().parents[3] / "shared" / "data"
-FOLDER = Path(os.environ.get("JOINTZ_DATA", _DEFAULT)) / "reklab_ankle"
-
-pytestmark = [
-    pytest.mark.real_data,
-    pytest.mark.skipif(
-        not FOLDER.is_dir(), reason="the recordings reklab_ankle are not here: set JOINTZ_DATA"
-    ),
-]
+pytestmark = pytest.mark.real_data
 
 
-def fit(name: str) -> JointFit:
-    columns = {"time_s": "time", "position_rad": "angle", "torque_Nm": "torque"}
-    record = pd.read_csv(FOLDER / f"{name}.csv.gz").rename(columns=columns)
+Records = Callable[[str], pd.DataFrame]
+
+
+@pytest.fixture(scope="module")
+def record(real_data: Path) -> Records:
+    """How a record is read, with the names that jointz knows."""
+
+    def read(name: str) -> pd.DataFrame:
+        columns = {"time_s": "time", "position_rad": "angle", "torque_Nm": "torque"}
+        return pd.read_csv(real_data / "reklab_ankle" / f"{name}.csv.gz").rename(columns=columns)
+
+    return read
+
+
+def fit(record: pd.DataFrame) -> JointFit:
     return identify_joint(record, input="angle", torque_acts_on="device")
+
+
+def reflex(record: pd.DataFrame) -> ReflexFit:
+    return identify_joint(record, model="reflex", input="angle", torque_acts_on="device")
 
 
 @pytest.mark.parametrize(
@@ -33,9 +40,9 @@ def fit(name: str) -> JointFit:
     [("z_df", 104.0, 83.0), ("z_pf", 107.0, None), ("z_df3", 158.0, None)],
 )
 def test_the_ankle_has_the_known_second_order_stiffness(
-    name: str, stiffness: float, vaf_pct: float | None
+    record: Records, name: str, stiffness: float, vaf_pct: float | None
 ) -> None:
-    found = fit(name)
+    found = fit(record(name))
     estimate = found.parameter("stiffness")
     assert found.status == "ok"
     assert estimate.value == pytest.approx(stiffness, abs=1.0)
@@ -45,23 +52,17 @@ def test_the_ankle_has_the_known_second_order_stiffness(
         assert found.vaf_pct == pytest.approx(vaf_pct, abs=1.5)
 
 
-def test_the_torque_of_the_device_has_the_other_sign() -> None:
-    record = pd.read_csv(FOLDER / "z_df.csv.gz")
+def test_the_torque_of_the_device_has_the_other_sign(record: Records) -> None:
+    given = record("z_df")
     found = identify_joint(
-        angle=record["position_rad"], torque=record["torque_Nm"], rate_hz=1000.0, input="angle"
+        angle=given["angle"], torque=given["torque"], rate_hz=1000.0, input="angle"
     )
     assert found.parameter("stiffness").value == pytest.approx(-104.0, abs=1.0)
     assert "negative" in " ".join(found.warnings)
 
 
-def reflex(name: str) -> ReflexFit:
-    columns = {"time_s": "time", "position_rad": "angle", "torque_Nm": "torque"}
-    record = pd.read_csv(FOLDER / f"{name}.csv.gz").rename(columns=columns)
-    return identify_joint(record, model="reflex", input="angle", torque_acts_on="device")
-
-
-def test_the_ankle_in_dorsiflexion_has_an_intrinsic_and_a_reflex_path() -> None:
-    found = reflex("z_df")
+def test_the_ankle_in_dorsiflexion_has_an_intrinsic_and_a_reflex_path(record: Records) -> None:
+    found = reflex(record("z_df"))
     stiffness, gain = found.parameter("stiffness"), found.parameter("reflex_gain")
     assert found.vaf_pct >= 94.7
     assert 65.0 <= stiffness.value <= 85.0
@@ -72,31 +73,18 @@ def test_the_ankle_in_dorsiflexion_has_an_intrinsic_and_a_reflex_path() -> None:
 
 @pytest.mark.parametrize(("name", "more_vaf_pct"), [("z_pf", 25.0), ("z_df3", 5.0)])
 def test_a_reflex_path_explains_clearly_more_than_the_linear_model(
-    name: str, more_vaf_pct: float
+    record: Records, name: str, more_vaf_pct: float
 ) -> None:
-    found = reflex(name)
+    found = reflex(record(name))
     assert found.vaf_pct > found.linear_vaf_pct + more_vaf_pct
-    assert found.vaf_pct > fit(name).vaf_pct + more_vaf_pct
+    assert found.vaf_pct > fit(record(name)).vaf_pct + more_vaf_pct
     assert found.parameter("stiffness").ci_high < found.linear_stiffness
     delay = found.parameter("reflex_delay")
     assert 0.03 < delay.ci_low < delay.value < delay.ci_high < 0.06
 
 
 @pytest.mark.parametrize(("name", "depends"), [("z_pf", False), ("z_df3", True)])
-def test_an_inertia_that_depends_on_the_band_is_told(name: str, depends: bool) -> None:
-    assert ("inertia depends on the band" in " ".join(reflex(name).warnings)) is depends
-
-
-def test_the_reflex_of_a_minute_is_found_in_less_than_a_second() -> None:
-    columns = {"time_s": "time", "position_rad": "angle", "torque_Nm": "torque"}
-    record = pd.read_csv(FOLDER / "z_df.csv.gz").rename(columns=columns)
-    settings = {"model": "reflex", "input": "angle", "torque_acts_on": "device"}
-    identify_joint(record, **settings)
-    best = min(_seconds(record, settings) for _ in range(3))
-    assert best < 1.0
-
-
-def _seconds(record: pd.DataFrame, settings: dict[str, str]) -> float:
-    start = time.perf_counter()
-    identify_joint(record, **settings)
-    return time.perf_counter() - start
+def test_an_inertia_that_depends_on_the_band_is_told(
+    record: Records, name: str, depends: bool
+) -> None:
+    assert ("inertia depends on the band" in " ".join(reflex(record(name)).warnings)) is depends

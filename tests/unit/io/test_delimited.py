@@ -2,7 +2,6 @@
 
 import gzip
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,6 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.registry import list_columns, read_table
 
-DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="JOINTZ_DATA is not there")
 PLAIN = FilesSpec()
 HEAD = "time_s,angle_deg,torque_nm\n"
 ROWS = "".join(f"{i * 0.001:.3f},{i * 0.5:.2f},{-i:.3f}\n" for i in range(12))
@@ -246,24 +243,23 @@ def test_a_header_of_numbers_is_not_listed_as_names(tmp_path):
 # --- real files -------------------------------------------------------------------------------
 
 
-@needs_data
 @pytest.mark.real_data
-def test_the_unlabelled_seventh_column_is_refused():
-    path = DATA / "tmotor_bench" / "sys_ID_final" / "trial8.csv"
+def test_the_unlabelled_seventh_column_is_refused(real_data):
+    path = real_data / "tmotor_bench" / "sys_ID_final" / "trial8.csv"
     with pytest.raises(DataError, match=r"trial8.csv, row 2: 7 values under 6 column names"):
         read(path, "loop_time")
 
 
-@needs_data
 @pytest.mark.real_data
-def test_a_log_without_a_header_is_noticed_and_read_by_number():
-    path = DATA / "tmotor_bench/torque_vary_with_angle/synchronized_trial_8/log_mitry_dephy.csv"
+def test_a_log_without_a_header_is_noticed_and_read_by_number(real_data):
+    path = (
+        real_data / "tmotor_bench/torque_vary_with_angle/synchronized_trial_8/log_mitry_dephy.csv"
+    )
     with pytest.raises(DataError, match="header = false"):
         read(path, "time")
     assert len(read(path, 1, header=False).columns["1"]) == 9097
 
 
-@needs_data
 @pytest.mark.real_data
 @pytest.mark.parametrize(
     ("name", "column", "n"),
@@ -274,9 +270,9 @@ def test_a_log_without_a_header_is_noticed_and_read_by_number():
         ("gaitanalysistoolkit/rawdata.txt", "% TimeStamp", 301),
     ],
 )
-def test_real_recordings_agree_with_pandas(name, column, n):
+def test_real_recordings_agree_with_pandas(real_data, name, column, n):
     tab = FilesSpec(delimiter="\t" if name.endswith(".txt") else None)
-    path = DATA / name
+    path = real_data / name
     column = column or list_columns(path, tab)[0]
     table = read_table(path, numeric=[column], files=tab)
     expected = pd.read_csv(path, sep=tab.delimiter or ",")[column].to_numpy(float)

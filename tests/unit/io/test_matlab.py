@@ -1,8 +1,6 @@
 """MATLAB files of both kinds: structs, matrices, cells, objects, damage."""
 
 import hashlib
-import os
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -13,7 +11,6 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.registry import list_columns, read_table
 
-DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
 PLAIN = FilesSpec()
 ANGLE = np.array([0.1, 0.2, np.nan, 0.4])
 SIGNALS = np.arange(12.0).reshape(4, 3)
@@ -153,10 +150,9 @@ def test_a_large_compressed_variable_passes_the_check_of_its_checksum(tmp_path):
     assert table.columns["x"].size == 1_000_000
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="JOINTZ_DATA is not there")
 @pytest.mark.real_data
-def test_a_real_matrix_is_read_by_column():
-    path = DATA / "gaitanalysistoolkit" / "refresults.mat"
+def test_a_real_matrix_is_read_by_column(real_data):
+    path = real_data / "gaitanalysistoolkit" / "refresults.mat"
     table = read_table(path, numeric=["refresults.1", "refresults.15"], files=PLAIN)
     expected = scipy.io.loadmat(path)["refresults"]
     np.testing.assert_array_equal(table.columns["refresults.15"], expected[:, 14])

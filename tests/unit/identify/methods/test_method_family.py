@@ -1,6 +1,5 @@
 """Every method for cells of pulses on a joint of known K, B and J, simulated by scipy."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -494,15 +493,3 @@ def test_a_high_cut_off_leaves_little_margin_and_no_pulse_behind(name):
     cell = analysed(study(), name, cutoff_hz=100.0)
     assert cell.n_used == 12
     np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_a_cell_of_fifty_pulses_takes_a_sixth_of_a_second(name):
-    cell = cell_of(*pulses(50, angle_sd=3e-3, torque_sd=0.1))
-    METHODS[name].fit(cell, settings())
-    took = []
-    for _ in range(3):
-        begin = time.perf_counter()
-        METHODS[name].fit(cell, settings(n_resamples=1000))
-        took.append(time.perf_counter() - begin)
-    assert min(took) < 1.0 / 6.0

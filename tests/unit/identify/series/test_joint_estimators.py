@@ -1,7 +1,5 @@
 """The estimators of K, B, J against closed forms and an independent simulation."""
 
-import time
-
 import numpy as np
 import pytest
 from scipy.signal import StateSpace, butter, lsim, sosfiltfilt
@@ -215,13 +213,6 @@ def test_a_free_joint_has_no_stiffness_in_the_admittance() -> None:
     assert stiffness.ci_high < 0.02
     assert fit.parameter("damping").value == pytest.approx(2.0, rel=0.01)
     assert fit.parameter("inertia").value == pytest.approx(0.05, rel=0.02)
-
-
-def test_the_admittance_of_a_minute_takes_less_than_a_second() -> None:
-    data = torque_perturbed(8, rate_hz=1000.0)
-    begin = time.perf_counter()
-    identify_joint(data, rate_hz=1000.0)
-    assert time.perf_counter() - begin < 1.0
 
 
 def coverage(seeds: range, estimator: str) -> np.ndarray:
