@@ -18,6 +18,7 @@ from jointz.experiment.recorder import Recorder
 from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.sim.devices import SimulatedActuator
+from jointz.workflows.session_check import write_down_losses
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +168,19 @@ def test_pulses_lost_from_the_first_of_two_stretches_are_done_again(protocol, ou
     assert lost > 0
     assert_whole(out, made, lost=lost)
     assert (session / "logs" / "perturbed-2.jzlog").exists()
+
+
+def test_a_loss_that_was_made_good_is_not_told_again(protocol, finished, tmp_path):
+    out = shutil.copytree(finished, tmp_path / "study")
+    session = out / "sessions" / "S01"
+    (session / "logs" / "unperturbed-0.jzlog").unlink()
+    log = session / "logs" / "perturbed-0.jzlog"
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    run(protocol, out, resume=True)
+    before = read_journal(session / "journal.jsonl")
+    assert {"records_lost", "pulse_lost"} <= {event["event"] for event in before}
+    write_down_losses(session, protocol)  # as a later --resume of the session does
+    assert read_journal(session / "journal.jsonl") == before
 
 
 def test_a_trial_of_a_bench_whose_log_is_gone_is_done_again(tmp_path):

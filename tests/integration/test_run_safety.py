@@ -494,6 +494,29 @@ def test_every_device_is_stopped_though_one_cannot_be(rig, spy, protocol, tmp_pa
     assert last_events(tmp_path) == "tripped"
 
 
+def test_a_device_that_cannot_be_stopped_is_told_though_the_disk_is_full(
+    rig, spy, protocol, tmp_path, monkeypatch
+):
+    write = os.write
+
+    def full(fd, data):
+        if spy.clock is not None and spy.clock.now_ns() >= BEFORE_PULSES_S * 1e9:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(fd, data)
+
+    def stuck(self):
+        raise RuntimeError("bus is gone")
+
+    monkeypatch.setattr(os, "write", full)
+    monkeypatch.setattr(SimulatedActuator, "stop", stuck)
+    told = r"actuator: could not be stopped .*Switch its power off. What came before: .*No space"
+    with pytest.raises(DeviceError, match=told) as raised:
+        session(rig, protocol, tmp_path).run()
+    monkeypatch.undo()
+    assert "journal could not be written either" in raised.value.__notes__[-1]
+    assert spy.devices.angle.state is Lifecycle.FINALISED
+
+
 def test_devices_are_closed_when_one_cannot_be_activated(rig, spy, protocol, tmp_path):
     rig.inject.order("angle", "disconnect")
     with pytest.raises(DeviceError):

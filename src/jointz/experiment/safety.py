@@ -256,7 +256,8 @@ class SafetyGate:
             self._was_pulse = False
             self.fading = self.fading and not steady
             return
-        if not self._was_pulse:
+        # Torque that is faded for a stop is no pulse that begins.
+        if steady and not self._was_pulse:
             self._was_pulse = True
             self._pulses += 1
             if self._pulses > self._limits.pulse_count:

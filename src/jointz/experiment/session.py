@@ -422,8 +422,16 @@ def _journaled(note: Callable[..., None]) -> Iterator[None]:
         exc.add_note("The devices were stopped.")
         raise
     except DeviceError as exc:
-        note("tripped", reason=str(exc))
+        _note_end(note, "tripped", exc, reason=str(exc))
         raise
     except Exception as exc:
-        note("failed", reason=f"{type(exc).__name__}: {exc}")
+        _note_end(note, "failed", exc, reason=f"{type(exc).__name__}: {exc}")
         raise
+
+
+def _note_end(note: Callable[..., None], event: str, error: Exception, *, reason: str) -> None:
+    """Write down what ended a stretch; a journal that finds no room must not hide what it was."""
+    try:
+        note(event, reason=reason)
+    except WriteError as exc:
+        error.add_note(f"The journal could not be written either ({exc}).")

@@ -47,7 +47,8 @@ def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
 
 def _clamped(ticks: np.ndarray) -> np.ndarray:
     """Tell which ticks sent less than was asked for; before the first samples nothing is asked."""
-    differs = ticks["requested_torque"] != ticks["sent_torque"]
+    asked = ticks["requested_torque"]  # no number before the actuator's first sample
+    differs = np.isfinite(asked) & (asked != ticks["sent_torque"])
     return np.asarray(differs & ((ticks["flags"] & Flag.CLAMPED) != 0))
 
 

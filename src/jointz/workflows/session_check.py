@@ -94,16 +94,19 @@ def _holds_pulse(log: SessionLog | None, completed: Event) -> bool:
 
 
 def _size_at_end(events: list[Event], name: str, segment: int) -> int:
-    """Return the bytes of a log when its condition was completed; 0 where it was not."""
-    return max(
-        (
-            event["log_bytes"]
-            for event in events
-            if event["event"] == "condition_completed"
-            and (event["condition"], event["segment"]) == (name, segment)
-        ),
-        default=0,
-    )
+    """Return the bytes of a log when its condition was completed.
+
+    0 where it was not, and where what it lost stands in the journal already: that was done again.
+    """
+    size_bytes = 0
+    for event in events:
+        if (event["condition"], event.get("segment")) != (name, segment):
+            continue
+        if event["event"] == "condition_completed":
+            size_bytes = event["log_bytes"]
+        elif event["event"] in ("pulse_lost", "records_lost"):
+            size_bytes = 0
+    return size_bytes
 
 
 def _holds_end(log: SessionLog | None, size_bytes: int) -> bool:

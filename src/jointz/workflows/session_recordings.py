@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -107,13 +108,14 @@ def condition_record(
         tables.append(_pulses(log, time + offset_s, plan, done, worn=worn))
         end_s = float(time[-1]) + offset_s
     hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
+    volts = gives_volts(logs[0].header.get("devices", {}))
     recording = build_recording(
         np.concatenate([time for time, _ in pieces]),
         {name: np.concatenate([c[name] for _, c in pieces]) for name in pieces[0][1]},
-        units={"contact": "1", **_MOTOR_UNITS},
+        units={"contact": "V" if volts else "1", **_MOTOR_UNITS},
         condition=condition.condition,
         file=file,
-        contact_kind="contact",
+        contact_kind="voltage" if volts else "contact",
         history=(
             {
                 "step": "converted from the session's logs",
@@ -132,6 +134,18 @@ def condition_record(
         stretches=tuple(stretches),
         logs=tuple(logs),
     )
+
+
+def gives_volts(devices: Mapping[str, Any]) -> bool:
+    """Tell whether a footswitch gives volts, whose calibrated levels the loop and analysis take.
+
+    Parameters
+    ----------
+    devices : mapping
+        What the devices say about themselves, as in the header of a log.
+    """
+    switch = devices.get("contact")
+    return bool(switch and switch.get("kind") == "voltage")
 
 
 def _aligned(records: np.ndarray, *, worn: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -11,6 +11,7 @@ from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.io.toml_text import written_table, written_text, written_value
 from jointz.workflows.run_settings import pulses_name, recording_name
+from jointz.workflows.session_recordings import gives_volts
 
 _WALKING_UNITS = {
     "time": "s",
@@ -57,7 +58,8 @@ def study_toml(
     torque_model : TorqueModelSpec or None
         The actuator's equation 4.1; torque is computed from the current with it.
     devices : mapping, optional
-        What the devices say about themselves; on a bench they tell the channels.
+        What the devices say about themselves; on a bench they tell the channels, in walking
+        whether the footswitch gives volts.
     worn : DeviceSpec, optional
         What hangs on the moving segment.
     """
@@ -120,8 +122,8 @@ def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
 
 
 def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
-    """Return the footswitch: contacts in walking, volts where it is calibrated."""
-    if walking:
+    """Return the footswitch: contacts, or volts whose levels are calibrated."""
+    if walking and not gives_volts(devices):
         return ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
     if devices.get("contact") is None:
         return []

@@ -53,12 +53,16 @@ def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, An
             protocol=protocol,
         )
         write_recording(record.recording, settings.study / name)
-        actuator = record.logs[0].header["devices"]["actuator"]
+        report["devices"] = record.logs[0].header["devices"]
+        actuator = report["devices"]["actuator"]
         report["torque_model"] = actuator["torque_model"] if actuator else report["torque_model"]
         report["timing"] += timing_rows(wearer, condition.name, record.logs, settings)
         if condition.perturbations is not None:
             _write_pulses(record, settings.study / pulses_name(wearer, condition.name))
-            report["onsets"] += _onsets(wearer, protocol, condition, plan, record, events)
+            levels_v = rig.calibration.contact_levels_v
+            report["onsets"] += _onsets(
+                wearer, protocol, condition, plan, record, events, levels_v=levels_v
+            )
             report["gaps"].append(_gaps(wearer, condition, record))
             report["aborted"] += _aborted(wearer, name, record)
         truth = getattr(rig, "truth", None)
@@ -87,10 +91,13 @@ def _onsets(
     plan: tuple[PlannedPulse, ...],
     record: ConditionRecord,
     events: list[Event],
+    *,
+    levels_v: tuple[float, float] | None,
 ) -> list[dict[str, Any]]:
     recording = record.recording
     time = recording["time"].to_numpy()
-    strides = find_strides(find_heel_strikes(recording).time_s, find_gaps(time))
+    strikes = find_heel_strikes(recording, levels_v=levels_v)
+    strides = find_strides(strikes.time_s, find_gaps(time))
     points = (condition.perturbations and condition.perturbations.timing_points) or {}
     accuracy = onset_accuracy(
         record.pulses[record.pulses["completed"].astype(bool)],

@@ -396,6 +396,17 @@ def test_one_pulse_more_than_allowed_trips_before_its_torque(walk):
     assert walk.gate.tripped is Trip.PULSE_COUNT
 
 
+def test_a_stop_after_the_last_pulse_that_is_allowed_fades_the_torque_of_a_bench(walk):
+    for _ in range(3):
+        under_torque(walk)
+        for _ in range(5):
+            walk.tick(6.0)
+    # A bench fades all of its torque on a stop, as if it were a pulse.
+    sent = [walk.tick(6.0, pulse=True, steady=False) for _ in range(6)]
+    assert sent == pytest.approx([max(6.0 - FADE_STEP_NM * k, 0.0) for k in range(1, 7)])
+    assert walk.gate.tripped is None
+
+
 def pulses_sent(walk, *, on, off, count):
     """Run pulses of so many ticks; return the ticks under torque and whether any was faded."""
     under, faded = [], False

@@ -79,7 +79,8 @@ def test_a_loop_of_less_than_two_ticks_has_no_timing(count):
 
 def test_ticks_whose_torque_was_cut_are_counted():
     records = ticks(range(10))
-    records["flags"][[0, 4, 5]] = Flag.CLAMPED  # in the first nothing was asked for
+    records["flags"][[0, 1, 4, 5]] = Flag.CLAMPED  # in the first two nothing was asked for
+    records["requested_torque"][1] = np.nan  # nor is there a request without a velocity
     records["requested_torque"][[4, 5, 8]] = 2.0
     records["sent_torque"][4] = 1.0
     assert timing_report(records, PERIOD)["clamped_ticks"] == 2

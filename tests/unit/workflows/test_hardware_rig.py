@@ -3,13 +3,16 @@
 import json
 import tomllib
 from contextlib import nullcontext
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import jointz
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError, ProtocolError
 from jointz.devices.interface import Lifecycle
+from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.sim.rig import simulated_rig
 from jointz.workflows.hardware_rig import HardwareRig, read_hardware
@@ -76,11 +79,27 @@ class Operator:
         self.told.append(text)
 
 
+class Volts:
+    """A footswitch that gives 0 V off the ground and 3 V on it."""
+
+    def __init__(self, switch):
+        self._switch = switch
+
+    def __getattr__(self, name):
+        return getattr(self._switch, name)
+
+    def describe(self):
+        return replace(self._switch.describe(), kind="voltage", unit="V")
+
+    def read(self):
+        return [one._replace(value=3.0 * one.value) for one in self._switch.read()]
+
+
 class Laboratory:
     """What a file's devices are opened as, and everything that was."""
 
     def __init__(self):
-        self.opened = []
+        self.opened, self.switch = [], lambda made: made
 
     def open_devices(self, file, *, clock, before=None):
         del before
@@ -88,6 +107,7 @@ class Laboratory:
         devices = rig.open(
             "lab", worn=file.actuator is not None, segment=len(self.opened), clock=clock
         )
+        devices = replace(devices, contact=self.switch(devices.contact))
         self.opened.append(devices)
         return devices
 
@@ -154,6 +174,30 @@ def test_an_experiment_runs_on_the_devices_of_a_file(laboratory, file, tmp_path)
     assert notes["drivers"] == {"actuator": "dephy", "angle": "lsl", "contact": "ads1115"}
     assert set(notes["libraries"]) == {"flexsea", "pylsl", "smbus2"}
     assert "tried on hardware" in notes["untried"]
+
+
+def test_a_footswitch_that_gives_volts_is_recorded_as_that(laboratory, file, tmp_path):
+    laboratory.switch = Volts
+    levels = (
+        "contact_threshold_v = { value = 2.0, sd = 0.1 }\n"
+        "contact_release_v = { value = 1.0, sd = 0.1 }\n"
+    )
+    text = WHOLE.replace('kind = "contact"', 'kind = "voltage"')
+    made = jointz.run(
+        walking(),
+        config=file(text.replace("[calibration]\n", f"[calibration]\n{levels}")),
+        participants=1,
+        out=tmp_path / "s",
+        operator=Operator(),
+    )
+    assert made.report.to_frame()["completed"].sum() == 1
+    study = tomllib.loads((made.study / "study.toml").read_text())
+    assert study["channels"]["contact"] == {"column": "contact", "kind": "voltage", "unit": "V"}
+    for entry in jointz.open_study(made.study).spec.recordings:
+        recording = read_recording(made.study / entry.file)
+        assert recording.attrs["contact_kind"] == "voltage"
+        assert recording["contact"].attrs["units"] == "V"
+        assert np.nanmax(recording["contact"].to_numpy()) == 3.0
 
 
 def test_nobody_wears_the_actuator_without_the_device(laboratory, file, tmp_path):

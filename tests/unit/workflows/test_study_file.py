@@ -2,6 +2,7 @@
 
 import csv
 import io
+import tomllib
 
 import numpy as np
 import pytest
@@ -104,6 +105,16 @@ def test_torque_is_computed_from_the_current(tmp_path):
     assert recording["current"].attrs["units"] == "A"
     assert "applied_torque" in recording
     assert "torque" not in recording  # made by the analysis, out of the model
+
+
+def test_a_footswitch_in_walking_is_a_contact_unless_it_gives_volts():
+    def contact(kind):
+        devices = {"contact": {"kind": kind}}
+        text = study_toml(WALKING, [SOMEBODY], {"S01": CalibrationSpec()}, MOTOR, devices=devices)
+        return tomllib.loads(text)["channels"]["contact"]
+
+    assert contact("contact") == {"column": "contact", "kind": "contact"}
+    assert contact("voltage") == {"column": "contact", "kind": "voltage", "unit": "V"}
 
 
 def test_what_hangs_on_the_limb_comes_back(tmp_path):

@@ -1,0 +1,84 @@
+"""Signals wait while a device is stopped, whichever thread gets them."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from jointz.experiment.stop_signals import signals_held
+
+
+@pytest.fixture
+def heard():
+    """Which of two signals were handled so far."""
+    numbers = []
+
+    def hear(number, frame):
+        numbers.append(number)
+
+    before = {number: signal.signal(number, hear) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield numbers
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture(params=["alone", "beside another thread"])
+def threads(request):
+    """Other threads, as drivers and progress bars have them: their masks hold nothing back."""
+    over = threading.Event()
+    others = [threading.Thread(target=over.wait)] if request.param != "alone" else []
+    for other in others:
+        other.start()
+    yield
+    over.set()
+    for other in others:
+        other.join()
+
+
+@pytest.mark.usefixtures("threads")
+def test_a_signal_waits_for_the_end_of_the_block(heard):
+    with signals_held():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.05)
+        assert heard == []
+    assert heard == [signal.SIGTERM]
+
+
+@pytest.mark.usefixtures("threads")
+def test_handlers_are_as_they_were_after_an_error(heard):
+    def fail():
+        with signals_held():
+            os.kill(os.getpid(), signal.SIGTERM)
+            raise ZeroDivisionError
+
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert signal.getsignal(signal.SIGTERM) is before
+    os.kill(os.getpid(), signal.SIGHUP)
+    time.sleep(0.05)
+    assert heard == [signal.SIGTERM, signal.SIGHUP]
+
+
+@pytest.mark.usefixtures("threads")
+def test_what_is_ignored_is_ignored_in_the_block_too(heard):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with signals_held():
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    assert heard == []
+
+
+def test_a_thread_that_handles_no_signals_may_hold_them():
+    done = []
+
+    def hold():
+        with signals_held():
+            done.append(True)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    thread.join()
+    assert done == [True]
