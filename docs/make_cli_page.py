@@ -55,7 +55,7 @@ def _sections(name: str, root: Any) -> Iterator[str]:
         yield f"## {full_name}\n\n{_paragraphs(told)}\n"
         if example:
             yield f"```bash\n{' '.join(example.split())}\n```\n"
-        rows = [_row(p, _choices(command)) for p in command.params if p.help]
+        rows = [_row(p, _choices(command)) for p in command.params if p.help and not p.hidden]
         if rows:
             yield "\n".join(["| argument | default | meaning |", "|---|---|---|", *rows, ""])
 

@@ -11,6 +11,7 @@ import pkgutil
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -66,7 +67,7 @@ from jointz.core.reproduction_tables import (
     GridBlock,
     ParticipantGrid,
 )
-from jointz.core.run_report import RunReport
+from jointz.core.run_report import RunReport, StudyRun
 from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
 from jointz.kernels.multivariate_random_effects import multivariate_random_effects
 from jointz.kernels.random_effects import random_effects
@@ -566,7 +567,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "empty": lambda: StudyAnalysis(cells=()),
     "fit": joint_fit,
     "fit without intervals": fit_without_intervals,
-    "run": run_report,
+    "run report": run_report,
+    "run": lambda: StudyRun(Path("study"), run_report()),
     "full record": full_record_fit,
     "pulse": pulse_fit,
     "pulses": pulse_effects,

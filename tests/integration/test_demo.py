@@ -1,6 +1,7 @@
 """The demo: from nothing to a report, and only its own folder replaced."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -51,6 +52,7 @@ def test_the_demo_replaces_its_own_folder(jointz, folder):
 
     assert outcome.code == 0
     assert "Report: " in outcome.out
+    assert re.search(r"Mean VAF 99\.\d\d %", outcome.out)  # never as 100 what is less
     assert len(stale.read_text()) > 1000
     assert [p.name for p in folder.iterdir()] == ["demo"]
 

@@ -7,17 +7,24 @@ import typer
 
 from jointz.cli.console import emit, emit_json
 from jointz.cli.options import Debug, Json, Quiet
-from jointz.cli.run import ConfigOption, Device, DeviceOption, Preset, PresetOption
+from jointz.cli.run import (
+    CalibrationOption,
+    ConfigOption,
+    Device,
+    DeviceOption,
+    Preset,
+    PresetOption,
+)
 
 DEFAULT_PORT = 8700
 
 
 def console(
-    out: Annotated[Path, typer.Option("--out", help="The study's folder.")],
     protocol: Annotated[
         str | None,
         typer.Argument(help="A built-in protocol, or a protocol file; none to look on only."),
     ] = None,
+    out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("study"),
     device: DeviceOption = None,
     config: ConfigOption = None,
     preset: PresetOption = None,
@@ -33,6 +40,7 @@ def console(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run, or find the one that runs.")
     ] = False,
+    calibration: CalibrationOption = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 for any.")
     ] = DEFAULT_PORT,
@@ -63,7 +71,14 @@ def console(
     open_console(
         out,
         _arguments(
-            protocol, out, device, preset, config=config, participants=participants, seed=seed
+            protocol,
+            out,
+            device,
+            preset,
+            config=config,
+            participants=participants,
+            seed=seed,
+            calibration=calibration,
         ),
         resume=resume,
         host=listen,
@@ -81,19 +96,23 @@ def _arguments(
     config: Path | None,
     participants: int | None,
     seed: int | None,
+    calibration: Path | None = None,
 ) -> list[str]:
     """Return the arguments of ``jointz run`` that do it; none to look on only."""
     if protocol is None:
         return []
+    from jointz.io.calibration_file import read_calibration
     from jointz.io.protocols import load_protocol
 
-    read = load_protocol(protocol)  # what is wrong with it is told here, not on the page
+    # What is wrong with a file is told here, not on the page.
+    read = load_protocol(protocol)
+    known = None if calibration is None else read_calibration(calibration)
     made = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
     if config is not None:
         from jointz.workflows.hardware_rig import read_hardware, refuse_with_devices
 
         refuse_with_devices(device=device, preset=preset, clock="real", workers=1)
-        read_hardware(config, read, participants=participants)
+        read_hardware(config, read, participants=participants, known=known)
         made += ["--config", str(config)]
     if device is not None:
         made += ["--device", device.value]
@@ -103,4 +122,6 @@ def _arguments(
         made += ["--participants", str(participants)]
     if seed is not None:
         made += ["--seed", str(seed)]
+    if calibration is not None:
+        made += ["--calibration", str(calibration)]
     return made

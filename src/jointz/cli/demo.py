@@ -58,5 +58,5 @@ def demo(
     vaf = made.analysis.statistics["vaf"]["mean_pct"]
     header = ["parameter", "RMS error", "95 % intervals that hold the truth", "cells"]
     emit_table(rows, header, title="Truth against estimate (simulated study)")
-    emit(f"Mean VAF {vaf:.1f} %: a fit that looks this good says little about accuracy.")
+    emit(f"Mean VAF {vaf:.2f} %: a fit that looks this good says little about accuracy.")
     emit(f"Report: {made.report}")

@@ -125,7 +125,7 @@ def joint(
 ) -> None:
     """Fit torque = K*angle + B*velocity + J*acceleration to one recording.
 
-    Example: jointz identify joint knee.csv --angle knee:deg --torque tau:N*m --time t
+    Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
     del debug
     from jointz.workflows.identification import identify_joint_file

@@ -14,7 +14,7 @@ from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
 from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
 
 if TYPE_CHECKING:
-    from jointz.workflows.run import StudyRun
+    from jointz.core.run_report import StudyRun
 
 
 STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
@@ -58,6 +58,12 @@ PresetOption = Annotated[
     typer.Option(
         "--preset",
         help="How well simulated devices behave, else nominal; anthropometric: people only.",
+    ),
+]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", help="Take the entries of this file of jointz calibrate into the study."
     ),
 ]
 
@@ -115,13 +121,7 @@ def run(
         bool,
         typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
     ] = False,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            "--calibration",
-            help="Take the entries of this file of jointz calibrate into the study.",
-        ),
-    ] = None,
+    calibration: CalibrationOption = None,
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,

@@ -3,14 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isnan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+
+from jointz.core.fit_parameters import checked_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "jointz.RunReport/1"
+RUN_SCHEMA = "jointz.StudyRun/1"
 _COLUMNS = (
     "participant",
     "condition",
@@ -137,3 +141,58 @@ class RunReport:
             gaps=tuple(values["gaps"]),
             timing=tuple(values["timing"]),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRun:
+    """A finished experiment.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        The study's folder, ready for :func:`jointz.analyze`.
+    report : RunReport
+        What was done.
+    """
+
+    study: Path
+    report: RunReport
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the onsets as a table, one row a participant, condition and timing point."""
+        return self.report.to_frame()
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        return f"{self.report.summary()}\nStudy: {self.study}"
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the SD of the onsets beside the theory, by timing point.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure without it.
+        """
+        return self.report.plot(ax)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the run as plain values."""
+        return {"schema": RUN_SCHEMA, "study": str(self.study), "report": self.report.to_dict()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "StudyRun":
+        """Return the run that :meth:`to_dict` wrote.
+
+        Parameters
+        ----------
+        values : mapping
+            What it returned.
+
+        Raises
+        ------
+        ValueError
+            When it is of another schema.
+        """
+        made = checked_values(values, RUN_SCHEMA)
+        return cls(Path(made["study"]), RunReport.from_dict(made["report"]))

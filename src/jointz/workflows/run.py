@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +15,7 @@ from jointz.core.device_limits import limits_on_device
 from jointz.core.errors import DataError, OutputError
 from jointz.core.protocol import Protocol
 from jointz.core.provenance import now
-from jointz.core.run_report import RunReport
+from jointz.core.run_report import RunReport, StudyRun
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.devices.interface import Rig, Wearer
 from jointz.experiment.driver_errors import drivers_answer_for
@@ -41,22 +40,6 @@ from jointz.workflows.worker_pool import RunProgress, run_people
 
 TRUTH_FILE = "ground_truth.json"
 _MOST_PARTICIPANTS = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class StudyRun:
-    """A finished experiment.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        The study's folder, ready for :func:`jointz.analyze`.
-    report : RunReport
-        What was done.
-    """
-
-    study: Path
-    report: RunReport
 
 
 def run(  # noqa: PLR0913 - the options of the command, all by keyword

@@ -10,7 +10,7 @@ import pytest
 from jointz.cli.console_page import _arguments
 from jointz.cli.run import Device, Preset
 from jointz.core.clock import VirtualClock
-from jointz.core.errors import DataError, DeviceFileError
+from jointz.core.errors import DataError, DeviceFileError, StudyError
 from jointz.io.protocols import protocol_text
 from jointz.sim.rig import simulated_rig
 
@@ -172,6 +172,17 @@ def test_the_console_without_a_file_runs_the_simulation(tmp_path):
     )
     assert made[made.index("--device") + 1] == "sim"
     assert made[made.index("--preset") + 1] == "hard"
+
+
+def test_the_console_hands_a_calibration_to_the_run(tmp_path):
+    file = tmp_path / "calibration.toml"
+    file.write_text("[calibration]\nangle_lag_s = { value = 0.02, sd = 0.001 }\n")
+    about = {"config": None, "participants": None, "seed": None, "calibration": file}
+    made = _arguments("walking", tmp_path, None, None, **about)
+    assert made[made.index("--calibration") + 1] == str(file)
+    file.write_text("[calibration]\nangle_lag_s = 1\n")
+    with pytest.raises(StudyError, match="angle_lag_s"):
+        _arguments("walking", tmp_path, None, None, **about)
 
 
 def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):

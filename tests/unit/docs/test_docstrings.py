@@ -127,7 +127,7 @@ def test_every_option_has_help_and_stands_on_the_page(name):
     section = PAGE.read_text().split(f"\n## {name}\n", 1)[1].split("\n## ", 1)[0]
 
     for parameter in COMMANDS[name].params:
-        if parameter.name == "help":
+        if parameter.name == "help" or getattr(parameter, "hidden", False):
             continue
         assert parameter.help
         option = parameter.param_type_name == "option"

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import jointz
+from jointz.core import errors
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -132,6 +133,14 @@ def test_what_the_reference_lists_is_there_and_documented(name):
 @pytest.mark.parametrize("name", public_names())
 def test_every_public_name_stands_in_the_reference(name):
     assert name in LISTED, "add it to docs/reference.md"
+
+
+def test_every_error_stands_in_the_reference():
+    kinds = inspect.getmembers(errors, inspect.isclass)
+    public = {name for name, kind in kinds if issubclass(kind, errors.JointzError)}
+    named = {f"jointz.core.errors.{name}" for name in public if not name.startswith("_")}
+
+    assert named == set(SECTIONS["Errors"])
 
 
 def test_every_room_offers_something():
