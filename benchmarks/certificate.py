@@ -19,7 +19,8 @@ from benchmarks.accuracy.people import cell_truth, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
 
-from jointz.core.certificate import ALL_POINTS, VirtualEstimate, expected_errors
+from jointz.core.certificate import VirtualEstimate, expected_errors
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of

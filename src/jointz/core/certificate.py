@@ -9,14 +9,13 @@ import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.fit_parameters import checked_values
+from jointz.core.gait_phases import ALL_POINTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "jointz.Certificate/1"
 
-#: Timing point of what holds over all of them.
-ALL_POINTS = "all"
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
 _LEVEL = 0.95

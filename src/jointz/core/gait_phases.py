@@ -23,6 +23,9 @@ TIMING_POINTS: Mapping[str, float] = MappingProxyType(
     {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
 )
 
+#: Stands where a timing point could, for all of a participant's; no timing point has this name.
+ALL_POINTS = "all"
+
 
 def phase_name(gait_pct: float) -> str:
     """Name the gait phase at a percentage of the cycle.

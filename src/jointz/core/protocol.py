@@ -18,6 +18,7 @@ from jointz.core import protocol_calibration_checks as calibrations
 from jointz.core import protocol_checks as whole
 from jointz.core import protocol_limit_checks as limits
 from jointz.core.checked_model import Check, CheckedModel, Problem
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.limits import LimitsOverride
 from jointz.core.references import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
@@ -149,6 +150,9 @@ class PerturbationPlan(CheckedModel):
 
     def _points_named(self) -> Iterator[Problem]:
         for name in self.timing_points or {}:
+            if name == ALL_POINTS:
+                told = "means all of them; expected another name."
+                yield Problem(("timing_points", name), told)
             if not name.isprintable() or name != name.strip() or not 0 < len(name) <= _LONGEST_NAME:
                 told = f"expected a name of at most {_LONGEST_NAME} characters that print, without "
                 yield Problem(("timing_points", name), f"{told}space around it; got {name[:80]!r}.")

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+from jointz.core.gait_phases import ALL_POINTS
 
 # Lengths beyond these were written in cm or mm.
 _TALLEST_PERSON_M = 3.0
@@ -250,6 +251,8 @@ class PerturbationsSpec(_Model):
     @model_validator(mode="after")
     def _timing_points_in_cycle(self) -> "PerturbationsSpec":
         for name, pct in (self.timing_points or {}).items():
+            if name == ALL_POINTS:
+                raise ValueError(f"timing_points.{name}: means all of them; expected another name")
             if not 0 <= pct < 100:
                 raise ValueError(f"timing_points.{name}: expected 0 <= % of cycle < 100, got {pct}")
         return self

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from jointz.core.certificate import ALL_POINTS, PARAMETERS, Certificate, ExpectedError
+from jointz.core.certificate import PARAMETERS, Certificate, ExpectedError
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.wording import (
     DASH,
     format_count,

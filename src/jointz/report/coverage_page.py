@@ -10,12 +10,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from jointz.core.catalog_query import CatalogFilter
 from jointz.core.codes import NotPooled
 from jointz.core.collection_pool import ONE_STUDY, of_row
-from jointz.core.gait_phases import PHASES
+from jointz.core.gait_phases import ALL_POINTS, PHASES
 from jointz.report.coverage_forests import forest_plots
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
-    SHARED,
     format_interval,
     format_number,
     method_name,
@@ -161,7 +160,7 @@ def _in_order(values: Iterable[Any]) -> list[str]:
         try:
             return 0, float(name.split()[0]), name
         except (ValueError, IndexError):
-            return (2 if name in (SHARED, "not stated") else 1), 0.0, name
+            return (2 if name in (ALL_POINTS, "not stated") else 1), 0.0, name
 
     return sorted({str(value) for value in values}, key=rank)
 
@@ -273,7 +272,7 @@ def _columns(tables: CoverageTables, rows: list[_Row]) -> list[str]:
         return [""]
     own = {str(row[tables.along]) for row in rows}
     there = own.union(*(tables.points(row.get("activity")) for row in rows))
-    return [p for p in tables.points() if p in there and (p != SHARED) == (own != {SHARED})]
+    return [p for p in tables.points() if p in there and (p != ALL_POINTS) == (own != {ALL_POINTS})]
 
 
 def _line(tables: CoverageTables, rows: list[_Row], columns: list[str]) -> list[_Row]:
@@ -321,7 +320,7 @@ def _missing_places(
 def _missing_points(
     tables: CoverageTables, here: pd.DataFrame, where: str, activity: str | None
 ) -> Iterator[str]:
-    points = [p for p in tables.points(activity) if p != SHARED] if tables.along else []
+    points = [p for p in tables.points(activity) if p != ALL_POINTS] if tables.along else []
     gone = [p for p in points if p not in set(here[tables.along].astype(str))]
     if here.empty or (gone and len(gone) == len(points)):
         yield f"{where}: nothing anywhere."

@@ -8,6 +8,7 @@ import numpy as np
 
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.style import (
     BLUE,
     COLUMN_MM,
@@ -24,7 +25,7 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.subjects import subjects
-from jointz.report.wording import SHARED, format_count, parameter_label, parameter_name
+from jointz.report.wording import format_count, parameter_label, parameter_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +103,7 @@ def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
     """
     by_name: dict[str, list[float]] = {}
     for cell in cells:
-        if cell.timing_point != SHARED:
+        if cell.timing_point != ALL_POINTS:
             onsets = [] if cell.onset_gait_pct is None else [cell.onset_gait_pct]
             by_name.setdefault(cell.timing_point, []).extend(onsets)
     if not any(by_name.values()):
@@ -171,7 +172,7 @@ def _draw_parameter(
     found = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
     means = _means(analysis, [parameter])
     groups = {c.timing_point for c, p in found if p.stands}
-    if groups == {SHARED}:
+    if groups == {ALL_POINTS}:
         marks, mean_marks = _draw_people_axis(axes, found, means)
     else:
         positions, fan = _group_axis(axes, [c for c, _ in found])

@@ -9,6 +9,7 @@ import pandas as pd
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.impedance_figures import shown_parameters, timing_points
 from jointz.report.method_means import cells_by_method, mean_over_people, standing
 from jointz.report.prose import chosen_method
@@ -33,7 +34,6 @@ from jointz.report.style import (
 )
 from jointz.report.wording import (
     PARAMETERS,
-    SHARED,
     format_count,
     method_name,
     parameter_label,
@@ -160,7 +160,7 @@ def _draw_method_panel(
     every = [c for cells in by_method.values() for c in cells]
     holders = [c for c in every if (p := c.parameter(parameter)) is not None and p.stands]
     names = timing_points(holders)
-    names += [SHARED] if any(c.timing_point == SHARED for c in holders) else []
+    names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in holders) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))
     for i, (method, (colour, marker)) in enumerate(looks.items()):
         means = [mean_over_people(standing(by_method[method], parameter, name)) for name in names]

@@ -15,6 +15,7 @@ from markupsafe import Markup
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.run_report import RunReport
 from jointz.report.behind_section import behind_section
 from jointz.report.caveats import caveats
@@ -37,7 +38,6 @@ from jointz.report.truth_section import truth_section
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
-    SHARED,
     exclusion_meaning,
     format_estimate,
     format_integer,
@@ -225,7 +225,7 @@ def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list
     held = {(m.timing_point, m.parameter): m for m in analysis.population}
     if not any(m.n_participants > 1 for m in analysis.population):
         return []
-    names = [*timing_points(analysis.cells), SHARED]
+    names = [*timing_points(analysis.cells), ALL_POINTS]
     rows = []
     for name in names:
         means = [held.get((name, p)) for p in parameters]
@@ -260,7 +260,7 @@ def _figures(analysis: StudyAnalysis, figures: Mapping[str, str]) -> dict[str, _
 
 def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list[_Row]:
     """Return participants with one row a timing point, in the order of the gait cycle."""
-    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), SHARED])}
+    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
     by_person: dict[str, list[CellEstimate]] = {}
     for cell in analysis.cells:
         by_person.setdefault(cell.participant, []).append(cell)

@@ -6,10 +6,10 @@ from itertools import zip_longest
 from typing import Any, Final
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.pooled_estimates import POOLED_METHOD
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
-    SHARED,
     format_count,
     format_integer,
     format_number,
@@ -42,7 +42,7 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
     if not people:
         return "The study holds nobody and nothing with pulses, so there is nothing to report."
     words = subjects(analysis)
-    points = {c.timing_point for c in analysis.cells if c.timing_point != SHARED}
+    points = {c.timing_point for c in analysis.cells if c.timing_point != ALL_POINTS}
     used, left_out = pulse_counts(analysis)
     total = sum(len(c.parameters) for c in analysis.cells)
     joint = None if words.loads else analysis.settings.get("joint")
@@ -97,7 +97,7 @@ def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
         used = sum(not p.code for p in analysis.pulses)
         return used, len(analysis.pulses) - used
     # The row of a shared value repeats the pulses of the timing points it spans.
-    own = [c for c in analysis.cells if c.timing_point != SHARED]
+    own = [c for c in analysis.cells if c.timing_point != ALL_POINTS]
     return sum(c.n_used for c in own), sum(c.n_excluded for c in own)
 
 

@@ -7,6 +7,7 @@ from typing import Final
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.impedance_figures import timing_points
 from jointz.report.latex import MARKS
 from jointz.report.method_means import cells_by_method, mean_over_people, standing
@@ -23,7 +24,6 @@ from jointz.report.subjects import Subjects, nobody_perturbed, subjects
 from jointz.report.table import NO_VALUE, NOTE, Table
 from jointz.report.wording import (
     PARAMETERS,
-    SHARED,
     exclusion_meaning,
     format_count,
     format_integer,
@@ -111,7 +111,7 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
     present = [n for n in wanted if any(c.parameter(n) for c in analysis.cells)]
     words = subjects(analysis)
     walking = any(c.onset_gait_pct is not None for c in analysis.cells)
-    order = {n: i for i, n in enumerate([*timing_points(analysis.cells), SHARED])}
+    order = {n: i for i, n in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     cells = sorted(
         (c for c in analysis.cells if any(c.parameter(n) for n in present)),
@@ -184,7 +184,7 @@ def _notes(marks: Mapping[str, str]) -> list[str]:
 
 def _population(analysis: StudyAnalysis) -> Table:
     held = [m for m in analysis.population if m.n_participants > 1]
-    order = [*timing_points(analysis.cells), SHARED]
+    order = [*timing_points(analysis.cells), ALL_POINTS]
     kept = [m for m in held if m.timing_point in order and m.parameter in PARAMETERS]
     names = list(PARAMETERS)
     kept.sort(key=lambda m: (names.index(m.parameter), order.index(m.timing_point)))
@@ -230,7 +230,7 @@ def _methods(analysis: StudyAnalysis) -> Table:
     head = ("Parameter", "Unit", words.point.capitalize(), *map(method_name, by_method))
     if not analysis.comparison or (words.loads and len(people) > 1):
         return Table(caption, head, ())
-    points = [*timing_points(analysis.cells), SHARED]
+    points = [*timing_points(analysis.cells), ALL_POINTS]
     rows = []
     for parameter in PARAMETERS:
         for point in points:

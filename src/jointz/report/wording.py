@@ -8,9 +8,8 @@ from typing import Final
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.estimates import ParameterEstimate
+from jointz.core.gait_phases import ALL_POINTS
 
-#: The timing point of a value that all timing points of a participant share.
-SHARED: Final = "all"
 DASH: Final = "\N{EN DASH}"
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
@@ -287,7 +286,7 @@ def point_name(timing_point: str) -> str:
     >>> point_name("all"), point_name("LRE"), point_name("-0.45..-0.15 rad")
     ('all points', 'LRE', '\u22120.45 to \u22120.15 rad')
     """
-    if timing_point == SHARED:
+    if timing_point == ALL_POINTS:
         return "all points"
     edges = _EDGES.fullmatch(timing_point)
     if edges is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from jointz.core.certificate import Certificate, VirtualEstimate
 from jointz.core.errors import DataError, StudyError
-from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Chosen, Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of
@@ -135,7 +135,7 @@ def checked_injection(
     for name, chosen in (("stiffness", stiffness), ("damping", damping), ("inertia", inertia)):
         if chosen is None:
             continue
-        given = dict(chosen) if isinstance(chosen, Mapping) else {"all": float(chosen)}
+        given = dict(chosen) if isinstance(chosen, Mapping) else {ALL_POINTS: float(chosen)}
         if isinstance(chosen, Mapping) and (unknown := sorted(set(given) - set(timing_points))):
             raise ValueError(
                 f"{name}: expected timing points among {', '.join(timing_points)}, got "

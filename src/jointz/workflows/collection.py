@@ -14,6 +14,7 @@ from jointz.core.collection import ENTRY_FILE, Entry
 from jointz.core.collection_findings import CatalogBuild, Finding
 from jointz.core.collection_tables import CATALOG_COLUMNS
 from jointz.core.errors import DataError
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.places import seen_from
 from jointz.core.provenance import now, software
 from jointz.core.study import Calibrated
@@ -31,7 +32,6 @@ from jointz.workflows.collection_check import CheckedEntry, checked_entries, com
 from jointz.workflows.collection_covariance_checks import COLUMNS as COVARIANCES
 
 _CELL = ["participant", "timing_point", "parameter"]
-_SHARED = "all"
 
 
 def build_catalog(folder: Path, *, out: Path | None = None) -> CatalogBuild:
@@ -306,7 +306,7 @@ def with_covariance(
             "or run jointz analyze again."
         )
     made = rows.merge(covariance, on=_CELL, how="left")
-    shared = (made["parameter"] == "inertia") & (made["timing_point"] == _SHARED)
+    shared = (made["parameter"] == "inertia") & (made["timing_point"] == ALL_POINTS)
     if shared.any():
         told = covariance[covariance["parameter"] == "inertia"]
         variance = told.groupby("participant")["with_inertia"].first()

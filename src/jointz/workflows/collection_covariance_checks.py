@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.estimates import REACH_95
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.io.collection import ConditionTables
 from jointz.workflows.collection_entry_checks import Found
 
@@ -13,7 +14,6 @@ PARAMETERS = ("stiffness", "damping", "inertia")
 #: Columns of the file of covariances, in the order of the parameters.
 COLUMNS = tuple(f"with_{name}" for name in PARAMETERS)
 _KEYS = ["participant", "timing_point"]
-_SHARED = "all"
 _ROUNDING = 1e-6
 #: A correlation matrix with a smaller eigenvalue is none that can be inverted.
 _SMALLEST = 1e-9
@@ -58,7 +58,7 @@ def _known(covariance: pd.DataFrame, values: pd.DataFrame) -> pd.Series:
     """Tell which rows belong to an estimate; one inertia may serve all timing points."""
     places = pd.MultiIndex.from_frame(values[[*_KEYS, "parameter"]])
     own = pd.MultiIndex.from_frame(covariance[[*_KEYS, "parameter"]]).isin(places)
-    shared = covariance[[*_KEYS, "parameter"]].assign(timing_point=_SHARED)
+    shared = covariance[[*_KEYS, "parameter"]].assign(timing_point=ALL_POINTS)
     is_shared = pd.MultiIndex.from_frame(shared).isin(places)
     return pd.Series(own | is_shared, index=covariance.index)
 

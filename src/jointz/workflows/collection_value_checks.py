@@ -10,12 +10,11 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.collection import Entry
 from jointz.core.collection_ranges import MEDIAN_RANGES
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.io.collection import ConditionTables
 from jointz.workflows.collection_covariance_checks import covariance_findings
 from jointz.workflows.collection_entry_checks import PARAMETERS, Found
 
-#: Timing point of a value that all timing points of a participant share.
-SHARED = "all"
 _STATUS = {*STANDING, "undecided", *(failure.status for failure in Failure)}
 _LEVEL = 0.95
 #: Ends of an interval are rounded as the value is, to ten digits.
@@ -171,7 +170,7 @@ def _phase(_: Entry, tables: ConditionTables) -> Iterator[Found]:
     if tables.condition.activity not in ("walking", "running"):
         return
     values = tables.rows
-    needs = values["status"].isin(STANDING) & (values["timing_point"] != SHARED)
+    needs = values["status"].isin(STANDING) & (values["timing_point"] != ALL_POINTS)
     told = ("phase_missing", "% of the gait cycle", "none")
     yield from _rows(tables, needs & values["onset_gait_pct"].isna(), told, "onset_gait_pct")
 

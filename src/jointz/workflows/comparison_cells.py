@@ -11,7 +11,8 @@ from jointz.core.comparison_labels import alike_labels, label_key
 from jointz.core.comparison_rows import GROUPS, PAIRED, PersonValue, SourceMean
 from jointz.core.errors import DataError
 from jointz.core.estimates import REACH_95
-from jointz.workflows.comparison_sources import SHARED, Results
+from jointz.core.gait_phases import ALL_POINTS
+from jointz.workflows.comparison_sources import Results
 
 LEVEL = 0.95
 
@@ -109,14 +110,14 @@ def comparison_cells(read: Sequence[Results]) -> dict[tuple[str, str], list[Own]
     cells = {}
     for parameter in _parameters(read):
         one = parameter == "inertia" and shared
-        for point in (SHARED,) if one else points:
+        for point in (ALL_POINTS,) if one else points:
             cells[parameter, point] = [_of(r, parameter, point) for r in read]
     return cells
 
 
 def _of(results: Results, parameter: str, point: str) -> Own:
     people = results.source.participants
-    if point == SHARED:
+    if point == ALL_POINTS:
         return {person: results.shared_inertia(person) for person in people}
     if point not in results.points:
         return {}

@@ -14,12 +14,12 @@ from jointz.core.comparison_rows import (
     ReferenceRange,
     SourceMean,
 )
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.workflows.comparison_cells import comparison_cells, mean_of
 from jointz.workflows.comparison_onsets import NOTED_PCT, onset_gaps
 from jointz.workflows.comparison_sources import (
     PUBLISHED,
-    SHARED,
     Results,
     published_results,
 )
@@ -48,7 +48,7 @@ def comparison_references(
         return ()
     made = []
     if not any(results.source.published for results in read):
-        shared = ("inertia", SHARED) in places
+        shared = ("inertia", ALL_POINTS) in places
         made += [
             row for row in _published(shared=shared) if (row.parameter, row.timing_point) in places
         ]
@@ -72,7 +72,9 @@ def _published(*, shared: bool) -> Iterator[ReferenceRange]:
     cells = dict(comparison_cells((results,)))
     if shared:
         people = results.source.participants
-        cells["inertia", SHARED] = [{person: results.shared_inertia(person) for person in people}]
+        cells["inertia", ALL_POINTS] = [
+            {person: results.shared_inertia(person) for person in people}
+        ]
     for place, row in cells.items():
         mean = mean_of(row[0], place)
         if mean.mean is not None and mean.ci_low is not None and mean.ci_high is not None:

@@ -15,14 +15,13 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.comparison_rows import PersonValue, Source
 from jointz.core.errors import DataError
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.study import FilesSpec
 from jointz.io.registry import RawTable, file_sha256, read_table
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 
 #: Stands for the dissertation's tables 4.1 to 4.3 where a results folder could stand.
 PUBLISHED = "published"
-#: The timing point of a value that all timing points of a participant share.
-SHARED = "all"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
@@ -69,7 +68,7 @@ class Results:
     @cached_property
     def points(self) -> tuple[str, ...]:
         """Timing points in the order of the gait cycle, else as they stand; without ``all``."""
-        found = list(dict.fromkeys(point for _, point, _ in self.values if point != SHARED))
+        found = list(dict.fromkeys(point for _, point, _ in self.values if point != ALL_POINTS))
         if all(point in self.onsets_pct for point in found):
             found.sort(key=self.onsets_pct.__getitem__)
         return tuple(found)
@@ -86,7 +85,7 @@ class Results:
     def shares_inertia(self) -> bool:
         """Whether an inertia is one of all timing points."""
         return any(
-            parameter == "inertia" and point == SHARED for parameter, point, _ in self.values
+            parameter == "inertia" and point == ALL_POINTS for parameter, point, _ in self.values
         )
 
     def value(self, parameter: str, point: str, person: str) -> PersonValue:
@@ -109,19 +108,19 @@ class Results:
         person : str
             Whose.
         """
-        one = self.value("inertia", SHARED, person)
+        one = self.value("inertia", ALL_POINTS, person)
         if one.status != "absent":
             return one
         rows = [self.value("inertia", point, person) for point in self.points]
         held = [row for row in rows if row.value is not None]
         if not held:
             status = rows[0].status if rows else "absent"
-            return PersonValue(self.source.name, person, "inertia", SHARED, None, status=status)
+            return PersonValue(self.source.name, person, "inertia", ALL_POINTS, None, status=status)
         return PersonValue(
             self.source.name,
             person,
             "inertia",
-            SHARED,
+            ALL_POINTS,
             float(np.mean([row.value for row in held])),
             status="mean_over_points",
             n_points=len(held),
@@ -357,7 +356,7 @@ def _onsets(table: RawTable) -> dict[str, float]:
     means = {}
     for point in dict.fromkeys(points.tolist()):
         known = onsets[(points == point) & np.isfinite(onsets)]
-        if point != SHARED and known.size:
+        if point != ALL_POINTS and known.size:
             turns = np.exp(2j * np.pi * known / 100.0)
             means[str(point)] = float(np.angle(turns.mean()) / (2 * np.pi) * 100.0 % 100.0)
     return means

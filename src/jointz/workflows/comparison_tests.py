@@ -19,6 +19,7 @@ from jointz.core.comparison_rows import (
     Repeatability,
 )
 from jointz.core.errors import DataError, EstimationError
+from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.mixed_model_fit import MixedModelFit
 from jointz.kernels.anova import holm
 from jointz.stats.comparison import (
@@ -30,7 +31,7 @@ from jointz.stats.comparison import (
 )
 from jointz.stats.mixed_model import mixed_model
 from jointz.workflows.comparison_cells import Cells, Own, standing
-from jointz.workflows.comparison_sources import SHARED, Results
+from jointz.workflows.comparison_sources import Results
 
 _TOO_FEW = Failure.TOO_FEW_PARTICIPANTS.status
 _NO_SPREAD = "no_spread"
@@ -241,7 +242,7 @@ def factor_tests(
 def _factor(of: tuple[str, str, str], levels: Mapping[str, Own], *, df: str) -> FactorTest:
     parameter, factor, where = of
     made = FactorTest(parameter, PARAMETER_UNITS[parameter], factor, where, None)
-    if set(levels) == {SHARED}:
+    if set(levels) == {ALL_POINTS}:
         return replace(made, reason="one value a participant, of all timing points")
     rows = [
         (person, level, value)

@@ -199,6 +199,7 @@ def test_parts_that_add_up_but_for_rounding_are_accepted():
         ({"timing_points": {"A": 100.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
         ({"timing_points": {"A": -1.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
         ({"timing_points": {"A": 7.0, "B": 7.0}, "count_per_point": 1}, "7 % is A already"),
+        ({"timing_points": {"all": 7.0}, "count_per_point": 1}, "means all of them"),
         ({"timing_points": {}, "count_per_point": 1}, "at least 1 item"),
         ({"timing_points": POINTS}, "timing_points need it"),
         ({"count_per_point": 3}, "count_per_point needs them"),

@@ -296,6 +296,11 @@ def test_a_timing_point_outside_the_cycle_is_refused(pct):
     )
 
 
+def test_no_timing_point_has_the_name_of_all_of_them():
+    told = "timing_points.all: means all of them; expected another name"
+    assert refused(PerturbationsSpec, timing_points={"LRE": 7.0, "all": 56.0}).endswith(told)
+
+
 def test_a_timing_point_is_a_number():
     assert refused(PerturbationsSpec, timing_points={"LRE": math.nan}).startswith("timing_points.")
 
