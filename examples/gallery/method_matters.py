@@ -3,8 +3,8 @@ How much does the method matter?
 ================================
 
 The same pulses, analysed by the recommended method, by the dissertation's and by two others.
-Every results folder holds such a comparison (``comparison.csv``): where methods differ by more
-than their intervals, the intervals are too narrow.
+Every results folder holds the dissertation's method beside its own (``comparison.csv``): where
+methods differ by more than their intervals, the intervals are too narrow.
 """
 
 from tempfile import mkdtemp

@@ -108,6 +108,10 @@ def run() -> None:
         sys.exit(_exit_of(exc))
     except (typer.Abort, KeyboardInterrupt):
         status = _EXIT_STOPPED
+    except MemoryError as exc:
+        what = _with_notes(exc, f"this machine has too little memory for it ({exc})")
+        _report("MemoryError", f"{what} Use fewer --workers, or a larger one.")
+        sys.exit(EXIT_NOTHING_STANDS)
     except Exception as exc:  # noqa: BLE001 - the last line: no traceback without --debug
         what = _with_notes(exc, f"{type(exc).__name__}: {exc}")
         _report("Bug", f"{what} This is a bug in jointz; --debug shows where.")

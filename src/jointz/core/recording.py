@@ -142,6 +142,21 @@ def history_of(recording: xr.Dataset) -> list[dict[str, Any]]:
     return entries
 
 
+def far_side(recording: xr.Dataset) -> np.ndarray | None:
+    """Return the angle of the far side of a bench, (n,) rad; None where it was not recorded.
+
+    It is the channel ``position`` in rad; in another unit that is one of the user's own.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        Of a bench.
+    """
+    if "position" not in recording or recording["position"].attrs.get("units") != "rad":
+        return None
+    return recording["position"].to_numpy()
+
+
 def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Dataset:
     """Return the recording with one more entry in its history.
 

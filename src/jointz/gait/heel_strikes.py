@@ -94,7 +94,10 @@ def find_heel_strikes(
     ------
     EstimationError
         Code ``no_heel_strikes``, where the recording has none of the channels.
+    DataError
+        When the load of a vertical force is negative.
     """
+    where = recording.attrs.get("file") or "recording"
     time = recording["time"].to_numpy()
     if "contact" in recording:
         signal = recording["contact"].to_numpy()
@@ -103,10 +106,12 @@ def find_heel_strikes(
             return strikes_from_voltage(time, signal, levels_v=levels_v)
         return _FOOTSWITCHES[kind](time, signal)
     if "ground_reaction_force" in recording:
-        return strikes_from_force(time, recording["ground_reaction_force"].to_numpy())
+        try:
+            return strikes_from_force(time, recording["ground_reaction_force"].to_numpy())
+        except DataError as exc:
+            raise DataError(f"{where}: {exc}", path=where, channel=exc.channel) from exc
     if "cycle" in recording:
         return strikes_from_cycle(time, recording["cycle"].to_numpy())
-    where = recording.attrs.get("file") or "recording"
     raise EstimationError(
         Exclusion.NO_HEEL_STRIKES.value,
         f"{where}: heel strikes need a channel 'contact', 'ground_reaction_force' or 'cycle', "

@@ -299,7 +299,7 @@ def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:
 def _positions(layout: _Layout, request: TableRequest) -> dict[str | int, int]:
     """Find where the wanted columns stand, counted from 0; all missing ones in one message."""
     numbers = {c: _number_of(layout, c) for c in request.columns}
-    base = 0 if 0 in numbers.values() else 1
+    base = 0 if request.from_zero or 0 in numbers.values() else 1
     found: dict[str | int, int] = {}
     missing = []
     for column, number in numbers.items():

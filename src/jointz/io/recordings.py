@@ -16,7 +16,7 @@ from jointz.core.channels import (
     is_turned,
 )
 from jointz.core.errors import DataError, UnitError
-from jointz.core.recording import build_recording
+from jointz.core.recording import build_recording, far_side
 from jointz.core.study import RecordingSpec, Study, StudySpec
 from jointz.io.registry import RawTable, read_table
 from jointz.io.study import channel_unit, data_file, needed_channels
@@ -61,6 +61,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
         numeric=[columns[n] for n in numeric],
         labels=[columns[n] for n in labels],
         files=spec.files,
+        from_zero=_counts_from_zero(spec),
     )
     converted = {n: _in_si(study, entry, n, table) for n in numeric}
     channels = {n: values for n, (values, _) in converted.items()}
@@ -99,7 +100,8 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     if "onset_s" not in table.columns or unknown:
         raise DataError(
             f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
-            f"(onset_s is required), got {', '.join(map(str, table.columns))}. Correct the header.",
+            f"(onset_s is required), got {', '.join(map(str, table.columns))}. "
+            f"{_todo(table, 'Correct the header.')}",
             path=str(path),
         )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
@@ -110,6 +112,14 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     named = "timing_point" in table.columns
     pulses["timing_point"] = table["timing_point"].to_numpy() if named else ""
     return pulses
+
+
+def _todo(table: pd.DataFrame, usual: str) -> str:
+    """Say what to do about a pulse table that has other signs between its columns."""
+    header = str(table.columns[0])
+    if len(table.columns) == 1 and (";" in header or "\t" in header):
+        return "Put commas between the columns, and points into numbers: [files] is not for it."
+    return usual
 
 
 def _text_table(path: Path) -> pd.DataFrame:
@@ -131,7 +141,7 @@ def _text_table(path: Path) -> pd.DataFrame:
     if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
         raise DataError(
             f"{path.name}, row 2: expected {len(table.columns)} values as in the header, found "
-            "more. Correct the rows.",
+            f"more. {_todo(table, 'Correct the rows.')}",
             path=str(path),
             row=2,
         )
@@ -154,6 +164,12 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
             row=row,
         )
     return values
+
+
+def _counts_from_zero(spec: StudySpec) -> bool:
+    """Tell whether columns are counted from 0, be it by one that this recording does not need."""
+    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
+    return any(channel.column in zeros for channel in spec.channels.values())
 
 
 def _in_si(
@@ -245,7 +261,7 @@ def _piece(
         contact_kind=(contact.kind or "contact") if contact else "",
         sha256=table.sha256,
     )
-    _check_angle(entry, recording)
+    _check_angle(entry, recording, bench=spec.kind == "bench")
     return recording
 
 
@@ -304,11 +320,12 @@ def _reading_step(
     }
 
 
-def _check_angle(entry: RecordingSpec, recording: xr.Dataset) -> None:
+def _check_angle(entry: RecordingSpec, recording: xr.Dataset, *, bench: bool) -> None:
     """Refuse an angle no joint has: most likely degrees declared as rad."""
     angle = recording["angle"].to_numpy()
-    if "position" in recording:  # a bench whose two sides may turn for ever, together
-        angle = angle - recording["position"].to_numpy()
+    position = far_side(recording) if bench else None
+    if position is not None:  # a bench whose two sides may turn for ever, together
+        angle = angle - position
     finite = angle[np.isfinite(angle)]
     if finite.size and np.ptp(finite) > _FULL_TURN_RAD:
         raise DataError(

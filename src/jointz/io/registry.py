@@ -46,12 +46,15 @@ class TableRequest:
     as_written : bool
         Whether a text file stands for itself, without a study: its labels are not rewritten,
         only an empty cell is missing, and nothing is advised that a study would have to say.
+    from_zero : bool
+        Whether numbers of columns count from 0, as where one that is not wanted here is 0.
     """
 
     numeric: tuple[str | int, ...]
     labels: tuple[str | int, ...] = ()
     files: FilesSpec = field(default_factory=FilesSpec)
     as_written: bool = False
+    from_zero: bool = False
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -137,6 +140,7 @@ def read_table(
     labels: Sequence[str | int] = (),
     files: FilesSpec,
     as_written: bool = False,
+    from_zero: bool = False,
 ) -> RawTable:
     """Read columns of a file; the file is never modified.
 
@@ -152,6 +156,8 @@ def read_table(
         How text files are laid out.
     as_written : bool
         Whether a text file stands for itself: labels are then text to the letter.
+    from_zero : bool
+        Whether numbers of columns count from 0; they do too where one of them is 0.
 
     Returns
     -------
@@ -164,7 +170,7 @@ def read_table(
         When the file is missing, unknown, damaged, or has no such columns.
     """
     reader = _reader_of(path)
-    request = TableRequest(tuple(numeric), tuple(labels), files, as_written)
+    request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
     both = {str(c) for c in numeric} & {str(c) for c in labels}
     if both:
         raise DataError(

@@ -83,6 +83,8 @@ def analyze(
     ------
     StudyError
         When recordings cannot be trusted; all of them in one message.
+    DataError
+        When the method is not one for this study, or for its baseline.
     EngineError
         When the engine cannot go on; whoever is done stays in the store.
     ValueError
@@ -149,6 +151,10 @@ class _Found:
         """Say what broke an analysis; want of memory is no bug."""
         if isinstance(exc, WorkerLostError):
             return str(exc)
+        if isinstance(exc, MemoryError):
+            return (
+                f"{person_id}: too little memory ({exc}). Use fewer workers, or a larger machine."
+            )
         return (
             f"{person_id} (seed {self.seed}): the program failed ({type(exc).__name__}: {exc}). "
             "Please report it; the others are not concerned."
@@ -200,22 +206,27 @@ def check_method(method: str) -> str:
 
 def _chosen(study: Study, method: str) -> str:
     """Return the method by its name; what is recommended depends on the study."""
-    walking, perturbations = study.spec.kind == "walking", study.spec.perturbations
-    if method == "recommended":
-        # A load that torque moves is one system; groups, and steps of the angle, are not.
-        torque = perturbations.source != "angle"
-        if walking:
-            asked = perturbations.baseline or PREDICTED
-            return RECOMMENDED if torque and asked == PREDICTED else "dissertation"
-        return FULL_RECORD if torque and perturbations.group is None else "dissertation"
-    if walking and method in BENCH_ONLY:
-        raise ValueError(f"method: {method} is for bench studies; this study walks.")
-    if perturbations.baseline == PREDICTED and method != RECOMMENDED:
-        raise ValueError(
-            f'method: {method} has no baseline "{PREDICTED}"; only {RECOMMENDED} has. Choose '
-            "another under perturbations.baseline."
+    baseline = study.spec.perturbations.baseline
+    name = _recommended(study) if method == RECOMMENDED else method
+    if study.spec.kind == "walking" and name in BENCH_ONLY:
+        raise DataError(f"method: {name} is for bench studies; this study walks. Choose another.")
+    if baseline == PREDICTED and name not in (RECOMMENDED, *BENCH_ONLY):
+        raise DataError(
+            f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, in walking '
+            "that torque perturbs. Choose another under perturbations.baseline."
         )
-    return method
+    return name
+
+
+def _recommended(study: Study) -> str:
+    """Return what is recommended for a study."""
+    perturbations = study.spec.perturbations
+    # A load that torque moves is one system; groups, and steps of the angle, are not.
+    torque = perturbations.source != "angle"
+    if study.spec.kind == "walking":
+        asked = perturbations.baseline or PREDICTED
+        return RECOMMENDED if torque and asked == PREDICTED else "dissertation"
+    return FULL_RECORD if torque and perturbations.group is None else "dissertation"
 
 
 def _assembled(
@@ -303,7 +314,9 @@ def _why_missing(study: Study, person_id: str, result: ParticipantResult) -> Fai
         return Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
     if not {"perturbed", None} & conditions:
         return Failure.NO_PERTURBED_RECORDING
-    return Failure.NO_PULSES
+    # Pulses of which none could be given a timing point are there, each with its code.
+    nameless = bool(result.pulses) and not any(p.timing_point for p in result.pulses)
+    return Failure.ALL_PULSES_EXCLUDED if nameless else Failure.NO_PULSES
 
 
 def _missing(

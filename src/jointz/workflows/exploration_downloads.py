@@ -10,10 +10,10 @@ import xarray as xr
 from jointz.core.analysis import StudyAnalysis
 from jointz.report.figures import FIGURES, draw_figure
 from jointz.workflows.exploration_traces import PulseKey, PulseTrace, Window
+from jointz.workflows.results_folder import csv_bytes
 
 #: Tables that can be had, as in a results folder.
 TABLES = ("estimates", "comparison", "population", "pulses", "excluded")
-_FLOAT_FORMAT = "%.10g"
 _ROWS = {
     "angle": ("rad", "as the method sees it"),
     "torque": ("N*m", "as the method sees it"),
@@ -41,8 +41,7 @@ def table_csv(analysis: StudyAnalysis, name: str) -> bytes:
         "pulses": analysis.pulses_frame,
         "excluded": analysis.excluded_frame,
     }
-    text = frames[name]().to_csv(index=False, float_format=_FLOAT_FORMAT)
-    return str(text).encode("utf-8")
+    return csv_bytes(frames[name]())
 
 
 def figure_svg(analysis: StudyAnalysis, name: str) -> bytes | None:

@@ -274,7 +274,7 @@ def _read(
     signals = {}
     for name, column in parsed.items():
         factor, offset = conversion(column.unit, _SI_UNITS[name])
-        values = np.asarray(table.columns[column.name], dtype=float)
+        values = np.asarray(table.columns[str(_key(column, layout))], dtype=float)
         signals[name] = ("sample", factor * values + offset)
     attributes = {"first_row": table.first_row, "sha256": table.sha256}
     return xr.Dataset(signals, attrs=attributes), parsed

@@ -9,6 +9,7 @@ import numpy as np
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate
+from jointz.core.recording import far_side
 from jointz.core.study import Calibrated, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.pulse_likelihood import fit_pulse
@@ -82,9 +83,9 @@ def _trial(
     given: RecordingInput, perturbations: PerturbationsSpec, model: TorqueModelSpec | None
 ) -> _Trial:
     recording, known = given.recording, given.calibration
-    angle = recording["angle"].to_numpy()
-    if "position" in recording:
-        angle = angle - recording["position"].to_numpy()
+    angle, position = recording["angle"].to_numpy(), far_side(recording)
+    if position is not None:
+        angle = angle - position
     if "torque" not in recording and model is not None:
         torque, _ = torque_from_current(recording, model, cutoff_hz=perturbations.cutoff_hz)
     else:

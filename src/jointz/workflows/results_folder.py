@@ -37,6 +37,8 @@ _TELLING = (
     (REPRODUCTION, "chapter[0-9].json"),
 )
 _FLOAT_FORMAT = "%.10g"
+#: Columns of moments, which may count from 1970: that takes ten digits before the point.
+_MOMENTS = ("onset_s", "start_s")
 
 
 def write_results(
@@ -153,8 +155,13 @@ def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None =
     Raises
     ------
     OutputError
-        When something is there that must be kept, or the system will not say.
+        When something is there that must be kept, the name is ``.`` or ``..``, or the system
+        will not say.
     """
+    if out.name in ("", ".."):  # a folder is made beside it and takes its name in the end
+        raise OutputError(
+            f"{out}: is no name for a new folder. Write its own, such as results or ../results."
+        )
     with _refusals_told(out):
         if not out.exists() or (out.is_dir() and not any(out.iterdir())):
             return
@@ -339,8 +346,22 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
     if not covariance.empty:
         tables["covariance"] = covariance
     for name, table in tables.items():
-        table.to_csv(folder / f"{name}.csv", index=False, float_format=_FLOAT_FORMAT)
+        (folder / f"{name}.csv").write_bytes(csv_bytes(table))
     write_estimates(tables["estimates"], covariance, folder / "estimates.parquet")
+
+
+def csv_bytes(table: pd.DataFrame) -> bytes:
+    """Return a table as the csv files of a results folder hold it.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Numbers get ten digits, moments fifteen.
+    """
+    digits = "{:.15g}".format
+    moments = {n: table[n].map(digits, na_action="ignore") for n in _MOMENTS if n in table}
+    text = table.assign(**moments).to_csv(index=False, float_format=_FLOAT_FORMAT)
+    return str(text).encode("utf-8")
 
 
 def _write_json(file: Path, content: object, indent: int | None = 2) -> None:

@@ -94,6 +94,15 @@ def test_bad_input_is_one_json_object_and_one_message(jointz, tmp_path):
     assert jointz(*arguments).out == ""
 
 
+def test_a_method_for_another_kind_of_study_is_bad_input_and_no_bug(jointz, small_study, tmp_path):
+    arguments = ("--out", tmp_path / "r", "--method", "full_record", "--workers", 1, "--json")
+    outcome = jointz("analyze", small_study.root, *arguments)
+
+    assert (outcome.code, outcome.json["error"]) == (2, "DataError")
+    assert "this study walks" in outcome.json["message"]
+    assert not (tmp_path / "r").exists()
+
+
 def test_debug_shows_the_traceback(monkeypatch, tmp_path):
     arguments = ["analyze", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o"), "--debug"]
     monkeypatch.setattr(sys, "argv", ["jointz", *arguments])
@@ -110,7 +119,11 @@ def test_debug_before_the_command_shows_it_too(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(
     ("error", "code", "word"),
-    [(ZeroDivisionError("oops"), 70, "bug in jointz"), (KeyboardInterrupt(), 130, "Stopped")],
+    [
+        (ZeroDivisionError("oops"), 70, "bug in jointz"),
+        (KeyboardInterrupt(), 130, "Stopped"),
+        (MemoryError("2 GiB"), 1, "memory for it (2 GiB). Use fewer"),
+    ],
 )
 def test_whatever_happens_there_is_no_traceback(
     jointz, small_study, tmp_path, monkeypatch, error, code, word

@@ -12,6 +12,7 @@ from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError
 from jointz.core.recording import (
     build_recording,
+    far_side,
     history_of,
     validate_recording,
     with_history,
@@ -224,3 +225,13 @@ def test_a_step_is_added_and_the_recording_left_alone():
     ]
     assert isinstance(json.loads(changed.attrs["history"]), list)
     xr.testing.assert_equal(changed, recording)
+
+
+def test_the_far_side_of_a_bench_is_a_position_that_is_an_angle():
+    channels = {"angle": TIME, "position": 2.0 * TIME}
+
+    np.testing.assert_array_equal(
+        far_side(build_recording(TIME, channels, units={"position": "rad"})), 2.0 * TIME
+    )
+    assert far_side(build_recording(TIME, channels, units={"position": "m"})) is None
+    assert far_side(build_recording(TIME, {"angle": TIME})) is None

@@ -19,7 +19,8 @@ from jointz.cli.main import app
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import Certificate
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
-from jointz.core.codes import Exclusion, Failure
+from jointz.core.codes import Doubt, Exclusion, Failure
+from jointz.core.quasi_stiffness_fit import Doubt as SlopeDoubt
 from jointz.core.study import StudySpec
 from jointz.devices.config import device_file
 from jointz.identify.methods.cells import METHODS
@@ -212,6 +213,17 @@ def test_every_code_has_a_row_with_its_meaning(code):
     shown = code.status if isinstance(code, Failure) else code.value
 
     assert row_starting("docs/results.md", shown) == f"| `{shown}` | {code.meaning} |"
+
+
+@pytest.mark.parametrize(
+    ("page", "doubt"),
+    [
+        *(("docs/results.md", doubt) for doubt in Doubt),
+        *(("docs/statistics.md", doubt) for doubt in SlopeDoubt),
+    ],
+)
+def test_every_doubt_has_a_row_with_its_meaning(page, doubt):
+    assert row_starting(page, doubt.value) == f"| `{doubt.value}` | {doubt.meaning} |"
 
 
 def quasi_stiffness_frame() -> pd.DataFrame:

@@ -414,3 +414,7 @@ def test_a_force_of_the_wrong_sign_is_refused():
     assert strikes_from_force(t, force).time_s.size > 10
     with pytest.raises(DataError, match=r"positive upward on the foot, found -700 N .* Turn it"):
         strikes_from_force(t, -force)
+    recording = build_recording(t, {"ground_reaction_force": -force}, file="S01.csv")
+    with pytest.raises(DataError, match=r"^S01\.csv: ground_reaction_force: .* Turn it") as info:
+        find_heel_strikes(recording)
+    assert (info.value.path, info.value.channel) == ("S01.csv", "ground_reaction_force")

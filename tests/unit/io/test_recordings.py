@@ -339,6 +339,26 @@ def test_an_angle_may_span_a_turn_and_no_more(study, span_deg, accepted):
         assert "more than a full turn" in str(refused(study))
 
 
+def test_a_position_of_the_users_own_is_no_part_of_a_walkers_angle(study):
+    add_channel(study, "position", 'unit = "rad"')
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        study.table(file, lambda t: t.assign(position=1.0 * t.index))
+
+    (recording,) = study.read()
+
+    assert float(recording["position"].max()) == 49.0
+
+
+def test_two_sides_of_a_bench_may_turn_for_ever_together(study):
+    study.edit('kind = "walking"', 'kind = "bench"')
+    add_channel(study, "position", 'unit = "deg"')
+    turning = 20.0 * np.arange(50.0)
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        study.table(file, lambda t: t.assign(position=turning, knee_angle_deg=turning + 1.0))
+
+    assert np.ptp(study.read()[0]["angle"].to_numpy()) == pytest.approx(980.0 * DEG)
+
+
 def test_missing_samples_stay_missing(study):
     def spoil(table):
         table.loc[3, "torque_nm"] = np.nan
@@ -692,6 +712,22 @@ def test_a_recording_without_device_has_kinematics_and_contact_only(study):
     assert set(recording.data_vars) == {"angle", "contact"}
 
 
+def test_columns_count_from_zero_by_one_that_a_recording_does_not_need(study):
+    expected = columns_of(study)["knee_angle_deg"] * DEG
+    order = ["torque_nm", "time_s", "knee_angle_deg"]
+    order += ["commanded_torque_nm", "footswitch", "ankle_position"]
+    for number, name in enumerate(order):
+        study.edit(f'column = "{name}"', f"column = {number}")
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        columns_of(study, file)[order].to_csv(study.root / file, index=False, header=False)
+    study.text += "header = false\n"
+    study.edit('condition = "unperturbed"', 'condition = "no_device"')
+
+    (recording,) = study.read()
+
+    np.testing.assert_allclose(recording["angle"], expected, rtol=1e-12)
+
+
 # --- properties ----------------------------------------------------------------------------------
 
 
@@ -859,15 +895,30 @@ COLUMNS = "onset_s, duration_s, amplitude_nm, timing_point"
         ("onset,duration_s", "onset, duration_s"),
         ("duration_s,amplitude_nm", "duration_s, amplitude_nm"),
         ("onset_s,trial", "onset_s, trial"),
-        ("onset_s;duration_s", "onset_s;duration_s"),
     ],
 )
 def test_other_columns_in_a_pulse_table_are_refused(study, header, found):
-    error = refused_table(study, f"{header}\n1,2\n" if "," in header else f"{header}\n1;2\n")
+    error = refused_table(study, f"{header}\n1,2\n")
 
     assert str(error) == (
         f"S01_pulses.csv: a pulse table has the columns {COLUMNS} (onset_s is required), got "
         f"{found}. Correct the header."
+    )
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_pulse_table_without_commas_is_told_about_them(study, mark):
+    error = refused_table(study, f"onset_s{mark}duration_s\n0{mark}1\n")
+
+    assert str(error) == (
+        f"S01_pulses.csv: a pulse table has the columns {COLUMNS} (onset_s is required), got "
+        f"onset_s{mark}duration_s. Put commas between the columns, and points into numbers: "
+        "[files] is not for it."
+    )
+    error = refused_table(study, f"onset_s{mark}duration_s\n0,5{mark}0,25\n")
+    assert str(error) == (
+        "S01_pulses.csv, row 2: expected 1 values as in the header, found more. Put commas between "
+        "the columns, and points into numbers: [files] is not for it."
     )
 
 

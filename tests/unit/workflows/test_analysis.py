@@ -96,14 +96,22 @@ def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
     assert note.startswith(f"{first} (seed 3): the program failed (ZeroDivisionError: planted)")
 
 
-def test_a_participant_who_costs_workers_is_told_as_no_failure_of_the_program(
-    small_study_source, monkeypatch
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (WorkerLostError("S01: its worker was killed."), "S01: its worker was killed."),
+        (
+            MemoryError("2 GiB"),
+            "S01: too little memory (2 GiB). Use fewer workers, or a larger machine.",
+        ),
+    ],
+)
+def test_a_participant_who_takes_too_much_memory_is_told_as_no_failure_of_the_program(
+    small_study_source, monkeypatch, error, told
 ):
-    told = "S01 (seed 3): its worker was killed 4 times, most likely for memory."
-
     def lost(person_id, *given):
         if person_id == "S01":
-            raise WorkerLostError(told)
+            raise error
         return analyze_participant(person_id, *given)
 
     analyze_participant = participants.analyze_participant
@@ -255,6 +263,23 @@ def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):
     assert found.comparison == ()
     assert {c.baseline for c in found.cells} == {"pre_pulse"}
     assert found.settings["baseline"] == "pre_pulse"
+
+
+@pytest.mark.parametrize(
+    ("method", "perturbations", "message"),
+    [
+        ("full_record", "", "full_record is for bench studies; this study walks"),
+        ("dissertation", 'baseline = "predicted"', 'dissertation has no baseline "predicted"'),
+        ("recommended", 'baseline = "predicted"\nsource = "angle"', "dissertation has no baseline"),
+    ],
+)
+def test_a_method_that_does_not_fit_the_study_is_bad_input(
+    small_study, method, perturbations, message
+):
+    toml = f"{small_study.toml}\n[perturbations]\n{perturbations}\n"
+    (small_study.root / "study.toml").write_text(toml)
+    with pytest.raises(DataError, match=message):
+        jointz.analyze(small_study.root, method=method, resamples=20)
 
 
 def test_a_bench_study_says_which_baseline_its_method_took(small_study):

@@ -73,6 +73,14 @@ def test_time_or_rate_is_given_and_not_both(file, time, rate_hz):
         identify_joint_file(file, columns, rate_hz=rate_hz)
 
 
+def test_a_column_by_number_may_be_written_with_a_zero_before_it(file):
+    pd.read_csv(file).to_csv(file, index=False, header=False)
+    columns = {"time": "01:ms", "angle": "02:deg", "torque": "03:mN*m"}
+    fit, _ = identify_joint_file(file, columns, input="angle", files={"header": False})
+
+    assert fit.parameter("stiffness").value == pytest.approx(80.0, rel=1e-3)
+
+
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     columns = {"angle": "a", "torque": "b"}
     with pytest.raises(DataError, match="no such file"):

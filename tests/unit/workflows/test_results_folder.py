@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -199,6 +200,15 @@ def test_what_must_be_kept_is_refused(tmp_path):
     with pytest.raises(OutputError, match="did not make it"):
         check_free(tmp_path / "theirs", marker=MARKER, overwrite=True)
     check_free(tmp_path / "absent", marker=MARKER, overwrite=False)
+
+
+@pytest.mark.parametrize("name", [".", ".."])
+def test_a_folder_that_cannot_take_a_name_is_refused_before_the_work(tmp_path, monkeypatch, name):
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    with pytest.raises(OutputError, match="no name for a new folder"):
+        check_free(Path(name), marker=MARKER, overwrite=False)
+    assert names(tmp_path / "empty") == []
 
 
 def test_results_are_absent_when_a_figure_fails(tmp_path, monkeypatch):

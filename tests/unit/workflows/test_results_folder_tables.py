@@ -1,15 +1,17 @@
 """Which tables a results folder has, and when."""
 
 import json
+from io import BytesIO
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.events import PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
 from jointz.report.details import details_frame
-from jointz.workflows.results_folder import write_results
+from jointz.workflows.results_folder import csv_bytes, write_results
 
 
 def analysis(*, models=()):
@@ -31,6 +33,20 @@ def test_details_are_written_for_every_analysis(tmp_path):
     assert np.isnan(row["value"])
     assert list(table.columns) == list(details_frame(StudyAnalysis(cells=())).columns)
     assert not (tmp_path / "out" / "models.csv").exists()
+
+
+def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():
+    onset_s, start_s = 1_700_000_000.125, 1_700_000_000.0625
+    pulse = PulseRecord("S01", "S01.csv", onset_s, 0.25, 1.0 / 3.0, "ISW", code="gap")
+    stride = StrideRecord("S01", "S01.csv", "perturbed", start_s, 1.1, code="gap")
+    found = StudyAnalysis((), pulses=(pulse,), strides=(stride,))
+    tables = (found.pulses_frame(), found.strides_frame(), found.excluded_frame())
+    pulses, strides, excluded = (pd.read_csv(BytesIO(csv_bytes(table))) for table in tables)
+    assert pulses["onset_s"].tolist() == [onset_s]
+    assert pulses["amplitude"].tolist() == [0.3333333333]
+    assert strides["start_s"].tolist() == [start_s]
+    assert excluded["onset_s"].tolist() == [onset_s, start_s]
+    assert csv_bytes(StudyAnalysis(()).strides_frame()).count(b"\n") == 1
 
 
 def test_models_are_written_where_there_are_any(tmp_path):

@@ -155,6 +155,18 @@ def test_a_pulse_of_a_table_outside_every_perturbed_run_is_left_out_with_a_code(
     assert set(left_out["code"]) == {"edge_of_record"}
 
 
+def test_pulses_that_were_all_left_out_without_a_timing_point_are_not_said_to_be_none(tmp_path):
+    early = (1.2, 2.2, 3.2)  # before three strides are known: a trial of a few steps
+    tables = {"unperturbed": rows(), "perturbed": rows(pulses=early)}
+    toml = HEAD.format(kind="walking") + CONTACT + COMMAND + PERSON
+    toml += "".join(entry(condition, f"{condition}.csv") for condition in tables)
+
+    found = analyzed(tmp_path, toml, **tables)
+
+    assert [p.code for p in found.pulses] == ["no_recent_strides"] * 3
+    assert set(found.to_frame()["status"]) == {"failed:all_pulses_excluded"}
+
+
 def test_a_table_for_trials_whose_time_restarts_is_refused(tmp_path):
     parts = [
         rows(phase="0", run=1),

@@ -45,7 +45,9 @@ def with_baseline(
     of another condition is thereby blind to its own fault, the shift between the conditions:
     its intervals are too narrow, as the dissertation's are.
     """
-    raw = [replace(source, signals=raw_signals(source)) for source in sources]
+    # Strides of another rate are brought to that of the pulses.
+    rate = 1.0 / cell.period_s
+    raw = [replace(s, signals=raw_signals(s, target_hz=rate)) for s in sources]
     # As long as what is predicted, both ends in it.
     window_s = cell.predicted.responses.shape[2] * cell.period_s
     cutter = WindowCutter(raw, settings, baseline=baseline, window_s=window_s)

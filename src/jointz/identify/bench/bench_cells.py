@@ -10,6 +10,7 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.recording import far_side
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
@@ -101,7 +102,7 @@ class FullRecordEstimator:
     ) -> tuple[CellEstimate, dict[int, PulseRecord]] | None:
         """Return a case and its pulses with their codes; None where it is not one linear load."""
         why = {index: self._why_not(index, candidates) for index in {c.source for c in candidates}}
-        records = {id(c): replace(c.record, code=_code(c, why[c.source])) for c in candidates}
+        records = {id(c): replace(c.record, code=self._code(c, why[c.source])) for c in candidates}
         used = sorted(index for index, code in why.items() if not code)
         n_used = sum(not r.code for r in records.values())
         if not used:
@@ -182,17 +183,24 @@ class FullRecordEstimator:
             angle_per_torque_sd=twist_sd(known),
         )
 
+    def _code(self, candidate: Candidate, why: str) -> str:
+        """Return a pulse's code: its trial's, or none, whatever its own window would say.
+
+        One that begins outside of the samples is no part of the trial.
+        """
+        own = candidate.record.code
+        if own == Exclusion.USER.value:
+            return own
+        time = self._sources[candidate.source].given.recording["time"].to_numpy()
+        inside = time[0] <= candidate.record.onset_s <= time[-1]
+        return why if inside else Exclusion.EDGE_OF_RECORD.value
+
     @staticmethod
     def _angle(source: Source) -> np.ndarray:
         """Return the deflection of the load: against the far side, where that is recorded."""
         recording = source.given.recording
-        angle = recording["angle"].to_numpy()
-        return angle - recording["position"].to_numpy() if "position" in recording else angle
-
-
-def _code(candidate: Candidate, why: str) -> str:
-    """Return a pulse's code: its trial's, or none, whatever its own window would say."""
-    return candidate.record.code if candidate.record.code == Exclusion.USER.value else why
+        angle, position = recording["angle"].to_numpy(), far_side(recording)
+        return angle if position is None else angle - position
 
 
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:

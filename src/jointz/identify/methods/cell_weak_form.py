@@ -31,8 +31,8 @@ def weak_form(cell: CellData, settings: FitSettings) -> CellFit:
     Raises
     ------
     EstimationError
-        When the responses have no answer; ``too_few_samples`` below 26 in window and margin
-        (250 Hz for 0.1 s).
+        When the responses have no answer; ``too_few_samples`` below 26 in the window and the margin
+        before it (about 220 Hz for 0.1 s).
 
     Notes
     -----

@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from jointz.core.codes import Exclusion
+from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
-from jointz.core.gait_phases import TIMING_POINTS, nearest_timing_point
+from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS, nearest_timing_point
 from jointz.core.study import GroupSpec, PerturbationsSpec
 from jointz.gait.phase import gait_phase
 from jointz.identify.preparation.pulses import Pulse
@@ -187,6 +188,13 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     for pulse, pct in zip(source.pulses, phase_pct, strict=True):
         measured = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
         labels.append(pulse.timing_point or (measured if settings.walking else case))
+    if ALL_POINTS in labels:
+        file = source.given.file
+        raise DataError(
+            f'{file}: a timing point, session or trial is called "{ALL_POINTS}", which means all '
+            "of them. Give it another name.",
+            path=file,
+        )
     return labels
 
 
@@ -246,9 +254,11 @@ def group_names(group: GroupSpec) -> list[str]:
 
 def _overlaps(pulses: Sequence[Pulse], window_s: float) -> list[str]:
     codes = [""] * len(pulses)
+    latest_s = -np.inf  # a long pulse may outlast a short one inside it; NaN ends nothing
     for i, (pulse, following) in enumerate(pairwise(pulses)):
+        latest_s = max(latest_s, pulse.onset_s + pulse.duration_s)
         if following.onset_s < pulse.onset_s + window_s:
             codes[i] = Exclusion.OVERLAPPING_PULSE.value
-        if following.onset_s < pulse.onset_s + pulse.duration_s:
+        if following.onset_s < latest_s:
             codes[i + 1] = Exclusion.OVERLAPPING_PULSE.value
     return codes

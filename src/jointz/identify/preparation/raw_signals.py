@@ -9,7 +9,7 @@ from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretch
 from jointz.identify.preparation.calibration import value_of
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.conditioning import Conditioned, Stretch
-from jointz.identify.preparation.sources import Source
+from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import shortest_record
 
@@ -93,7 +93,7 @@ def _rows(source: Source) -> np.ndarray:
     recording, known = source.given.recording, source.given.calibration
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
-    friction = _channel(recording, "friction", angle.size)
+    friction = _channel(recording, FRICTION_OF_MODEL, angle.size)
     torque_gain, angle_gain = value_of(known.torque_gain, 1.0), value_of(known.angle_gain, 1.0)
     return np.stack(
         [

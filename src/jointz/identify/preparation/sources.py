@@ -32,6 +32,8 @@ from jointz.identify.preparation.pulses import (
 )
 
 _STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
+#: What friction makes of a torque out of current: no name that a user's own channel would have.
+FRICTION_OF_MODEL = "friction of the torque model"
 #: A line of exclusions.csv means the event this near.
 SAME_TIME_S = 2e-3
 
@@ -225,13 +227,15 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
     cutoff_hz = settings.perturbations.cutoff_hz
     torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
     known = given.calibration
-    # The gain of the torque is that of the constant; it will be divided out, of friction too.
-    scale = value_of(known.friction_gain, 1.0) * value_of(known.torque_gain, 1.0)
-    if scale != 1.0:
-        torque, friction = torque + (scale - 1.0) * friction, scale * friction
+    gain, share = value_of(known.torque_gain, 1.0), value_of(known.friction_gain, 1.0)
+    if gain != 1.0 or share != 1.0:
+        # The gain is that of the constant; it will be divided out, of all else too.
+        driving = model.gear_ratio * model.torque_constant * recording["current"].to_numpy()
+        other = torque - driving + (share - 1.0) * friction
+        torque, friction = driving + gain * other, gain * share * friction
     units = {"units": "N*m"}
     with_torque = recording.assign(
-        torque=("time", torque, units), friction=("time", friction, units)
+        {"torque": ("time", torque, units), FRICTION_OF_MODEL: ("time", friction, units)}
     )
     return replace(given, recording=with_torque)
 

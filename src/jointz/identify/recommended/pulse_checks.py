@@ -80,17 +80,20 @@ def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
 
     Notes
     -----
-    Torque is compared with the command, or with that of the other pulses. The answer of the
-    joint is its angle along the average response, per torque: pulses of other sizes are alike
-    in it. Where walking alone moves the joint as much, or all pulses failed alike, this tells
-    nothing; :mod:`jointz.identify.recommended.response_checks` looks at the average.
+    Torque is compared with the command, or with that of the other pulses. One that was commanded
+    no torque, where others were some, is no pulse. The answer of the joint is its angle along the
+    average response, per torque: pulses of other sizes are alike in it. Where walking alone moves
+    the joint as much, or all pulses failed alike, this tells nothing;
+    :mod:`jointz.identify.recommended.response_checks` looks at the average.
     """
     torque = predicted.responses[:, DRIVING] + predicted.responses[:, FRICTION]
     codes = np.full(len(torque), "", dtype=object)
     if not len(torque):
         return []
-    known = bool(np.isfinite(amplitudes_nm).all())
-    size = np.maximum(amplitudes_nm, 1e-9) if known else np.ones(len(torque))
+    known = bool(np.isfinite(amplitudes_nm).all() and amplitudes_nm.any())
+    # What one of no torque reached is no multiple of it, and no measure for the others.
+    asked = np.where(amplitudes_nm > 0.0, np.maximum(amplitudes_nm, 1e-9), np.inf)
+    size = asked if known else np.ones(len(torque))
     # Torque of the wrong sign is torque: what it did to the joint tells of that.
     reached = np.percentile(np.abs(torque), _REACHED_PCT, axis=1) / size
     usual = max(1.0 if known else 0.0, float(np.percentile(reached, _LIKE_PCT)))

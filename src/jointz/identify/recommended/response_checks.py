@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from jointz.core.codes import Failure
 from jointz.identify.preparation.pulses import Pulse
+from jointz.identify.preparation.sources import FRICTION_OF_MODEL
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import JointPosterior, inertia_evidence
 
@@ -84,8 +85,8 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
         return None
     time, torque = recording["time"].to_numpy(), recording["torque"].to_numpy()
     raw = recording["current"].to_numpy() if "current" in recording else torque
-    if "friction" in recording:
-        torque = torque - recording["friction"].to_numpy()
+    if FRICTION_OF_MODEL in recording:
+        torque = torque - recording[FRICTION_OF_MODEL].to_numpy()
     spans = [np.searchsorted(time, [p.onset_s, p.onset_s + _length(p)]) for p in pulses]
     inside = [
         (p.sign * raw[a:b], p.sign * torque[a:b]) for p, (a, b) in zip(pulses, spans, strict=True)

@@ -159,6 +159,8 @@ class UnperturbedPredictor:
         pulses = pulses.unwrapped(middle)
         codes = np.array(pulses.codes, dtype=object)
         codes[(codes == "") & ~fine] = Exclusion.NO_BASELINE.value
+        # Angles that count from the level before the onset do not tell the posture.
+        levels_rad = pulses.features[fine, 0] if self._relative else np.zeros(1)
         pulses = pulses.relative() if self._relative else pulses
         n = round(self._window_s * self._signals.rate_hz) + 1 + LEAD_SAMPLES
         virtual = self._virtual(pulses.ratio[fine], middle, label=candidates[0].record.timing_point)
@@ -180,7 +182,7 @@ class UnperturbedPredictor:
             misses=ridge.left_out.reshape(-1, 3, n),
             strides=virtual.strides,
             codes=tuple(codes),
-            posture_rad=float(virtual.windows[:, RAW_ANGLE].mean()),
+            posture_rad=float(np.median(levels_rad) + virtual.windows[:, RAW_ANGLE].mean()),
         )
 
     def _virtual(self, ratio: np.ndarray, middle: float, *, label: str) -> "_Moments | None":

@@ -395,7 +395,7 @@ class WalkingEstimator:
         gravity = gravity_stiffness(
             masses,
             joint=settings.joint,
-            angle_rad=cell.predicted.posture_rad + float(response.angle.mean()),
+            angle_rad=cell.predicted.posture_rad + _moved_rad(cell, response),
             gait_pct=centre,
             positive=settings.positive,
             angle_sd_rad=self._zero_sd(cell),
@@ -432,6 +432,12 @@ class WalkingEstimator:
             method=METHOD,
             baseline=BASELINE,
         )
+
+
+def _moved_rad(cell: PredictedCell, response: CellResponse) -> float:
+    """Return the mean motion by the pulses, rad: the response was turned by their signs."""
+    sign = float(np.mean([c.pulse.sign for c in cell.used]))
+    return sign * float(response.angle.mean())
 
 
 def _plain(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:

@@ -143,6 +143,35 @@ def test_what_analyze_widens_and_withholds_is_widened_and_withheld_in_the_curve(
         assert found == own[row.timing_point, row.parameter]
 
 
+def test_unperturbed_strides_may_have_been_recorded_at_another_rate(walkers):
+    walker = walkers.Walker(counts={"A": 12, "B": 12})
+    idle = walkers.walk(replace(walker, sizes_nm=(1e-9,), rate_hz=250.0, seed=1))
+    teacher = idle.recording.assign_attrs(condition="unperturbed", file="idle.csv")
+    asked = ParticipantSettings(
+        walking=True,
+        perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
+        group_edges=(),
+        torque_model=None,
+        methods=("recommended",),
+        n_resamples=10,
+        seed=0,
+        mass_kg=70.0,
+    )
+    recordings = [walkers.walk(walker), RecordingInput(teacher, idle.calibration)]
+    choices = Choices(
+        windows_s=(0.1,),
+        cutoffs_hz=(20.0,),
+        baselines=("unperturbed_mean",),
+        inertia_models=("pooled",),
+    )
+
+    rows = specification_estimates("S01", recordings, asked, choices)
+
+    mine = [row for row in rows if row.method == "recommended"]
+    assert {row.timing_point for row in mine} == {"A", "B"}
+    assert Failure.NO_UNPERTURBED_STRIDES.status not in {row.status for row in mine}
+
+
 def test_a_model_of_the_inertia_is_judged_by_itself(monkeypatch):
     """What explains nothing is refused under it alone."""
     plan = WalkPlan(per_point=6, timing_points=STANCE)

@@ -1,6 +1,7 @@
 """Cases of a bench: what is known of its instruments reaches the fit of whole trials."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jointz.core.recording import build_recording
@@ -13,8 +14,8 @@ SPRING = 160.0  # N*m/rad, hardly any inertia: a lag and a damping are one and t
 LATE_S = 0.005
 
 
-def estimated(**calibration):
-    """Return the case of a spring whose angle is shown late."""
+def analyzed(table=None, *, position_m=None, **calibration):
+    """Return what is found of a spring whose angle is shown late."""
     rng = np.random.default_rng(4)
     t = np.arange(int(20 * RATE_HZ)) / RATE_HZ
     lines = [(0.03, 7.0), (0.01, 23.0), (0.006, 41.0)]
@@ -27,7 +28,10 @@ def estimated(**calibration):
         "torque": SPRING * angle_at(t) + rng.normal(0.0, 0.01, t.size),
         "command": 7.0 * (np.isin(np.floor(t), (3, 6, 9)) & (t % 1.0 < 0.2)),
     }
-    recording = build_recording(t, channels, condition="perturbed", file="spring.csv")
+    if position_m is not None:
+        channels["position"] = position_m * t
+    units = {"position": "m"}
+    recording = build_recording(t, channels, units=units, condition="perturbed", file="spring.csv")
     settings = ParticipantSettings(
         walking=False,
         perturbations=PerturbationsSpec(),
@@ -39,7 +43,12 @@ def estimated(**calibration):
         mass_kg=None,
     )
     known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
-    found = analyze_participant("rig", [RecordingInput(recording, known)], settings)
+    return analyze_participant("rig", [RecordingInput(recording, known, table)], settings)
+
+
+def estimated(**calibration):
+    """Return the case of the spring."""
+    found = analyzed(**calibration)
     (cell,) = found.cells["full_record"]
     assert cell.method == "full_record"
     assert [round(s.rate_hz) for s in found.sampling] == [RATE_HZ]
@@ -74,3 +83,20 @@ def test_the_interval_says_its_degrees_of_freedom():
 
     assert "Student's t with " in stiffness.ci_method
     assert "sandwich over " in stiffness.ci_method
+
+
+def test_a_position_that_is_no_angle_is_not_taken_off_the_angle():
+    alone, beside = estimated(angle_lag_s=LATE_S), estimated(angle_lag_s=LATE_S, position_m=0.1)
+
+    assert beside.parameters == alone.parameters
+
+
+def test_a_pulse_outside_the_recording_is_no_part_of_its_trial():
+    table = pd.DataFrame({"onset_s": [3.0, 6.0, 9.0, 25.0], "timing_point": ""})
+    table = table.assign(duration_s=0.2, amplitude_nm=7.0)
+    found = analyzed(table, angle_lag_s=LATE_S)
+
+    assert [p.code for p in found.pulses] == ["", "", "", "edge_of_record"]
+    (cell,) = found.cells["full_record"]
+    assert cell.method == "full_record"
+    assert (cell.n_used, cell.n_excluded) == (3, 1)

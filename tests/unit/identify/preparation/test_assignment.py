@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, GroupSpec, PerturbationsSpec, UserExclusion
 from jointz.identify.preparation.assignment import assign_pulses
@@ -141,6 +142,14 @@ def test_pulses_that_meet_each_other_are_excluded():
     assert codes(found) == ["overlapping_pulse"] * 2 + ["", "overlapping_pulse"] + [""] * 2
 
 
+def test_a_pulse_inside_a_long_one_is_excluded_behind_a_short_one_too():
+    table = walk([6.07, 6.5, 6.9, 9.07, 12.07])
+    table.pulse_table["duration_s"] = [1.0, 0.05, 0.25, 0.25, 0.25]
+    found = assigned(table, timing_points={"LRE": 7.0})
+
+    assert codes(found) == ["", "overlapping_pulse", "overlapping_pulse", "", ""]
+
+
 def test_a_lone_pulse_has_nothing_to_be_resampled_with():
     found = assigned(walk([6.07, 9.4, 12.4]))
     assert dict(zip(labels(found), codes(found), strict=True)) == {"LRE": "lone_pulse", "TST": ""}
@@ -224,6 +233,12 @@ def test_on_a_bench_the_trial_or_case_is_the_label(attributes, label):
     assert codes(found) == [""] * 2
     assert [c.elapsed_s for c in found] == [2.0, 3.0]
     assert {c.record.measured_pct for c in found} == {None}
+
+
+@pytest.mark.parametrize("attributes", [{"trial": "all"}, {"session": "all"}, {"names": "all"}])
+def test_no_case_has_the_name_of_all_of_them(attributes):
+    with pytest.raises(DataError, match=r'walk\.csv: .* is called "all".* another name'):
+        assigned(walk([2.0, 3.0], strikes=False, **attributes), walking=False)
 
 
 def test_walking_without_strikes_and_without_names_says_so():

@@ -87,6 +87,23 @@ def test_a_gain_of_the_torque_is_that_of_the_constant_and_not_of_friction():
     assert torque == pytest.approx(0.9 * np.cos(3.0 * time) / 0.8 - 0.4 * 1.5)
 
 
+def test_a_gain_of_the_torque_is_not_that_of_the_rotors_inertia():
+    time = np.arange(2000) / 500.0
+    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, rotor_inertia=0.2)
+    channels = {
+        "angle": np.sin(5.0 * time),
+        "current": np.cos(3.0 * time),
+        "motor_velocity": np.full(time.size, 2.0),
+        "motor_acceleration": np.sin(7.0 * time),
+        "command": 0.0 * time,
+    }
+    known = CalibrationSpec(torque_gain=Calibrated(value=0.8, sd=0.0))
+    made = source(time, channels, calibration=known, torque_model=model)
+    stretch = raw_signals(made).stretches[0]
+    torque = 0.9 * np.cos(3.0 * stretch.time) / 0.8 - 0.2 * np.sin(7.0 * stretch.time)
+    assert stretch.signals[DRIVING] == pytest.approx(torque)
+
+
 def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
     known = CalibrationSpec(angle_per_torque=Calibrated(value=0.01, sd=1e-4))
     told, plain_ = (
@@ -109,6 +126,18 @@ def test_friction_of_a_torque_made_of_current_has_its_own_row():
     assert signals[FRICTION] == pytest.approx(-0.4 * np.sign(velocity))
     assert signals[DRIVING] == pytest.approx(2.7)
     assert not signals[COMMAND].any()
+
+
+def test_a_channel_of_the_users_own_called_friction_is_left_alone():
+    time = np.arange(2000) / 500.0
+    channels = {"angle": np.sin(time), "torque": np.cos(3.0 * time), "command": 0.0 * time}
+    own = {"friction": np.where(time < 2.0, 5.0, np.nan)}
+    made = source(time, channels | own)
+    stretch = raw_signals(made).stretches[0]
+
+    assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * time))
+    assert not stretch.signals[FRICTION].any()
+    np.testing.assert_array_equal(made.given.recording["friction"], own["friction"])
 
 
 @pytest.mark.parametrize("motor", ["motor_velocity", "motor_angle"])

@@ -1,9 +1,7 @@
 """Gravity of limb and device against a swinging pendulum, another table and sampled bodies."""
 
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -24,7 +22,6 @@ from jointz.identify.recommended.gravity import (
     thigh_angle,
 )
 
-DATA = Path(os.environ.get("JOINTZ_DATA", Path(__file__).parents[4] / "shared" / "data"))
 MASS_KG, HEIGHT_M = 73.0, 1.74
 GRAVITY = 9.81
 BOB = HangingMass(2.0, 0.3, 0.0, "bob")
@@ -330,9 +327,8 @@ def test_the_thigh_is_ahead_at_heel_strike_and_behind_before_push_off():
 
 
 @pytest.mark.real_data
-@pytest.mark.skipif(not DATA.is_dir(), reason="no winter_normal: set JOINTZ_DATA")
-def test_the_thigh_is_winters_hip_angle_to_a_degree():
-    table = pd.read_csv(DATA / "winter_normal" / "winter_normal_tidy.csv")
+def test_the_thigh_is_winters_hip_angle_to_a_degree(real_data):
+    table = pd.read_csv(real_data / "winter_normal" / "winter_normal_tidy.csv")
     ours = np.degrees([thigh_angle(pct) for pct in table["gait_percent"]])
 
     apart = ours - table["hip_angle_deg"]

@@ -94,6 +94,12 @@ def test_a_flat_top_below_the_command_is_saturation(torque, expected):
     assert torque_failure(dataset(torque=torque), PULSES) is expected
 
 
+def test_a_channel_of_the_users_own_called_friction_says_nothing_of_saturation():
+    torque = torque_of(17.0, 0.2).clip(max=10.0)
+    own = {"torque": torque, "friction": np.full(torque.size, 9.0)}
+    assert torque_failure(dataset(**own), PULSES) is Failure.TORQUE_SATURATED
+
+
 def test_without_an_amplitude_nothing_is_said_of_saturation():
     silent = (Pulse(1.0, 0.25, np.nan),)
     assert torque_failure(dataset(torque=torque_of(5.0, 0.0)), silent) is None

@@ -121,6 +121,21 @@ def test_without_strides_to_learn_from_every_pulse_says_so(walkers):
     assert found.n_strides == 0
 
 
+def test_posture_is_that_of_the_joint_where_another_recording_teaches(walkers, idle):
+    walker = walkers.Walker(between=1, counts={"A": 6, "B": 6})
+    source, candidates = prepared(walker, walkers.walk(walker))
+    teacher, _ = prepared(*idle)
+    signals = raw_signals(source)
+    others = [(teacher, raw_signals(teacher))]
+    predictor = UnperturbedPredictor(source, signals, window_s=WINDOW_S, others=others)
+    chosen = [c for c in candidates if c.record.timing_point == "A" and not c.record.code]
+    found = predictor.predict(chosen)
+    assert found.n_strides > 0
+    # Posture wanders by 1 degree from stride to stride.
+    usual = predicted(*idle).posture_rad
+    assert found.posture_rad == pytest.approx(usual, abs=np.radians(3.0))
+
+
 def test_predictions_are_the_same_every_time(idle):
     first, second = predicted(*idle), predicted(*idle)
     assert np.array_equal(first.responses, second.responses)

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
+from jointz.core.study import (
+    Calibrated,
+    CalibrationSpec,
+    ParticipantSpec,
+    PerturbationsSpec,
+    UserExclusion,
+)
+from jointz.identify.recommended.gravity import gravity_stiffness, hanging_masses
 from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.walking_responses import known_together, priors_of
 
@@ -203,6 +210,30 @@ def test_a_motor_of_which_only_the_velocity_is_known_leaves_no_stiffness_of_the_
         assert b.value == pytest.approx(a.value - 5.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gravity_is_that_of_the_posture_to_which_the_pulses_moved_the_joint(walkers, sign):
+    person = ParticipantSpec(id="S01", mass_kg=73.0, height_m=1.74)
+    result = walkers.analyze(walkers.Walker(signs=(sign,)), person=person)
+    masses = hanging_masses("knee", person)
+    seen = 0
+    for at, response in zip(result.evidence.cells, result.evidence.responses, strict=True):
+        estimate = cell(result, at.label)
+        stiffness = estimate.parameter("stiffness")
+        if estimate.gravity_corrected is None:
+            continue
+        moved = float(response.angle.mean())
+        assert moved > 0.02  # turned by the sign
+        gravity = gravity_stiffness(
+            masses,
+            joint="knee",
+            angle_rad=at.predicted.posture_rad + sign * moved,
+            gait_pct=estimate.centre_gait_pct,
+        )
+        assert stiffness.value - estimate.gravity_corrected.value == pytest.approx(gravity.value)
+        seen += 1
+    assert seen
+
+
 # --- what is left out -----------------------------------------------------------------------------
 
 
@@ -288,6 +319,15 @@ def test_pulses_without_torque_are_left_out(walkers, usual):
     result = walkers.analyze(walker, lamed(walkers, walker, 4, "angle", "torque"))
     assert [p.code for p in result.pulses].count("no_torque") == 10
     assert max(off(result, walker)) < 1.7
+
+
+def test_pulses_planned_without_torque_are_left_out_and_hide_no_others(walkers):
+    walker = walkers.Walker(sizes_nm=(17.0, 0.0))
+    given = walkers.walk(walker)
+    planned = given.pulse_table["amplitude_nm"].to_numpy()
+    result = walkers.analyze(walker, given)
+    assert [p.code == "no_torque" for p in result.pulses] == (planned == 0.0).tolist()
+    assert sum(c.n_used for c in result.cells["recommended"]) > 15
 
 
 def test_pulses_that_never_came_are_no_estimate(walkers, usual):
