@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 from jointz.core.errors import DataError, EngineError
 from jointz.core.provenance import software
 from jointz.workflows.engine import Engine, engine_s_own_failures
-from jointz.workflows.process_pool import cores
+from jointz.workflows.process_pool import cores, refuse_script_without_guard
 
 Result = TypeVar("Result")
 
@@ -247,8 +247,8 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     Raises
     ------
     DataError
-        When ``dask`` is not installed, nobody answers, or a worker has other software or several
-        threads.
+        When ``dask`` is not installed, nobody answers, a worker has other software or several
+        threads, or a script that starts a cluster has no guard.
     EngineError
         When processes cannot be started.
     """
@@ -262,6 +262,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     with ExitStack() as stack:
         address = scheduler
         if scheduler == LOCAL:
+            refuse_script_without_guard()
             stack.enter_context(import_module("dask").config.set(_OWN_CLUSTER))
             with engine_s_own_failures():
                 local = stack.enter_context(

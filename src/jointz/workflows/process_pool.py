@@ -3,14 +3,16 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
+from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError
@@ -89,8 +91,9 @@ def spawned_pool(
     Raises
     ------
     DataError
-        Where a system has no POSIX signals.
+        Where a system has no POSIX signals, or a script has no guard.
     """
+    refuse_script_without_guard()
     if not CAN_WAIT:
         raise DataError(
             f"{workers} processes: expected a system with POSIX signals, without which a Ctrl-C "
@@ -110,6 +113,27 @@ def spawned_pool(
         open_end.close()  # workers end: what they are at nobody waits for, the rest is done
         pool.shutdown(wait=True, cancel_futures=True)
         until.close()
+
+
+def refuse_script_without_guard() -> None:
+    """Refuse to start processes for a script that each of them would run again from its top.
+
+    Raises
+    ------
+    DataError
+        When the script that is run does not ask for its ``__name__``.
+    """
+    main = sys.modules["__main__"]
+    file = getattr(main, "__file__", None)
+    if file is None or main.__spec__ is not None:  # nothing, or a module, that is not run again
+        return
+    with suppress(OSError, UnicodeDecodeError):
+        if "__name__" not in Path(file).read_text(encoding="utf-8"):
+            raise DataError(
+                f"{file}: each worker begins by running this script, and would do it all again. "
+                'Put what it does under if __name__ == "__main__":, or leave the workers out.',
+                path=file,
+            )
 
 
 def spawn_context() -> SpawnContext:

@@ -21,6 +21,31 @@ if __name__ == "__main__":
 """
 
 
+def ran(script, text):
+    script.write_text(text)
+    return subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def test_a_script_that_every_worker_would_run_again_is_refused(tmp_path):
+    text = """
+from jointz.workflows.process_pool import process_pool
+with process_pool(2, needs="json") as pool:
+    print(pool.submit(abs, -1).result())
+"""
+    done = ran(tmp_path / "mine.py", text)
+
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("Traceback") == 1
+    assert "mine.py: each worker begins by running this script" in done.stderr
+
+    head, rest = text.split("with", 1)
+    guarded = f"{head}if __name__ == '__main__':\n  with{rest}"
+    assert ran(tmp_path / "guarded.py", guarded).stdout == "1\n"
+
+
 def test_few_things_to_do_start_no_process():
     assert workers_for(3) == 1
     assert workers_for(1000) == len(os.sched_getaffinity(0))
