@@ -10,7 +10,6 @@ near to its timing point does a pulse fire?
 from tempfile import mkdtemp
 
 import matplotlib.pyplot as plt
-import pandas as pd
 
 import jointz
 from jointz.core.protocol import Protocol
@@ -36,10 +35,10 @@ for file in sorted(done.study.glob("sessions/*/logs/*.jzlog")):
     print(log.header["condition"], len(log.records), "ticks;", log.torn_bytes, "bytes torn off")
 
 # %%
-# What the report says of the onsets, in % of the gait cycle:
+# Where the pulses fired, in % of the gait cycle, and how far the strides alone scatter them:
 
-onsets = pd.DataFrame(done.report.onsets)
-onsets.round(2)
+columns = ["timing_point", "planned_pct", "completed", "error_mean_pct", "error_sd_pct"]
+done.to_frame()[[*columns, "theory_sd_pct"]].round(2)
 
 # %%
 study = jointz.open_study(done.study)
