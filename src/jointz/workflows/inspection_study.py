@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
+from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.study import FilesSpec
 from jointz.io.toml_text import written_comment, written_key, written_text
 from jointz.workflows.inspection_findings import Given, Pulses
@@ -87,6 +87,7 @@ def study_text(proposal: Proposal) -> str:
     lines = [
         f"# Proposed by jointz inspect for {written_comment(proposal.file)}.",
         "# Lines marked 'guess' are guesses: look at each, correct it, and take the mark away.",
+        "# Lines behind '#' are off: where one applies, say what you know and take its '#' away.",
         *(
             f"# Cannot be analysed as it is: {written_comment(reason)}"
             for reason in proposal.obstacles
@@ -143,6 +144,8 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     direction = looked.words.direction
     if name in ("angle", "torque") and direction and direction != _positive(proposal).value:
         lines.append(_line("positive", Guess(direction, "its name says it")))
+    if name == "angle" and not direction and _sign_is_open(proposal):
+        lines.append(f"# {_line('positive', _turned(proposal))}")
     if name == "condition" and proposal.levels:
         levels = ", ".join(
             f"{written_text(level)} = {written_text(condition)}"
@@ -151,6 +154,19 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         meant = Guess(f"{{ {levels} }}", "what the levels seem to mean")
         lines.append(_line("values", meant, raw=True))
     return lines
+
+
+def _sign_is_open(proposal: Proposal) -> bool:
+    # On a bench without a command torque_acts_on was told by the angle: to turn it undoes that.
+    return proposal.kind.value == "walking" or proposal.pulses.source == "command"
+
+
+def _turned(proposal: Proposal) -> Guess:
+    looked, taken = proposal.given["angle"]
+    low, high = looked.course.low, looked.course.high
+    reach = "" if low is None or high is None else f", {low:.4g} to {high:.4g} {taken.unit},"
+    why = f"off is usual; is the angle{reach} positive this way?"
+    return Guess(OPPOSITE_DIRECTION[_positive(proposal).value], why)
 
 
 def _missing(proposal: Proposal) -> list[str]:
@@ -203,9 +219,13 @@ def _recording(proposal: Proposal) -> list[str]:
     lines.append(f"file = {written_text(proposal.file)}")
     if proposal.side.value:
         lines.append(_line("side", proposal.side))
+    else:
+        lines.append('# side = "right"  # which one?')
     needs = proposal.condition.value == "perturbed" or "condition" in proposal.given
     if needs and not proposal.pulses.source and "command" not in proposal.given:
         lines.append('# perturbations = "PULSES.csv"  # a table with onset_s: when the pulses are')
+    lines.append("# [[participants]]  # one more for each other person")
+    lines.append("# [[recordings]]  # one more for each other file, such as one without pulses")
     return lines
 
 
@@ -218,7 +238,12 @@ def _perturbations(proposal: Proposal) -> list[str]:
     if alone and proposal.kind.value == "bench":
         why = "the study has no unperturbed recording; take it out where you add one"
         lines.append(_line("baseline", Guess("pre_pulse", why)))
-    return ["", "[perturbations]", *lines] if lines else []
+    asked = []
+    if proposal.pulses.source and proposal.kind.value == "walking":
+        asked = ["# timing_points = { name = % }  # of the cycle: when were pulses meant to come?"]
+    if not lines and not asked:
+        return []
+    return ["", "[perturbations]" if lines else "# [perturbations]", *lines, *asked]
 
 
 def _files(files: FilesSpec | None) -> list[str]:

@@ -138,7 +138,17 @@ def test_there_are_whole_studies_among_the_toml_blocks():
 
 @pytest.mark.parametrize("body", blocks("python").values(), ids=blocks("python"))
 def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsys):
-    shutil.copytree(small_study.root, tmp_path / "my-study")
+    own = shutil.copytree(small_study.root, tmp_path / "my-study")
+    # The names of the listing in start.md, and no others.
+    toml = (own / "study.toml").read_text()
+    for ours, theirs in (
+        ("S01_unperturbed.csv", "S01_normal.csv"),
+        ("S01_perturbed.csv", "S01_pulses.csv"),
+    ):
+        assert f"  {theirs} " in text("docs/start.md")
+        (own / ours).rename(own / theirs)
+        toml = toml.replace(ours, theirs)
+    (own / "study.toml").write_text(toml)
     monkeypatch.chdir(tmp_path)
 
     exec(compile(body, "block", "exec"), {"__name__": "block"})

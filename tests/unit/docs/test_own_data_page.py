@@ -113,8 +113,8 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
     assert "no gaps" in looked.out
     assert "delimiter ';', decimal ',', skip_rows 6" in looked.out
     assert jointz(*proposed).code == 0
-    layout = tomllib.loads(Path("my-study/study.toml").read_text(encoding="utf-8"))["files"]
-    assert layout.items() >= tomllib.loads(whole)["files"].items()
+    text = Path("my-study/study.toml").read_text(encoding="utf-8")
+    check_proposal(text, tomllib.loads(whole))
     Path("my-study/study.toml").write_text(whole, encoding="utf-8")
 
     made = jointz(*analyse)
@@ -135,12 +135,36 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
     ]
     report = Path("results/report.html").read_text(encoding="utf-8")
     assert "What stands behind the estimates" in report
+    named = re.findall(r"^\d\. \*\*(.*?)\*\*", PAGE, re.MULTILINE)
+    assert len(named) == 4
+    assert [name for name in named if name not in report] == []
+    mean = pd.read_csv("results/population.csv").query("parameter == 'inertia'").iloc[0]
+    words = " ".join(PAGE.split())
+    assert f"mean inertia, of {mean['value']:.3f} kg·m² in {mean['timing_point']}" in words
+    assert f"its interval, {mean['ci_low']:.3f} to {mean['ci_high']:.3f}," in words
 
     Path("my-study/exclusions.csv").write_text(blocks("csv")[0], encoding="utf-8")
     Path("my-study/study.toml").write_text(with_lags(whole, later), encoding="utf-8")
 
     assert jointz(*again).code == 0
     check_second_run()
+
+
+def check_proposal(text: str, study: dict) -> None:
+    """Assert that all guesses are right, and that what is missing stands there as a comment."""
+    found = tomllib.loads(text)
+    assert found["files"].items() >= study["files"].items()
+    for key in ("joint", "kind", "positive", "torque_acts_on"):
+        assert found[key] == study[key]
+    missing = {
+        name: study["channels"][name].items() - c.items() for name, c in found["channels"].items()
+    }
+    assert {name: entries for name, entries in missing.items() if entries} == {
+        "angle": {("positive", "extension")}
+    }
+    for line in ('positive = "extension"', "timing_points", "mass_kg", 'side = "right"',
+                 "[[participants]]", "[[recordings]]", "[perturbations]"):  # fmt: skip
+        assert f"\n# {line}" in text
 
 
 def with_lags(whole: str, later: str) -> str:

@@ -393,3 +393,41 @@ def test_units_and_a_torque_that_opposes_its_command_speak_where_names_do_not(
     assert study.spec.torque_acts_on == acts_on
     assert study.spec.channels["contact"].kind == "voltage"
     assert found.channel("angle").guess == "its unit and name"
+
+
+def test_what_only_the_reader_knows_stands_there_to_be_answered(tmp_path):
+    found = inspected(tmp_path, walking())
+
+    asked = [line for line in found.toml.splitlines() if line.startswith("# ")]
+    (sign,) = [line for line in asked if line.startswith('# positive = "extension"  # guess: ')]
+    assert " to 30.0" in sign
+    for begin in ("side =", "mass_kg =", "[[participants]]", "[[recordings]]", "[perturbations]"):
+        assert [line for line in asked if line.startswith(f"# {begin}")]
+    answers = {
+        '# positive = "extension"': 'positive = "extension"',
+        "# side =": "side =",
+        "# [perturbations]": "[perturbations]",
+        "# timing_points = { name = % }": "timing_points = { swing = 70.0 }",
+    }
+    text = found.toml
+    for question, answer in answers.items():
+        assert text.count(question) == 1
+        text = text.replace(question, answer)
+    (tmp_path / "study.toml").write_text(text)
+    spec = open_study(tmp_path).spec
+    assert spec.channels["angle"].positive == "extension"
+    assert spec.recordings[0].side == "right"
+    assert spec.perturbations.timing_points == {"swing": 70.0}
+
+
+def test_what_the_file_decides_is_not_asked(tmp_path):
+    frame = walking().rename(columns={"Knee angle": "Knee flexion angle"})
+    named = inspected(tmp_path, frame, "S07_right.csv")
+    still = inspected(tmp_path, walking().assign(**{"commanded torque (Nm)": 0.0}), "S08.csv")
+    # A bench whose torque was set against the angle: to turn the angle alone would undo that.
+    bench = inspected(tmp_path, walking()[["Time (s)", "Knee angle", "Torque (Nm)"]], "bench.csv")
+
+    assert "# positive" not in named.toml
+    assert "# side" not in named.toml
+    assert "timing_points" not in still.toml
+    assert "# positive" not in bench.toml
