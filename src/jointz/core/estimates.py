@@ -175,6 +175,10 @@ class CellEstimate:
         The stiffness without what gravity adds to it, where that is known.
     budget : mapping of str to mapping
         Parameter -> source of error -> standard deviation, SI.
+    through_instruments : mapping of str to mapping
+        Parameter -> what may be measured of the instruments, ``lag`` say -> the part of the
+        error that would go were that known exactly: standard deviation, SI. It cuts across the
+        sources of the budget.
     covariance : tuple of tuple of float, or None
         (3, 3), SI: of the errors of K, B and J as they would be without bounds, calibration
         included; None where a method does not tell.
@@ -197,6 +201,7 @@ class CellEstimate:
     gravity_corrected: ParameterEstimate | None = None
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     covariance: tuple[tuple[float, ...], ...] | None = None
+    through_instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -248,7 +253,8 @@ class CellEstimate:
         data["gravity_corrected"] = (
             {name: getattr(corrected, name) for name in corrected.__slots__} if corrected else None
         )
-        data["budget"] = {name: dict(sources) for name, sources in self.budget.items()}
+        for key in ("budget", "through_instruments"):
+            data[key] = {name: dict(parts) for name, parts in getattr(self, key).items()}
         return data
 
     @classmethod

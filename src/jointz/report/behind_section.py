@@ -32,6 +32,8 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "gain": "better calibrated gains of angle and torque",
     "intrinsic": "a better measured impedance of the device",
 }
+#: What a source's share holds besides, where a measured lag would help.
+_THROUGH_LAG: Final[Mapping[str, str]] = {"noise": ", also through the lag that they leave open"}
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
 #: A second reason is named where it makes up so much of the variance.
 _WORTH_NAMING: Final = 0.2
@@ -62,55 +64,59 @@ def behind_section(analysis: StudyAnalysis) -> _Row | None:
     for cell in cells:
         rows.append(_details_row(cell) | {"first": cell.participant not in firsts})
         firsts.add(cell.participant)
-    lags = {model.participant: model.lag_sd_s for model in analysis.models}
-    undecided = [
-        row for cell in cells for row in _undecided_rows(cell, lags.get(cell.participant, 0.0))
-    ]
     return {
-        "undecided": undecided,
+        "undecided": [row for cell in cells for row in _undecided_rows(cell)],
         "models": [_model_row(model) for model in analysis.models],
         "details": rows,
         "gravity": any(c.gravity_corrected is not None for c in cells),
     }
 
 
-def _undecided_rows(cell: CellEstimate, lag_sd_s: float) -> list[_Row]:
+def _undecided_rows(cell: CellEstimate) -> list[_Row]:
     estimates = (cell.parameter(name) for name in _PARAMETERS)
-    return [_undecided_row(cell, p, lag_sd_s) for p in estimates if p and p.status == "undecided"]
+    return [_undecided_row(cell, p) for p in estimates if p and p.status == "undecided"]
 
 
-def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate, lag_sd_s: float) -> _Row:
+def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate) -> _Row:
     shares = variance_shares(cell, estimate.name)
     ordered = sorted(shares, key=lambda name: -shares[name])
     named = [n for k, n in enumerate(ordered) if k == 0 or shares[n] >= _WORTH_NAMING][:2]
     sd = float(np.linalg.norm(list(cell.budget.get(estimate.name, {}).values())))
     like = max(abs(estimate.unbounded or 0.0), sd)
-    remedies = [_REMEDIES[n] for n in named if n in _REMEDIES]
-    if "lag" not in named and _lag_leaves_open(cell, estimate, lag_sd_s) ** 2 >= (
-        _WORTH_NAMING * sd**2
-    ):
-        remedies.append(f"{_REMEDIES['lag']} (found to ± {1e3 * lag_sd_s:.1f} ms only)")
+    left = _left_by_measuring(cell, estimate, sd)
+    remedies = [
+        f"{_REMEDIES[n]}, which would leave ± {format_number(x, like=like)}"
+        for n, x in left.items()
+    ]
+    # A lag that is known tells most models apart as well.
+    said = {*left, "model"} if "lag" in left else left
+    others = [_REMEDIES[n] for n in named if n in _REMEDIES and n not in said]
+    through = _THROUGH_LAG if "lag" in left else {}
     return {
         "participant": cell.participant,
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
         "found": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
         "unit": pretty_unit(estimate.unit),
-        "why": "; ".join(f"{source_name(n)} ({100 * shares[n]:.0f} %)" for n in named),
-        "remedy": "; ".join(remedies),
+        "why": "; ".join(
+            f"{source_name(n)}{through.get(n, '')} ({100 * shares[n]:.0f} %)" for n in named
+        ),
+        "remedy": "; then ".join(["; ".join(r) for r in (remedies, others) if r]),
     }
 
 
-def _lag_leaves_open(cell: CellEstimate, estimate: ParameterEstimate, lag_sd_s: float) -> float:
-    """Return what the lag, as far as it was found, leaves open of an inertia, kg*m^2.
+def _left_by_measuring(
+    cell: CellEstimate, estimate: ParameterEstimate, sd: float
+) -> dict[str, float]:
+    """Return what is worth measuring, what helps most first, and the sd that it would leave.
 
-    A lag T reads as J + B T to first order. Noise is what leaves the lag open, so its share in
-    the budget does not say that a measured lag would help more than pulses.
+    Noise is also what leaves a lag open, so the budget does not say that a measured lag would
+    help more than pulses.
     """
-    damping = cell.parameter("damping")
-    if estimate.name != "inertia" or damping is None:
-        return 0.0
-    return abs(damping.unbounded or 0.0) * lag_sd_s
+    parts = cell.through_instruments.get(estimate.name, {})
+    worth = [n for n, part in parts.items() if part > 0.0 and part**2 >= _WORTH_NAMING * sd**2]
+    worth.sort(key=lambda name: -parts[name])
+    return {name: float(np.sqrt(max(sd**2 - parts[name] ** 2, 0.0))) for name in worth}
 
 
 def _model_row(model: ParticipantModel) -> _Row:

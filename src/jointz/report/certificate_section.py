@@ -12,6 +12,8 @@ from jointz.report.wording import (
     pretty_unit,
 )
 
+#: Where more injections than this were undecided, the rest are no fair sample of intervals.
+_MOSTLY_PCT = 50.0
 _GIVEN_NAMES = {"lag_s": "lag in s"}
 _SYMBOLS = dict(zip(PARAMETERS, "KBJ", strict=True))
 
@@ -53,14 +55,26 @@ def _sentence(certificate: Certificate) -> str:
     known = [row for row in rows if row.rmse is not None]
     if not known:
         return "In this study no injected response could be decided: expect no usable estimate."
-    sizes = ", ".join(f"{_size(row)} in {_SYMBOLS[row.parameter]}" for row in known)
-    held = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in known)
-    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
-    told = (
+    decided = [row for row in known if not _mostly_undecided(row)]
+    sizes = ", ".join(f"{_size(row)} in {_SYMBOLS[row.parameter]}" for row in decided)
+    held = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in decided)
+    told = [
         f"In this study expect errors of {sizes} (root mean square), and intervals that hold the "
         f"truth in {held} of cases."
-    )
-    return f"{told} {' and '.join(never)} cannot be decided here." if never else told
+    ]
+    told = told if decided else ["In this study expect few usable estimates."]
+    told += [
+        f"{_SYMBOLS[row.parameter]}: undecided in {row.undecided_pct:.0f} % of the injections."
+        for row in known
+        if _mostly_undecided(row)
+    ]
+    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
+    told += [f"{' and '.join(never)} cannot be decided here."] if never else []
+    return " ".join(told)
+
+
+def _mostly_undecided(row: ExpectedError) -> bool:
+    return row.undecided_pct > _MOSTLY_PCT
 
 
 def _size(row: ExpectedError) -> str:
@@ -124,6 +138,7 @@ def _cell(row: ExpectedError | None) -> dict[str, str]:
     if row.rmse is None or row.coverage is None:
         return {"rmse": DASH, "more": undecided}
     held = f"held {100 * row.coverage:.0f} %, {undecided}"
+    held = undecided if _mostly_undecided(row) else held
     if row.rmse_pct is None or row.bias_pct is None:
         return {"rmse": _si(row), "more": held}
     about = "" if row.rmse_sd_pct is None else f" ± {row.rmse_sd_pct:.1f}"

@@ -1,6 +1,7 @@
 """What happened in the recordings: strides over time, and where pulses began."""
 
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -8,9 +9,9 @@ import numpy as np
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion
 from jointz.core.events import PulseRecord, StrideRecord
+from jointz.report.prose import strides_with_pulse
 from jointz.report.style import (
     BLUE,
-    FAINT,
     GREEN,
     INK,
     MUTED,
@@ -64,6 +65,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
     conditions = list(dict.fromkeys(s.condition for s in analysis.strides))
     grid = _stride_grid(analysis.strides)
     looks = _code_looks(analysis.strides)
+    held = strides_with_pulse(analysis)
     height = 24.0 if len(grid) <= 4 else 13.0
     pitch = height + 4.0
     figure = new_figure(15.0 + pitch * len(grid) + 7.0)
@@ -78,7 +80,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
         limits = _duration_limits([s for own in by_condition.values() for s in own])
         for (left, width), condition in zip(boxes[:-1], conditions, strict=True):
             axes = place_axes(figure, left, top, width_mm=width, height_mm=height)
-            _draw_recording(axes, by_condition.get(condition, ()), analysis)
+            _draw_recording(axes, by_condition.get(condition, ()), analysis, held)
             _draw_rejected(axes, by_condition.get(condition, ()), looks, limits)
             axes.set_xlim(0.0, longest[condition])
             _duration_axis(axes, limits, labelled=condition == conditions[0], last=last)
@@ -89,7 +91,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
         axes.set_xticks([])
         axes.set_xlabel("strides" if last else "")
     place_text(figure, 1.0, 11.0, "Stride time (s)", fontsize=7.0, va="center")
-    place_legend(figure, _stride_legend(looks, analysis))
+    place_legend(figure, _stride_legend(looks, analysis, held))
     return figure
 
 
@@ -178,6 +180,7 @@ def _draw_recording(
     axes: "Axes",
     strides: Sequence[StrideRecord],
     analysis: StudyAnalysis,
+    held: AbstractSet[tuple[str, str, float]],
 ) -> None:
     if not strides:
         axes.text(0.5, 0.5, "no recording", transform=axes.transAxes, ha="center", va="center",
@@ -191,9 +194,10 @@ def _draw_recording(
     axes.plot(start, accepted, color=BLUE, linewidth=0.7, marker="." if few else "",
               markersize=2.5)  # fmt: skip
     rug = axes.get_xaxis_transform()
-    in_pulse = ticks_at(start[codes == _BY_DESIGN], 0.0, 0.09)
-    axes.plot(*in_pulse, color=FAINT, linewidth=0.5, transform=rug)
     where = (strides[0].participant, strides[0].recording)
+    holding = np.array([(*where, s) in held for s in start.tolist()], dtype=bool)
+    in_pulse = ticks_at(start[holding], 0.0, 0.09)
+    axes.plot(*in_pulse, color=MUTED, linewidth=0.6, transform=rug)
     gaps = [g.start_s for g in analysis.gaps if (g.participant, g.recording) == where]
     axes.plot(*ticks_at(np.array(gaps), 0.0, 1.0), color=VERMILION, linewidth=0.8,
               dashes=(2, 1.5), transform=rug)  # fmt: skip
@@ -241,10 +245,14 @@ def _draw_histogram(
         )  # fmt: skip
 
 
-def _stride_legend(looks: Mapping[str, tuple[str, str]], analysis: StudyAnalysis) -> "list[Line2D]":
+def _stride_legend(
+    looks: Mapping[str, tuple[str, str]],
+    analysis: StudyAnalysis,
+    held: AbstractSet[tuple[str, str, float]],
+) -> "list[Line2D]":
     handles = [legend_line("accepted", BLUE)]
-    if any(s.code == _BY_DESIGN for s in analysis.strides):
-        handles.append(legend_line("holds a pulse", FAINT, marker="|", linestyle="none"))
+    if held:
+        handles.append(legend_line("holds a pulse", MUTED, marker="|", linestyle="none"))
     handles += [
         legend_line(code.replace("_", " "), colour, marker=marker, linestyle="none")
         for code, (colour, marker) in looks.items()

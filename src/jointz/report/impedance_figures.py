@@ -1,7 +1,7 @@
 """Impedance over the gait cycle, chosen method beside the others, estimate against truth."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -179,10 +179,13 @@ def _draw_parameter(
         marks = _fan_out(found, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
         mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
-    _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
+    low, high = _fit_height(axes, [*marks, *mean_marks])
     mean_size, mean_width = 4.0 * layout.marks, 1.8 * layout.marks
+    beyond = _draw_cut_ends(axes, marks, low, high, colour=SKY, size=2.8 * layout.marks)
+    beyond += _draw_cut_ends(axes, mean_marks, low, high, colour=INK, size=mean_size)
+    marks, mean_marks = ([_within(m, low, high) for m in own] for own in (marks, mean_marks))
+    _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
     _draw_marks(axes, mean_marks, colour=INK, size=mean_size, width=mean_width, marker="D")
-    beyond = _fit_height(axes, [*marks, *mean_marks])
     axes.set_ylabel(parameter_label(parameter))
     if layout.narrow:
         _fit_to_column(axes)
@@ -331,8 +334,33 @@ def _draw_marks(
     )
 
 
-def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> int:
-    """Set the height to values and intervals; return how many intervals run beyond it."""
+def _draw_cut_ends(
+    axes: "Axes", marks: Sequence[_Mark], low: float, high: float, *, colour: str, size: float
+) -> int:
+    """Put an arrowhead where an interval is cut off; return how many are."""
+    above = [m.x for m in marks if m.high is not None and _beyond(m.high, low, high)]
+    below = [m.x for m in marks if m.low is not None and _beyond(m.low, low, high)]
+    heads = [(above, high, "^")] * bool(above) + [(below, low, "v")] * bool(below)
+    for x, at, marker in heads:
+        axes.plot(
+            x, [at] * len(x), linestyle="none", marker=marker, markersize=size, color=colour,
+            markeredgewidth=0.0, zorder=4,
+        )  # fmt: skip
+    return len(above) + len(below)
+
+
+def _beyond(end: float, low: float, high: float) -> bool:
+    return end > high + 1e-12 or end < low - 1e-12
+
+
+def _within(mark: _Mark, low: float, high: float) -> _Mark:
+    """Return a mark whose interval ends where the axis does: above stand the phases' names."""
+    ends = [None if e is None else min(max(e, low), high) for e in (mark.low, mark.high)]
+    return replace(mark, low=ends[0], high=ends[1])
+
+
+def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> tuple[float, float]:
+    """Set the height to values and intervals; return between where intervals are drawn."""
     values = np.array([m.value for m in marks] + [m.high for m in marks if m.at_bound and m.high])
     ends = np.array([e for m in marks for e in (m.low, m.high) if e is not None] or [0.0])
     # Where no value is told from zero, as damping of a spring, intervals set the scale.
@@ -345,7 +373,7 @@ def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> int:
     axes.set_ylim(bottom - (0.04 * span if bottom < 0 else 0.0), top + 0.14 * span)
     if bottom < 0:
         axes.axhline(0.0, color=FAINT, linewidth=0.6, zorder=1)
-    return int((ends > top + 1e-12).sum() + (ends < bottom - 1e-12).sum())
+    return float(bottom), float(top)
 
 
 def _note(found: Sequence[tuple[CellEstimate, ParameterEstimate]], drawn: int, beyond: int) -> str:

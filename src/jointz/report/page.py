@@ -42,8 +42,8 @@ from jointz.report.wording import (
     format_estimate,
     format_integer,
     format_interval,
-    format_number,
     format_signed,
+    format_spread,
     format_vaf,
     parameter_name,
     point_name,
@@ -239,8 +239,9 @@ def _mean_cell(mean: PopulationEstimate | None) -> _Row:
         return {"text": "", "note": ""}
     if mean.value is None:
         return {"text": DASH, "note": status_meaning(mean.status)}
-    sd = f"SD {format_number(mean.sd, like=mean.value)}, " if mean.sd is not None else ""
-    text = format_interval(mean.value, mean.ci_low, mean.ci_high)
+    shown = (mean.value, mean.ci_low, mean.ci_high)
+    sd = f"SD {format_spread(mean.sd, *shown)}, " if mean.sd is not None else ""
+    text = format_interval(*shown)
     return {"text": text, "note": f"{sd}n {mean.n_participants}"}
 
 

@@ -1,11 +1,14 @@
 """Sentences of the report: summary and captions."""
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, Final
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.core.codes import Exclusion
+from jointz.core.events import StrideRecord
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.pooled_estimates import POOLED_METHOD
 from jointz.report.subjects import subjects
@@ -126,7 +129,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         "impedance_over_gait": (
             f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points "
             f"with bars: estimates of each {words.one} with their intervals ({made})."
-            f"{_other_marks(analysis)} {axis} n: {people}"
+            f"{_other_marks(analysis)} {axis}{_not_drawn(analysis)} n: {people}"
             f", {pulses}."
         ),
         "responses": (
@@ -142,13 +145,14 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
             f"pulses that it cannot use. Points: means over the {words.many} whose estimate "
             f"stands; bars: Student's interval over {words.many}, or the {words.one}'s own "
             "interval where there is one only. An estimate at its bound counts with the value of "
-            f"the bound. n: {people}."
+            f"the bound.{_plain_means(analysis)} n: {people}."
         ),
         "budget": (
             "Error budget: share of each source in the variance of the estimates, mean over "
             f"{words.many}, undecided estimates included. Above the bars: standard deviation, % of "
             "the estimate (median). Strides that differ: what the prediction of the unperturbed "
-            "motion misses, made smaller by more pulses; prior knowledge: what the data leave to "
+            "motion misses, also through what that leaves open of the lag, made smaller by more "
+            "pulses or a measured lag; prior knowledge: what the data leave to "
             f"assumptions made before. n: {people}."
         ),
         "onset_accuracy": (
@@ -159,8 +163,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
         ),
         "strides": (
             "Stride times in each recording (line) and histogram of the accepted strides with "
-            "mean ± SD. Marks: strides left out, by code; those beyond the axis stand at its edge. "
-            "Grey strokes: strides that hold a pulse, and are therefore not used as unperturbed. "
+            f"mean ± SD.{_stride_marks(analysis)} "
             f"n: {format_count(len(analysis.strides), 'stride')}."
         ),
         "truth": (
@@ -168,6 +171,66 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
             "open: it does not. Line: equality."
         ),
     }
+
+
+def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
+    """Return the strides in which a pulse begins, or that were left out for holding one.
+
+    Parameters
+    ----------
+    analysis : StudyAnalysis
+        The analysis.
+
+    Returns
+    -------
+    set of (str, str, float)
+        Participant, recording and start of each, s.
+    """
+    onsets: dict[tuple[str, str], list[float]] = {}
+    for pulse in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s):
+        onsets.setdefault((pulse.participant, pulse.recording), []).append(pulse.onset_s)
+    return {
+        (s.participant, s.recording, s.start_s)
+        for s in analysis.strides
+        if s.code == Exclusion.PULSE_IN_STRIDE.value
+        or _begins_inside(onsets.get((s.participant, s.recording), ()), s)
+    }
+
+
+def _begins_inside(onsets_s: Sequence[float], stride: StrideRecord) -> bool:
+    following = bisect_left(onsets_s, stride.start_s)
+    end_s = stride.start_s + stride.duration_s
+    return following < len(onsets_s) and onsets_s[following] < end_s
+
+
+def _stride_marks(analysis: StudyAnalysis) -> str:
+    """Explain the marks that are there."""
+    text = ""
+    if any(s.code not in ("", Exclusion.PULSE_IN_STRIDE.value) for s in analysis.strides):
+        text += " Marks: strides left out, by code; those beyond the axis stand at its edge."
+    if strides_with_pulse(analysis):
+        text += " Grey strokes: strides that hold a pulse; they are not used as unperturbed."
+    return text
+
+
+def _plain_means(analysis: StudyAnalysis) -> str:
+    if not any(m.method == POOLED_METHOD for m in analysis.population):
+        return ""
+    return (
+        " So all methods have means of one kind. Those of the other figures and tables, in which "
+        "each estimate counts by its own uncertainty, undecided ones too, differ from them."
+    )
+
+
+def _not_drawn(analysis: StudyAnalysis) -> str:
+    """Say of which quantities no estimate stands: they have no panel."""
+    held = {p.name: False for c in analysis.cells for p in c.parameters}
+    held |= {p.name: True for c in analysis.cells for p in c.parameters if p.stands}
+    names = [parameter_name(n).lower() for n in ("stiffness", "damping", "inertia")
+             if held.get(n) is False]  # fmt: skip
+    if not names:
+        return ""
+    return f" Not drawn: {' and '.join(names)}: no estimate stands."
 
 
 def fitted_signals(analysis: StudyAnalysis) -> str:

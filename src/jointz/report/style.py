@@ -241,10 +241,10 @@ def shade_phases(axes: "Axes", *, names: bool) -> None:
         zorder=0,
     )
     for name, (start, end) in PHASES.items() if names else ():
-        # The first phase is 2 % wide: its name stands left of its band.
+        # The first phase is 2 % wide: its name ends where its band ends, to leave the next room.
         narrow = end - start < 5.0
         axes.text(
-            start - 0.6 if narrow else 0.5 * (start + end),
+            end + 0.4 if narrow else 0.5 * (start + end),
             0.985,
             name,
             transform=axes.get_xaxis_transform(),

@@ -29,6 +29,7 @@ from jointz.report.wording import (
     format_integer,
     format_interval,
     format_number,
+    format_spread,
     format_vaf,
     method_name,
     parameter_label,
@@ -208,7 +209,7 @@ def _mean_row(mean: PopulationEstimate) -> tuple[str, ...]:
         pretty_unit(mean.unit),
         point_name(mean.timing_point),
         NO_VALUE if mean.value is None else text,
-        "" if mean.sd is None else format_number(mean.sd, like=mean.value),
+        "" if mean.sd is None else format_spread(mean.sd, mean.value, mean.ci_low, mean.ci_high),
         format_integer(mean.n_participants),
         "" if mean.status == "ok" else status_meaning(mean.status),
     )

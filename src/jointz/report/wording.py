@@ -32,6 +32,9 @@ _METHOD_NAMES: Final[Mapping[str, str]] = {
 # Below this nothing in SI that a joint has is a quantity; it is rounding, such as 2e-14.
 _NEGLIGIBLE = 1e-9
 _SMALLEST_PLAIN = 1e-4
+_DIGITS = 3
+#: An end that is so small beside the others is as good as zero.
+_MOST_DIGITS = 6
 _ALMOST_ALL_PCT = 99.9
 #: A group by a channel, as its edges name it.
 _NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
@@ -39,7 +42,7 @@ _EDGES: Final = re.compile(rf"({_NUMBER})\.\.({_NUMBER})( .*)?")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def format_number(value: float | None, *, like: float | None = None, digits: int = 3) -> str:
+def format_number(value: float | None, *, like: float | None = None, digits: int = _DIGITS) -> str:
     """Write a number with sensible significant digits and no exponent notation.
 
     Parameters
@@ -129,12 +132,50 @@ def format_interval(value: float | None, low: float | None, high: float | None) 
     '3.02 [2.81, 3.24]'
     >>> format_interval(3.0214, None, None)
     '3.02'
+    >>> format_interval(0.05121, 0.001102, 2.343)
+    '0.051 [0.001, 2.343]'
     """
     if value is None or low is None or high is None:
         return format_number(value)
-    like = max(abs(value), abs(low), abs(high))
-    ends = f"[{format_number(low, like=like)}, {format_number(high, like=like)}]"
-    return f"{format_number(value, like=like)} {ends}"
+    like, digits = _extent(value, low, high)
+    texts = [format_number(x, like=like, digits=digits) for x in (value, low, high)]
+    return f"{texts[0]} [{texts[1]}, {texts[2]}]"
+
+
+def format_spread(
+    sd: float | None, value: float | None, low: float | None, high: float | None
+) -> str:
+    """Write an SD with the decimals of the value and the interval that it stands beside.
+
+    Parameters
+    ----------
+    sd : float or None
+        Keeps two digits even where they have fewer decimals.
+    value, low, high : float or None
+        As :func:`format_interval` takes them.
+
+    Examples
+    --------
+    >>> format_spread(0.0301, 0.05121, 0.001102, 2.343), format_spread(0.62, 34.2, -66.0, 133.0)
+    ('0.030', '0.62')
+    """
+    if not sd or value is None or low is None or high is None:
+        return format_number(sd, like=value)
+    like, digits = _extent(value, low, high)
+    return format_number(sd, like=like, digits=max(digits, _places_between(like, sd) + 2))
+
+
+def _extent(*numbers: float) -> tuple[float, int]:
+    """Return the largest of numbers, and the digits of it by which none but zero is shown as 0."""
+    sizes = [abs(x) for x in numbers]
+    told = [x for x in sizes if x >= _NEGLIGIBLE]
+    like = max(sizes)
+    needed = _places_between(like, min(told)) + 1 if told else 0
+    return like, needed if _DIGITS < needed <= _MOST_DIGITS else _DIGITS
+
+
+def _places_between(large: float, small: float) -> int:
+    return math.floor(math.log10(large)) - math.floor(math.log10(small))
 
 
 def format_estimate(estimate: ParameterEstimate) -> str:

@@ -12,9 +12,10 @@ import pytest
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.events import PulseRecord
+from jointz.core.pooled_estimates import POOLED_METHOD
 from jointz.report import figures
 from jointz.report.budget_figure import _LOOKS, _OTHERS, draw_budget, mean_shares
-from jointz.report.event_figures import draw_onset_accuracy
+from jointz.report.event_figures import draw_onset_accuracy, draw_strides
 from jointz.report.figures import FIGURES, draw_figure, draw_figures, draw_picture, to_picture
 from jointz.report.impedance_figures import (
     draw_impedance_column,
@@ -22,6 +23,7 @@ from jointz.report.impedance_figures import (
     timing_points,
 )
 from jointz.report.method_figures import _method_looks, draw_methods, draw_truth, truth_figure
+from jointz.report.prose import captions
 from jointz.report.response_figures import draw_responses
 from jointz.report.style import figure_style, new_figure, to_svg
 
@@ -425,3 +427,53 @@ def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):
         figure = draw_impedance_over_gait(replace(bench, cells=cells))
     told = [t.get_text() for axes in figure.axes for t in axes.texts]
     assert not any("cut off" in text for text in told)
+
+
+def test_strides_that_hold_a_pulse_are_stroked_in_any_recording(walking):
+    stride = next(s for s in walking.strides if s.condition == "perturbed" and not s.code)
+    pulse = replace(walking.pulses[0], participant=stride.participant, recording=stride.recording,
+                    onset_s=stride.start_s + 0.3)  # fmt: skip
+    plain = replace(walking, strides=(stride,), pulses=(), gaps=())
+    for analysis, strokes in ((plain, 0), (replace(plain, pulses=(pulse,)), 1)):
+        with figure_style():
+            figure = draw_strides(analysis)
+        legend = [t.get_text() for t in figure.legends[0].texts]
+        assert ("holds a pulse" in legend) is bool(strokes)
+        rug = figure.axes[0].lines[1].get_xdata()
+        assert np.isfinite(rug).sum() == 2 * strokes
+        caption = captions(analysis)["strides"]
+        assert ("Grey strokes" in caption) is bool(strokes)
+        assert "Marks" not in caption
+    left_out = replace(plain, strides=(stride, replace(stride, code="missing_strike")))
+    assert "Marks: strides left out" in captions(left_out)["strides"]
+
+
+def test_a_cut_interval_ends_below_the_names_of_the_phases_in_an_arrowhead(walking):
+    one = only_group(walking, "S01", "LRE")
+    cell = one.cells[0]
+    long = tuple(replace(p, ci_high=10.0 * p.value) if p.value else p for p in cell.parameters)
+    with figure_style():
+        figure = draw_impedance_over_gait(replace(one, cells=(replace(cell, parameters=long),)))
+    axes = panel(figure, "Stiffness per body mass")
+    bars = [c for c in axes.collections if isinstance(c, matplotlib.collections.LineCollection)]
+    (bar,) = bars[0].get_segments()
+    low, high = axes.get_ylim()
+    assert bar[:, 1].max() < low + 0.9 * (high - low)
+    (head,) = [line for line in axes.lines if line.get_marker() == "^"]
+    assert head.get_ydata() == pytest.approx([bar[:, 1].max()])
+
+
+def test_a_caption_says_what_has_no_panel_and_why_means_differ(recommended):
+    drawn = captions(recommended)
+    assert "Not drawn" not in drawn["impedance_over_gait"]
+    cells = tuple(
+        replace(c, parameters=tuple(
+            replace(p, value=None, ci_low=None, ci_high=None, status="undecided")
+            if p.name == "inertia" else p for p in c.parameters))
+        for c in recommended.cells
+    )  # fmt: skip
+    without = captions(replace(recommended, cells=cells))
+    assert "Not drawn: inertia: no estimate stands." in without["impedance_over_gait"]
+    pooled = tuple(replace(m, method=POOLED_METHOD) for m in recommended.population)
+    told = "each estimate counts by its own uncertainty, undecided ones too"
+    assert told in captions(replace(recommended, population=pooled))["methods"]

@@ -168,6 +168,13 @@ def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
     assert "The first 12 of" in words(page)
 
 
+def test_the_only_one_left_out_is_no_first_of_one(walking):
+    one = next(p for p in walking.pulses if p.code)
+    strides = tuple(replace(s, code="") for s in walking.strides)
+    few = replace(walking, pulses=(one,), strides=strides)
+    assert "The only one; the same in excluded.csv" in words(Page(render_report(few, {}, title="")))
+
+
 def test_the_methods_come_from_the_settings(walking):
     cells = tuple(replace(c, method="matched_strides") for c in walking.cells)
     text = methods_text(replace(walking, cells=cells))

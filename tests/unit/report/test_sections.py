@@ -121,23 +121,24 @@ def test_what_is_undecided_names_its_largest_source_and_what_would_decide_it(rec
     assert "±" in row["found"]
 
 
-@pytest.mark.parametrize(("lag_sd_s", "told"), [(0.006, True), (0.0005, False)])
-def test_an_inertia_that_a_measured_lag_would_decide_says_so(recommended, lag_sd_s, told):
+@pytest.mark.parametrize(("part", "told"), [(0.8, True), (0.1, False)])
+def test_what_a_measured_lag_would_decide_says_so_before_pulses(recommended, part, told):
     cell = recommended.cells[0]
-    damping = cell.parameter("damping").unbounded
-    sd = 0.006 * damping  # as much as 6 ms of lag
     open_ = replace(
         cell.parameter("inertia"), value=None, ci_low=None, ci_high=None, status="undecided"
     )
     changed = replace(
         cell,
         parameters=tuple(open_ if p.name == "inertia" else p for p in cell.parameters),
-        budget={**cell.budget, "inertia": {"noise": sd, "lag": 0.1 * sd}},
+        budget={**cell.budget, "inertia": {"noise": 0.01}},
+        through_instruments={"inertia": {"lag": 0.01 * part, "friction": 0.0}},
     )
-    model = replace(recommended.models[0], lag_sd_s=lag_sd_s)
-    (row,) = behind_section(replace(recommended, cells=(changed,), models=(model,)))["undecided"]
+    (row,) = behind_section(replace(recommended, cells=(changed,)))["undecided"]
     assert row["why"].startswith("strides that differ")
-    assert ("(found to ± 6.0 ms only)" in row["remedy"]) is told
+    assert ("also through the lag" in row["why"]) is told
+    assert row["remedy"].startswith("a measured lag") is told
+    assert ("which would leave ± 0.0060; then more or larger pulses" in row["remedy"]) is told
+    assert "more or larger pulses" in row["remedy"]
 
 
 def test_details_hold_window_motion_gravity_and_unbounded_values(recommended):
@@ -235,6 +236,21 @@ def test_a_certificate_that_decides_nothing_says_so(certificate):
     empty = replace(certificate, errors=expected_errors(rows))
     assert "expect no usable estimate" in certificate_section(empty)["sentence"]
     assert certificate_section(None) is None
+
+
+def test_a_parameter_that_is_seldom_decided_has_no_coverage(certificate):
+    rows = [
+        replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
+        if e.parameter == "inertia" and not (e.participant == "S01" and e.timing_point == "LRE")
+        else e
+        for e in certificate.estimates
+    ]
+    section = certificate_section(replace(certificate, errors=expected_errors(rows)))
+    assert section["sentence"] == (
+        "In this study expect errors of 10 % in K, 10 % in B (root mean square), and intervals "
+        "that hold the truth in 100 %, 100 % of cases. J: undecided in 75 % of the injections."
+    )
+    assert "held" not in section["rows"][0]["cells"][2]["more"]
 
 
 def test_a_parameter_that_is_never_decided_is_named(certificate):

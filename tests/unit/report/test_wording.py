@@ -9,6 +9,7 @@ from jointz.report.wording import (
     format_interval,
     format_number,
     format_signed,
+    format_spread,
     pretty_unit,
     status_meaning,
 )
@@ -31,6 +32,13 @@ def test_a_number_has_three_digits_and_no_exponent(value, text):
 def test_a_value_and_its_interval_share_their_decimals():
     assert format_interval(3.02, 2.8, 3.244) == "3.02 [2.80, 3.24]"
     assert format_interval(9.99, 1.0, 123.0) == "10 [1, 123]"
+
+
+def test_no_end_but_zero_is_shown_as_zero():
+    assert format_interval(0.05121, 0.001102, 2.343) == "0.051 [0.001, 2.343]"
+    assert format_interval(0.8, 0.0, 2.343) == "0.80 [0.00, 2.34]"
+    assert format_spread(0.0301, 0.05121, 0.001102, 2.343) == "0.030"
+    assert format_spread(0.62, 34.2, None, None) == "0.6"
 
 
 def test_negative_zero_is_zero():

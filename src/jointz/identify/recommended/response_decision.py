@@ -10,6 +10,7 @@ from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.recommended.instrument_knowledge import removed_variances
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior, Moments
 from jointz.kernels.bounded_normal import bounded_interval
@@ -133,6 +134,32 @@ def error_budget(
             "intrinsic": 0.0 if entry is None else entry.sd,
         }
     return budget
+
+
+def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, float]]:
+    """Return the part of each error that measuring the instruments would take away: sd, SI.
+
+    Parameters
+    ----------
+    i : int
+        Which timing point.
+    posterior : JointPosterior
+        Of the participant.
+
+    Returns
+    -------
+    dict
+        K, B and J -> what would be known exactly, by itself -> standard deviation.
+    """
+    sizes = (1.0, 1.0, _moments(i, posterior)[2].mean)  # the posterior's is of the logarithm of J
+    picks = posterior.impedance_picks(i)
+    return {
+        name: {
+            known: size * float(np.sqrt(variance))
+            for known, variance in removed_variances(posterior, row).items()
+        }
+        for name, size, row in zip(PARAMETERS, sizes, picks, strict=True)
+    }
 
 
 def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> np.ndarray:

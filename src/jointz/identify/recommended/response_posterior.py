@@ -144,6 +144,20 @@ class JointPosterior:
         n = self.best.values.size
         return self._linear([PER_POINT * i + J_DEVIATION, n - SHARED + LOG_J])
 
+    def impedance_picks(self, i: int) -> np.ndarray:
+        """Return what K, B and the logarithm of J of a timing point are sums of, (3, p) of 0, 1.
+
+        Parameters
+        ----------
+        i : int
+            Which.
+        """
+        n = self.best.values.size
+        picks = np.zeros((3, n))
+        picks[0, PER_POINT * i + K] = picks[1, PER_POINT * i + B] = 1.0
+        picks[2, [PER_POINT * i + J_DEVIATION, n - SHARED + LOG_J]] = 1.0
+        return picks
+
     def impedance_covariance(self, i: int) -> np.ndarray:
         """Return how the errors of K, B and the logarithm of J of a timing point go together.
 
@@ -158,10 +172,7 @@ class JointPosterior:
             Its diagonal is the variances of :meth:`stiffness`, :meth:`damping` and
             :meth:`log_inertia`.
         """
-        n = self.best.values.size
-        picks = np.zeros((3, n))
-        picks[0, PER_POINT * i + K] = picks[1, PER_POINT * i + B] = 1.0
-        picks[2, [PER_POINT * i + J_DEVIATION, n - SHARED + LOG_J]] = 1.0
+        picks = self.impedance_picks(i)
         means = np.array([picks @ p.values for p in self.posteriors])
         within = np.array([picks @ p.covariance @ picks.T for p in self.posteriors])
         off = means - self.weights @ means

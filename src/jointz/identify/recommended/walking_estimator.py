@@ -46,6 +46,7 @@ from jointz.identify.recommended.response_decision import (
     decided_parameters,
     error_budget,
     error_covariance,
+    instrument_shares,
 )
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import CellResponse
@@ -372,6 +373,7 @@ class WalkingEstimator:
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], response, centre),
             budget=error_budget(i, posterior, decision),
+            through_instruments=instrument_shares(i, posterior),
             covariance=_plain(error_covariance(i, posterior, decision)),
         )
 

@@ -499,3 +499,28 @@ def test_intervals_hold_the_truth_as_often_as_they_say(walkers, changes):
     low, _ = binom.interval(0.95, n, 0.95)
     assert inside / decided >= low / n
     assert zero == 0
+
+
+# --- what measuring would help --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_what_knowing_the_lag_would_leave_is_what_it_leaves(walkers, seed):
+    few = {"counts": {"A": 10, "B": 10}, "seed": seed}
+    unknown, known = (
+        walkers.analyze(walkers.Walker(known_lag_sd_s=sd_s, **few)) for sd_s in (None, 1e-5)
+    )
+    for point in few["counts"]:
+        before, after = cell(unknown, point), cell(known, point)
+        for name in ("stiffness", "damping", "inertia"):
+            variance = sum(sd**2 for sd in before.budget[name].values())
+            left = np.sqrt(variance - before.through_instruments[name]["lag"] ** 2)
+            sd = np.linalg.norm(list(after.budget[name].values()))
+            # In % of the value, which moves as well.
+            relative = left / before.parameter(name).unbounded
+            assert relative == pytest.approx(sd / after.parameter(name).unbounded, rel=0.45)
+            assert after.through_instruments[name]["lag"] < 0.1 * sd
+        inertia = before.budget["inertia"]
+        # The budget alone does not tell: most of what the lag leaves open is counted as noise.
+        through = before.through_instruments["inertia"]["lag"]
+        assert through > max(inertia["lag"], 0.7 * np.linalg.norm(list(inertia.values())))
