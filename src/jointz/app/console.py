@@ -5,8 +5,10 @@ box in memory: it cannot hold up the loop, and the loop goes on without it.
 """
 
 import asyncio
+import signal
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,8 +38,10 @@ def open_console(
     host: str,
     port: int,
     announce: Callable[[str], None],
-) -> None:
-    """Start a session, or find the one that runs, and serve its page.
+) -> str:
+    """Start a session, or find the one that runs, and serve its page until it is told to end.
+
+    A session that nobody has started by then ends with its page.
 
     Parameters
     ----------
@@ -51,6 +55,11 @@ def open_console(
         Where to listen.
     announce : callable
         Told the page's address.
+
+    Returns
+    -------
+    str
+        What became of the session when the page was closed.
 
     Raises
     ------
@@ -87,16 +96,25 @@ def open_console(
         announce(address)
 
     try:
-        serve(
-            build_page,
-            title=f"jointz console - {study.name}",
-            host=host,
-            port=port,
-            routes=lambda app: add_routes(app, feed, desk),
-            announce=ready,
-        )
+        with suppress(KeyboardInterrupt):  # by uvicorn's version it comes out of there, or not
+            serve(
+                build_page,
+                title=f"jointz console - {study.name}",
+                host=host,
+                port=port,
+                routes=lambda app: add_routes(app, feed, desk),
+                announce=ready,
+            )
+        return _left(desk)
     finally:
         process.close()
+
+
+def _left(desk: Desk) -> str:
+    """Say what becomes of the session, undisturbed: the process ends next in any case."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return desk.leave()
 
 
 def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:

@@ -1,5 +1,6 @@
 """What an operator may ask for: every word of it checked before it reaches a session."""
 
+import shlex
 import threading
 import time
 from collections.abc import Callable
@@ -11,13 +12,17 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from jointz.app.session_process import SessionProcess
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import LONGEST_TEXT_BYTES, ControlSender, Order
-from jointz.experiment.session_files import CONTROL_FILE
+from jointz.experiment.journal import read_journal
+from jointz.experiment.session_files import CONTROL_FILE, JOURNAL_FILE
 from jointz.workflows.live_session import LiveSession, control_files
 from jointz.workflows.run_settings import SESSIONS
 
-#: States of a session that ended before its end.
+#: States of a session that ended before its end, and of one whose loop looks for the page.
 BROKEN_OFF = frozenset({"stopped", "tripped", "failed"})
+_MOVING = frozenset({"running", "paused"})
 _BEAT_S = 0.2
+#: A session that is still being loaded, or closes its devices, is waited for.
+_PATIENCE_S, _LOOK_S = 30.0, 0.05
 
 
 class _Asked(BaseModel):
@@ -109,6 +114,49 @@ class Desk:
             sender.close()
             asked += 1
         return asked
+
+    def leave(self) -> str:
+        """End the session that this page began where nobody has started it; the page closes.
+
+        Returns
+        -------
+        str
+            What became of the session.
+        """
+        if self._process.is_own and self._ended_unstarted():
+            return (
+                "The page is closed, and with it its session, which nobody had started. Nothing "
+                "was recorded; the same arguments with --resume begin it."
+            )
+        number = self._process.number
+        if number is None:
+            return "The page is closed. No session runs."
+        told = self._look()
+        again = f"jointz console --out {shlex.quote(str(self._study))} shows it again."
+        if told.get("without_console") == "stop" and told["state"] in _MOVING:
+            return (
+                f"The page is closed. The session (process {number}) stops without it, as its "
+                f"protocol says; {again}"
+            )
+        return f"The page is closed. The session goes on (process {number}); {again}"
+
+    def _ended_unstarted(self) -> bool:
+        """Stop a session that waits for its first start; one that is loaded still comes to that."""
+        until = time.monotonic() + _PATIENCE_S
+        while self._process.is_own:
+            if self._was_started() or time.monotonic() > until:
+                return False
+            self.stop()
+            time.sleep(_LOOK_S)
+        return not self._was_started()
+
+    def _was_started(self) -> bool:
+        """Tell whether anybody ever pressed start; what cannot be read may have been."""
+        journals = (self._study / SESSIONS).glob(f"*/{JOURNAL_FILE}")
+        try:
+            return any(e["event"] == "started" for path in journals for e in read_journal(path))
+        except (OSError, DataError):
+            return True
 
     def ask(self, message: bytes) -> None:
         """Check a command and pass it on.

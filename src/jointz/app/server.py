@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Callable
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from jointz.app.security import Access, Guard
@@ -74,6 +75,11 @@ def serve(
             await super().startup(sockets=sockets)
             if self.started:
                 announce(_address(host, port, access.token))
+
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            # Once: at a second Ctrl-C uvicorn leaves its tasks to be torn down, with a traceback.
+            if not self.should_exit:
+                super().handle_exit(sig, frame)
 
     with listening:
         Server(config).run(sockets=[listening])

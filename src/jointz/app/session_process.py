@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointz.core.errors import DataError
-from jointz.workflows.live_session import is_held
+from jointz.workflows.live_session import holder_of, is_held
 
 #: Of what the child says; the end of it is what counts.
 _LONGEST_WORDS = 2000
@@ -39,11 +39,21 @@ class SessionProcess:
         """Whether it is known how to start the session."""
         return bool(self._arguments)
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the session's process lives and was started here."""
+        return self._child is not None and self._child.poll() is None
+
+    @property
+    def number(self) -> int | None:
+        """The number of the session's process, whoever started it; None where none lives."""
+        if self._child is not None and self._child.poll() is None:
+            return self._child.pid
+        return holder_of(self._study)
+
     def alive(self) -> bool:
         """Tell whether the session's process lives, whoever started it."""
-        if self._child is not None and self._child.poll() is None:
-            return True
-        return is_held(self._study)
+        return self.is_own or is_held(self._study)
 
     def start(self, *, resume: bool) -> None:
         """Start the session, or go on with it.

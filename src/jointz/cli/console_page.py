@@ -1,11 +1,12 @@
 """``jointz console``: the page of whoever stands beside the treadmill."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from jointz.cli.console import emit, emit_json
+from jointz.cli.console import EXIT_STOPPED, emit, emit_json
 from jointz.cli.options import Debug, Json, Quiet
 from jointz.cli.run import (
     CalibrationOption,
@@ -54,7 +55,8 @@ def console(
     """Run an experiment from a page: see what the device does, start, pause and stop it.
 
     The session runs in a process of its own and goes on without the page, or stops, as the
-    protocol says. The emergency stop in the wearer's hand is no part of this. On Linux only.
+    protocol says; one that nobody has started ends with it. Ctrl-C closes the page. The
+    emergency stop in the wearer's hand is no part of this. On Linux only.
     Needs the extra: pip install "jointz[app]".
 
     Example: jointz console walking --out study --participants 2 --seed 1
@@ -68,7 +70,7 @@ def console(
         elif not quiet:
             emit(f"Console: {address}")
 
-    open_console(
+    left = open_console(
         out,
         _arguments(
             protocol,
@@ -85,6 +87,10 @@ def console(
         port=port,
         announce=announce,
     )
+    if as_json:
+        emit_json({"status": "error", "error": "KeyboardInterrupt", "message": left})
+    sys.stderr.write(f"jointz: {left}\n")
+    sys.exit(EXIT_STOPPED)  # not by typer: it has words of its own for Ctrl-C
 
 
 def _arguments(

@@ -17,6 +17,7 @@ from jointz.cli.console import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,
     EXIT_NOTHING_STANDS,
+    EXIT_STOPPED,
     emit,
     emit_json,
 )
@@ -39,7 +40,6 @@ from jointz.core.errors import (
     WriteError,
 )
 
-_EXIT_STOPPED = 130
 _EXIT_BUG = 70
 
 #: Wrong options; typer gives it no name of its own.
@@ -107,7 +107,7 @@ def run() -> None:
         _report(type(exc).__name__, _with_notes(exc, str(exc)))
         sys.exit(_exit_of(exc))
     except (typer.Abort, KeyboardInterrupt):
-        status = _EXIT_STOPPED
+        status = EXIT_STOPPED
     except MemoryError as exc:
         what = _with_notes(exc, f"this machine has too little memory for it ({exc})")
         _report("MemoryError", f"{what} Use fewer --workers, or a larger one.")
@@ -116,7 +116,7 @@ def run() -> None:
         what = _with_notes(exc, f"{type(exc).__name__}: {exc}")
         _report("Bug", f"{what} This is a bug in jointz; --debug shows where.")
         sys.exit(_EXIT_BUG)
-    if status == _EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
+    if status == EXIT_STOPPED:  # typer makes it of Ctrl-C, or raises, by its version
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not change the status
         _report("KeyboardInterrupt", f"Stopped. {_left_behind()}")
     sys.exit(status)
@@ -158,6 +158,8 @@ def _report(kind: str, message: str) -> None:
 def _left_behind() -> str:
     if sys.argv[1:2] == ["run"]:
         return STILL_THERE
+    if sys.argv[1:2] == ["console"]:
+        return "The page was not open yet, and no session was begun."
     return "Nothing half-written was left behind."
 
 

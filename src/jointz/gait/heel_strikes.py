@@ -35,6 +35,10 @@ _BLIP_SHARE, _DROPOUT_SHARE, _BLIP_ALONE = 0.1, 0.3, 3.0
 _SEPARATION = 4.0
 _LEVEL_SAMPLES = 50_000
 
+#: A switch rests: most of its samples lie no further from its two levels than this share of their
+#: distance. What has so few values is no voltage, but several switches on one channel.
+_AT_LEVEL, _LARGEST_AWAY, _SWITCH_VALUES = 0.005, 0.15, 4
+
 #: Vertical force: strike, sure contact (N, or share of the load), least load of a foot.
 _STRIKE_N, _CONTACT_N, _CONTACT_SHARE, _LOAD_N = 20.0, 50.0, 0.05, 100.0
 
@@ -118,6 +122,32 @@ def find_heel_strikes(
         f"found {', '.join(map(str, recording.data_vars)) or 'no channel'}. "
         "Declare one of them under [channels] in study.toml.",
     )
+
+
+def is_unclean_switch(recording: xr.Dataset) -> bool:
+    """Tell whether a channel that is declared as a switch of two levels does not rest at two.
+
+    Every seventh of its samples or more lies away from both: a voltage that drifts or rises
+    slowly. Edges of a few samples, bounces, missing samples and levels other than 0 and 1 are no
+    sign of that.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        A recording; False where it has no ``contact`` of that kind.
+    """
+    if "contact" not in recording or recording.attrs.get("contact_kind") != "contact":
+        return False
+    x = recording["contact"].to_numpy().astype(float)
+    x = x[np.isfinite(x)]
+    if np.unique(x).size <= _SWITCH_VALUES:
+        return False
+    above = x >= 0.5 * sum(_coarse_levels(x))
+    if above.all() or not above.any():
+        return False
+    low, high = float(np.median(x[~above])), float(np.median(x[above]))
+    away = np.abs(x - np.where(above, high, low)) > _AT_LEVEL * (high - low)
+    return bool(away.mean() >= _LARGEST_AWAY)
 
 
 def strikes_from_contact(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:

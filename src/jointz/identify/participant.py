@@ -13,6 +13,7 @@ from jointz.core.events import (
     StrideRecord,
 )
 from jointz.core.participant_model import ParticipantModel
+from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.bench_cells import FullRecordEstimator
@@ -51,6 +52,8 @@ class ParticipantResult:
         Strides of somebody who was never perturbed, where a moment was recorded.
     sampling : tuple of SamplingRecord
         How fast each recording was sampled.
+    unclean_switches : tuple of str
+        Recordings whose footswitch, declared as one of two levels, does not rest at two.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -62,6 +65,7 @@ class ParticipantResult:
     evidence: Evidence | None = None
     curves: tuple[StrideCurves, ...] = ()
     sampling: tuple[SamplingRecord, ...] = ()
+    unclean_switches: tuple[str, ...] = ()
 
 
 def analyze_participant(
@@ -125,6 +129,9 @@ def analyze_participant(
             )
             for source in sources
         ),
+        unclean_switches=tuple(
+            source.given.file for source in sources if is_unclean_switch(source.given.recording)
+        ),
     )
 
 
@@ -148,9 +155,11 @@ def _stride_records(
             continue
         for k in range(strides.start_s.size):
             start_s = float(strides.start_s[k])
-            code = strides.code[k] or _own_code(
-                source, start_s, undisturbed=bool(source.undisturbed[k]), settings=settings
-            )
+            code, detail = strides.code[k], strides.detail[k]
+            if not code:
+                undisturbed = bool(source.undisturbed[k])
+                code, own = _own_code(source, start_s, undisturbed=undisturbed, settings=settings)
+                detail = own or detail
             records.append(
                 StrideRecord(
                     participant=participant,
@@ -159,7 +168,7 @@ def _stride_records(
                     start_s=start_s,
                     duration_s=float(strides.duration_s[k]),
                     code=code,
-                    detail=strides.detail[k],
+                    detail=detail,
                 )
             )
     return records
@@ -175,10 +184,11 @@ def _gap_records(participant: str, sources: Sequence[Source]) -> list[GapRecord]
 
 def _own_code(
     source: Source, start_s: float, *, undisturbed: bool, settings: ParticipantSettings
-) -> str:
-    """Return why a stride of good length is not used, "" where it is."""
-    if settings.leaves_out(source.given.file, start_s):
-        return Exclusion.USER.value
+) -> tuple[str, str]:
+    """Return why a stride of good length is not used, in the user's words too; "" where it is."""
+    line = settings.left_out_by(source.given.file, start_s)
+    if line is not None:
+        return Exclusion.USER.value, line.reason
     if source.given.condition == "unperturbed" and not undisturbed:
-        return Exclusion.PULSE_IN_STRIDE.value
-    return ""
+        return Exclusion.PULSE_IN_STRIDE.value, ""
+    return "", ""

@@ -70,6 +70,7 @@ def study_statistics(
             *_single_notes(cells, single),
             *_mean_notes(study),
             *_side_notes(study, pulses),
+            *_switch_notes(results),
             *_pulse_notes(study, pulses),
             *_quasi_stiffness_notes(results),
         ],
@@ -271,6 +272,20 @@ def _side_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
     return [
         f"{told}: perturbed recordings are of both sides, and one row a timing point is their "
         "average. To keep the sides apart name them as two participants in study.toml."
+    ]
+
+
+def _switch_notes(results: Collection[ParticipantResult]) -> list[str]:
+    """Say which footswitches are read as switches and look like voltages."""
+    files = list(dict.fromkeys(file for r in results for file in r.unclean_switches))
+    if not files:
+        return []
+    told = f"{', '.join(files[:_TOLD])}{', ...' if len(files) > _TOLD else ''}"
+    return [
+        f"contact in {len(files)} recording(s) ({told}): read as a switch of two levels, at which "
+        "it does not rest. Where it is a voltage, which drifts or rises slowly, write kind = "
+        '"voltage" and unit = "V" under [channels.contact] in study.toml: heel strikes are then '
+        "found in it as in a voltage."
     ]
 
 

@@ -40,18 +40,26 @@ def is_held(study: Path) -> bool:
     -----
     False where the system does not tell who holds what: :func:`refuse_where_unseen`.
     """
+    return holder_of(study) is not None
+
+
+def holder_of(study: Path) -> int | None:
+    """Return the number of the process that runs a study, None where none is seen.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        Its folder.
+    """
     try:
         inode = (study / RUN_FILE).stat().st_ino
         lines = _LOCKS.read_text(encoding="ascii").splitlines()
     except OSError:
-        return False
-    # By its number alone: some file systems tell the kernel of another device than they tell us.
-    return any(
-        field.endswith(f":{inode}")
-        for line in lines
-        if "FLOCK" in line and "->" not in line  # not one that waits for it
-        for field in line.split()
-    )
+        return None
+    # "1: FLOCK ADVISORY WRITE process device:inode 0 EOF"; one that waits for it has "->". By the
+    # inode alone: some file systems tell the kernel of another device than they tell us.
+    held = (line.split() for line in lines if "FLOCK" in line and "->" not in line)
+    return next((int(f[4]) for f in held if any(one.endswith(f":{inode}") for one in f)), None)
 
 
 def refuse_where_unseen() -> None:

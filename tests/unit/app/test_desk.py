@@ -5,9 +5,11 @@ import random
 
 import pytest
 
+from jointz.app import desk
 from jointz.app.desk import Beat, Desk
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import ControlBox, Order
+from jointz.experiment.journal import Journal
 
 
 class Process:
@@ -15,6 +17,11 @@ class Process:
 
     def __init__(self):
         self.lives, self.started = True, []
+        self.is_own = False
+
+    @property
+    def number(self):
+        return 4711 if self.lives else None
 
     def alive(self):
         return self.lives
@@ -169,6 +176,72 @@ def test_nothing_is_left_for_a_session_that_is_gone(room):
     room.process.lives = False
     with pytest.raises(DataError, match="no session runs"):
         room.ask(order="start", condition="perturbed")
+
+
+class OwnProcess(Process):
+    """A session that ends by its stop, when it has made its box."""
+
+    def __init__(self, box, *, loads=3):
+        super().__init__()
+        self._box, self._loads = box, loads
+
+    @property
+    def is_own(self):
+        self._loads -= 1
+        self.lives = self.lives and not (self._loads < 0 and self._box.stop_asked)
+        return self.lives
+
+    @is_own.setter
+    def is_own(self, value):
+        pass
+
+
+def leaving(room, *events, own=True):
+    """Close the page of a session whose journal holds these events."""
+    with Journal(room.folder / "journal.jsonl") as journal:
+        for event in events:
+            journal.write(event, condition="perturbed", time_ns=1)
+    room.process = OwnProcess(room.box) if own else Process()
+    return Desk(room.folder.parents[1], room.process, lambda: dict(room.status)).leave()
+
+
+@pytest.mark.parametrize("events", [(), ("prompted",), ("prompted", "stop_asked", "prompted")])
+def test_a_session_that_nobody_started_ends_with_its_page(room, events):
+    words = leaving(room, *events)
+    assert room.box.stop_asked
+    assert not room.process.lives
+    assert "nobody had started" in words
+
+
+def test_a_session_that_was_started_outlives_its_page(room, tmp_path):
+    room.status["state"] = "running"
+    words = leaving(room, "prompted", "started", "segment_started")
+    assert not room.box.stop_asked
+    assert words == (
+        "The page is closed. The session goes on (process 4711); jointz console --out "
+        f"{tmp_path} shows it again."
+    )
+
+
+def test_a_page_that_looks_on_ends_nobody_elses_session(room):
+    assert "goes on (process 4711)" in leaving(room, "prompted", own=False)
+    assert not room.box.stop_asked
+
+
+def test_a_session_that_stops_without_its_page_is_not_said_to_go_on(room):
+    room.status |= {"state": "running", "without_console": "stop"}
+    assert "(process 4711) stops without it" in leaving(room, "prompted", "started")
+
+
+def test_a_session_that_does_not_end_is_told(room, monkeypatch):
+    monkeypatch.setattr(desk, "_PATIENCE_S", 0.1)
+    room.process.is_own = True
+    assert "goes on (process 4711)" in room.desk.leave()
+
+
+def test_a_page_without_a_session_says_so(room):
+    room.process.lives = False
+    assert room.desk.leave() == "The page is closed. No session runs."
 
 
 class Followed:

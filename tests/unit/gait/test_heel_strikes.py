@@ -7,6 +7,7 @@ from jointz.core.errors import DataError, EstimationError
 from jointz.core.recording import build_recording
 from jointz.gait.heel_strikes import (
     find_heel_strikes,
+    is_unclean_switch,
     strikes_from_contact,
     strikes_from_cycle,
     strikes_from_force,
@@ -61,6 +62,50 @@ def test_a_clean_contact_gives_its_strikes_to_the_sample():
 def test_any_two_levels_will_do(low, high):
     time, strikes, contact = walk()
     assert_strikes(strikes_from_contact(time, low + (high - low) * contact), strikes)
+
+
+def is_noted(time, signal, kind="contact"):
+    return is_unclean_switch(build_recording(time, {"contact": signal}, contact_kind=kind))
+
+
+def drifting(time, contact, *, decimals=6):
+    """Return a footswitch in volts that wanders by 2 % of its swing, as examples/own_data has."""
+    noise = 0.02 * np.random.default_rng(4).standard_normal(time.size)
+    volts = 0.31 + 4.31 * contact + 0.08 * np.sin(2 * np.pi * time / 70.0) + noise
+    return volts.round(decimals)
+
+
+@pytest.mark.parametrize("decimals", [1, 6])
+def test_a_voltage_that_is_declared_as_a_switch_is_noticed(decimals):
+    time, _, contact = walk()
+    volts = drifting(time, contact, decimals=decimals)
+    assert is_noted(time, volts)
+    assert not is_noted(time, volts, kind="voltage")
+    assert is_noted(time, force_of(contact) + 30.0 * np.sin(time))
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (0.2, 4.8)])
+@pytest.mark.parametrize("rate_hz", [1000.0, 100.0])
+def test_a_real_switch_is_no_voltage(low, high, rate_hz):
+    time, strikes, contact = walk()
+    for s in strikes:
+        contact = switched(contact, time, s + 0.002, s + 0.004, 0.0)
+    every = round(RATE / rate_hz)
+    time, signal = time[::every], low + (high - low) * contact[::every]
+    ramped = np.convolve(signal, [0.2, 0.5, 0.2, 0.1], mode="same")  # the ends are not its own
+    for one in (signal, ramped[2:-2], switched(signal, time, 3.0, 6.0, np.nan)):
+        assert not is_noted(time[: one.size], one)
+    ripple = 0.002 * (high - low) * np.random.default_rng(1).standard_normal(time.size)
+    assert not is_noted(time, signal + ripple)
+
+
+def test_several_switches_on_a_channel_and_none_are_no_voltage():
+    time, strikes, contact = walk()
+    toe = contact_of(time, strikes + 0.2, 0.6)
+    assert not is_noted(time, contact + 2.0 * toe)
+    assert not is_noted(time, np.zeros(time.size))
+    assert not is_noted(time, np.full(time.size, np.nan))
+    assert not is_unclean_switch(build_recording(time, {"angle": contact}, contact_kind="contact"))
 
 
 def test_a_recording_that_begins_in_stance_has_no_strike_there():

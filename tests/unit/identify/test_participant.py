@@ -97,7 +97,7 @@ def test_every_method_has_its_cells_and_the_first_one_codes_the_pulses():
 
 
 def test_strides_of_all_recordings_are_reported_with_their_codes():
-    line = UserExclusion("S01", "unperturbed.csv", 9.0, "exclude", "")
+    line = UserExclusion("S01", "unperturbed.csv", 9.0, "exclude", "stumbled")
     result = analyzed(
         given("unperturbed", pulses=[5.3]), given("perturbed", pulses=ONSETS), exclusions=[line]
     )
@@ -105,6 +105,7 @@ def test_strides_of_all_recordings_are_reported_with_their_codes():
     mine = {s.start_s: s.code for s in result.strides if s.condition == "unperturbed"}
     assert mine[5.0] == "pulse_in_stride"
     assert mine[9.0] == "user"
+    assert [s.detail for s in result.strides if s.code == "user"] == ["stumbled"]
     assert set(mine.values()) == {"", "pulse_in_stride", "user"}
     # A perturbed recording is there to be perturbed.
     assert {s.code for s in result.strides if s.condition == "perturbed"} == {""}

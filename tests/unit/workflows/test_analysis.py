@@ -383,6 +383,19 @@ def test_a_turned_sign_is_suspected_where_everything_is_zero(small_study):
     assert any("torque_acts_on" in note for note in found.statistics["notes"])
 
 
+def test_a_voltage_that_is_declared_as_a_switch_is_noted(small_study, whole):
+    file = small_study.root / "S01_perturbed.csv"
+    table = pd.read_csv(file)
+    drift = 0.1 * np.sin(np.linspace(0.0, 9.0, len(table)))
+    table["contact"] = (0.3 + 4.3 * table["contact"] + drift).round(2)
+    table.to_csv(file, index=False)
+    found = analyze(small_study.root, resamples=20)
+
+    (note,) = (n for n in found.statistics["notes"] if n.startswith("contact in 1 recording"))
+    assert all(word in note for word in (file.name, 'kind = "voltage"', 'unit = "V"'))
+    assert not any(n.startswith("contact in") for n in whole.statistics["notes"])
+
+
 def test_provenance_holds_what_the_study_said_and_the_users_exclusions(small_study):
     (small_study.root / "exclusions.csv").write_text(user_lines())
     found = analyze(small_study.root, resamples=20)

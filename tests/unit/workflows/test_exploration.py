@@ -167,6 +167,8 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened):
     now, fresh = found.current(), analyze(found.study.root, resamples=RESAMPLES, seed=3)
     for name in ("cells", "comparison", "population", "pooled", "pulses", "strides", "models"):
         assert getattr(now, name) == getattr(fresh, name), name
+    told = now.excluded_frame().query("code == 'user'")
+    assert told["detail"].tolist() == ["stumbled"]
     old = cell_of(found.analysed, pulse.participant, pulse.timing_point)
     new = cell_of(now, pulse.participant, pulse.timing_point)
     assert new.n_used == old.n_used - 1

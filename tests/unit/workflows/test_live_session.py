@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import os
 import time
 
 import numpy as np
@@ -14,7 +15,7 @@ from jointz.experiment.journal import Journal
 from jointz.workflows import live_session
 from jointz.workflows.live_motion import Motion
 from jointz.workflows.live_progress import SessionProgress
-from jointz.workflows.live_session import LiveSession, is_held
+from jointz.workflows.live_session import LiveSession, holder_of, is_held
 from jointz.workflows.live_tail import JournalTail, LogTail
 
 pytestmark = pytest.mark.alone
@@ -465,6 +466,7 @@ def test_a_process_that_runs_a_study_is_seen_without_taking_its_lock(tmp_path):
         assert not is_held(tmp_path)
         fcntl.flock(stream, fcntl.LOCK_EX)
         assert is_held(tmp_path)
+        assert holder_of(tmp_path) == os.getpid()
     assert not is_held(tmp_path)
 
 

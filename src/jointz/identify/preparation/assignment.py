@@ -120,10 +120,11 @@ def _of_source(
     outside = _outside(onsets, source)
     found = []
     for k, pulse in enumerate(source.pulses):
-        user = settings.leaves_out(source.given.file, pulse.onset_s)
+        user = settings.left_out_by(source.given.file, pulse.onset_s)
         edge = Exclusion.EDGE_OF_RECORD.value if outside[k] else ""
         no_group = "" if labels[k] else nameless.value
         codes = (edge, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
+        detail = "its onset lies outside the perturbed samples" if outside[k] else ""
         record = PulseRecord(
             participant=participant,
             recording=source.given.file,
@@ -134,7 +135,7 @@ def _of_source(
             target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
             measured_pct=None if outside[k] else _known(phase_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
-            detail="its onset lies outside the perturbed samples" if outside[k] else "",
+            detail=user.reason if user else detail,
         )
         found.append(Candidate(index, pulse, record, float(elapsed_s[k])))
     return found

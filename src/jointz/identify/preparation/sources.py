@@ -120,10 +120,10 @@ class ParticipantSettings:
         """Timing point -> % of the gait cycle."""
         return self.perturbations.timing_points or TIMING_POINTS
 
-    def leaves_out(self, file: str, moment_s: float) -> bool:
-        """Tell whether the user left out the pulse or stride that begins then.
+    def left_out_by(self, file: str, moment_s: float) -> UserExclusion | None:
+        """Return the line by which the user left out the pulse or stride that begins then.
 
-        The last line about it in ``exclusions.csv`` counts.
+        The last line about it in ``exclusions.csv`` counts; None where nothing is left out.
 
         Parameters
         ----------
@@ -132,12 +132,12 @@ class ParticipantSettings:
         moment_s : float, s
             Onset of the pulse, or heel strike.
         """
-        actions = [
-            e.action
+        lines = [
+            e
             for e in self.user_exclusions
             if e.recording == file and abs(e.onset_s - moment_s) < SAME_TIME_S
         ]
-        return bool(actions) and actions[-1] == "exclude"
+        return lines[-1] if lines and lines[-1].action == "exclude" else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,5 +357,5 @@ def _undisturbed(
     onsets = np.array([p.onset_s for p in pulses])
     first = np.searchsorted(onsets, strides.start_s)
     last = np.searchsorted(onsets, strides.start_s + strides.duration_s)
-    left_out = [settings.leaves_out(given.file, start) for start in strides.start_s]
-    return np.asarray(strides.accepted & (first == last) & ~np.array(left_out, dtype=bool))
+    kept = [settings.left_out_by(given.file, start) is None for start in strides.start_s]
+    return np.asarray(strides.accepted & (first == last) & np.array(kept, dtype=bool))

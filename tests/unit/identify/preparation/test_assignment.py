@@ -189,6 +189,17 @@ def test_the_user_may_leave_out_what_is_left_out_already():
     assert codes(assigned(walk([2.07, 6.07, 9.07]), exclusions=[line]))[0] == "user"
 
 
+def test_the_users_reason_stands_beside_the_code():
+    lines = [
+        UserExclusion("S01", "walk.csv", 9.07, "exclude", "looked odd"),
+        UserExclusion("S01", "walk.csv", 9.07, "exclude", "a hand hit the sensor"),
+        UserExclusion("S01", "walk.csv", 12.07, "exclude", "stumbled"),
+        UserExclusion("S01", "walk.csv", 12.07, "restore", "did not"),
+    ]
+    found = assigned(walk([6.07, 9.07, 12.07]), exclusions=lines)
+    assert [c.record.detail for c in found] == ["", "a hand hit the sensor", ""]
+
+
 def test_a_pulse_at_the_edge_of_the_record_is_excluded():
     found = assigned(walk([6.07, 9.07, 19.9]))
     assert codes(found) == ["", "", "edge_of_record"]

@@ -1,0 +1,107 @@
+"""The console's command ended by Ctrl-C, as in a terminal: what it says, and what it leaves."""
+
+import http.client
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import pytest
+
+pytest.importorskip("nicegui", reason="nicegui is not installed")
+
+from jointz.app.desk import Desk
+from jointz.experiment.journal import read_journal
+from jointz.workflows.live_session import holder_of, is_held
+
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(sys.platform != "linux", reason="the console is for Linux"),
+]
+
+#: Loading a session takes seconds on a machine that has other things to do.
+PATIENCE_S = 60
+
+
+def wait_for(end):
+    deadline = time.monotonic() + PATIENCE_S
+    while not (found := end()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return found
+
+
+@contextmanager
+def console(study, *arguments):
+    """Open a page; in the end neither it nor its session is left."""
+    command = [sys.executable, "-m", "jointz", "console", "--out", str(study), "--port", "0"]
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored: inherited so
+    try:
+        process = subprocess.Popen(
+            [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    try:
+        process.address = process.stdout.readline().split()[1]
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+        deadline = time.monotonic() + PATIENCE_S
+        while arguments and is_held(study) and time.monotonic() < deadline:  # else another's
+            Desk(study, None, dict).stop()
+            time.sleep(0.05)
+
+
+def ended(process, *, presses=1):
+    """Press Ctrl-C and return the last words."""
+    for _ in range(presses):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    _, words = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    return words
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_a_session_that_nobody_started_ends_with_its_page(tmp_path, presses):
+    study = tmp_path / "study"
+    with console(study, "walking", "--participants", "1", "--seed", "1") as page:
+        # At once, and when it waits: a second Ctrl-C must not leave a traceback, nor the session.
+        if presses == 1:
+            wait_for(lambda: read_journal(study / "sessions" / "S01" / "journal.jsonl"))
+        words = ended(page, presses=presses)
+        assert not is_held(study)
+    (line,) = words.splitlines()
+    assert line.startswith("jointz: The page is closed, and with it its session")
+    events = read_journal(study / "sessions" / "S01" / "journal.jsonl")
+    assert [event["event"] for event in events] == ["prompted", "stop_asked"]
+
+
+def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path):
+    study = tmp_path / "study"
+    with console(study, "walking", "--participants", "1", "--seed", "1") as page:
+        wait_for(lambda: start(page.address) == 200)
+        with console(study) as second:
+            assert f"goes on (process {holder_of(study)})" in ended(second)
+        words = ended(page)
+        assert words == (
+            f"jointz: The page is closed. The session goes on (process {holder_of(study)}); "
+            f"jointz console --out {study} shows it again.\n"
+        )
+        assert is_held(study)
+
+
+def start(address):
+    where = urlsplit(address)
+    connection = http.client.HTTPConnection("127.0.0.1", where.port, timeout=10)
+    order = json.dumps({"order": "start", "condition": "no_device"})
+    connection.request("POST", "/command", order, {"Origin": f"http://{where.netloc}"})
+    status = connection.getresponse().status
+    connection.close()
+    return status
