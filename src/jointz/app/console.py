@@ -18,6 +18,7 @@ from jointz.app.live_feed import LiveFeed
 from jointz.app.server import require_app, serve
 from jointz.app.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
+from jointz.experiment.stop_signals import STOP_SIGNALS
 from jointz.workflows.live_session import LiveSession, refuse_where_unseen
 from jointz.workflows.run_claim import RUN_FILE
 
@@ -113,7 +114,8 @@ def open_console(
 def _left(desk: Desk) -> str:
     """Say what becomes of the session, undisturbed: the process ends next in any case."""
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for number in STOP_SIGNALS:  # a terminal may be closed right after the Ctrl-C
+            signal.signal(number, signal.SIG_IGN)
     return desk.leave()
 
 

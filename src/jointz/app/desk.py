@@ -142,11 +142,12 @@ class Desk:
 
     def _ended_unstarted(self) -> bool:
         """Stop a session that waits for its first start; one that is loaded still comes to that."""
-        until = time.monotonic() + _PATIENCE_S
+        until, asked = time.monotonic() + _PATIENCE_S, 0
         while self._process.is_own:
-            if self._was_started() or time.monotonic() > until:
+            # A start that came with the stop does not undo it: the session ends all the same.
+            if (not asked and self._was_started()) or time.monotonic() > until:
                 return False
-            self.stop()
+            asked += self.stop()
             time.sleep(_LOOK_S)
         return not self._was_started()
 

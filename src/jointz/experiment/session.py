@@ -381,15 +381,20 @@ def _stop(
 ) -> None:
     """Stop a device; one that cannot be stopped is what the operator must hear of first."""
     del kind, trace
+    failure: Exception | None = None
     try:
         with signals_held():
-            device.stop()
-    except Exception as exc:
-        before = f" What came before: {error}" if error else ""
-        raise DeviceError(
-            name,
-            f"could not be stopped ({type(exc).__name__}: {exc}). Switch its power off.{before}",
-        ) from exc
+            try:
+                device.stop()
+            except Exception as exc:  # noqa: BLE001 - told below
+                failure = exc
+    finally:  # a Ctrl-C that waited comes now, and must not be heard instead
+        if failure is not None:
+            before = f" What came before: {error}" if error else ""
+            what = f"{type(failure).__name__}: {failure}"
+            raise DeviceError(
+                name, f"could not be stopped ({what}). Switch its power off.{before}"
+            ) from failure
 
 
 def _close(

@@ -139,7 +139,7 @@ def is_unclean_switch(recording: xr.Dataset) -> bool:
     if "contact" not in recording or recording.attrs.get("contact_kind") != "contact":
         return False
     x = recording["contact"].to_numpy().astype(float)
-    x = x[np.isfinite(x)]
+    x = _thinned(x[np.isfinite(x)])
     if np.unique(x).size <= _SWITCH_VALUES:
         return False
     above = x >= 0.5 * sum(_coarse_levels(x))

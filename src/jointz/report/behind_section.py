@@ -6,7 +6,8 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.codes import Doubt
+from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.participant_model import ParticipantModel
 from jointz.report.budget_figure import source_name
 from jointz.report.details import variance_shares
@@ -34,7 +35,13 @@ _REMEDIES: Final[Mapping[str, str]] = {
 }
 #: What a source's share holds besides, where a measured lag would help.
 _THROUGH_LAG: Final[Mapping[str, str]] = {"noise": ", also through the lag that they leave open"}
+#: Why and remedy where the estimator withheld what an error of this size would have decided.
+_WITHHELD: Final = (
+    "stiffness seems to change steeply inside the window, beside which this error is small",
+    _REMEDIES["drift"],
+)
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
+_MOVED_BY_STEEPNESS: Final = ("stiffness", "damping")
 #: A second reason is named where it makes up so much of the variance.
 _WORTH_NAMING: Final = 0.2
 _LIKELY, _UNLIKELY = 0.9, 0.1
@@ -64,25 +71,51 @@ def behind_section(analysis: StudyAnalysis) -> _Row | None:
     for cell in cells:
         rows.append(_details_row(cell) | {"first": cell.participant not in firsts})
         firsts.add(cell.participant)
+    steep = {m.participant for m in analysis.models if Doubt.STEEP_CHANGE.value in m.doubts}
     return {
-        "undecided": [row for cell in cells for row in _undecided_rows(cell)],
+        "undecided": [
+            row for cell in cells for row in _undecided_rows(cell, steep=cell.participant in steep)
+        ],
         "models": [_model_row(model) for model in analysis.models],
         "details": rows,
         "gravity": any(c.gravity_corrected is not None for c in cells),
     }
 
 
-def _undecided_rows(cell: CellEstimate) -> list[_Row]:
+def _undecided_rows(cell: CellEstimate, *, steep: bool) -> list[_Row]:
     estimates = (cell.parameter(name) for name in _PARAMETERS)
-    return [_undecided_row(cell, p) for p in estimates if p and p.status == "undecided"]
+    return [
+        _undecided_row(cell, p, steep=steep and p.name in _MOVED_BY_STEEPNESS)
+        for p in estimates
+        if p and p.status == "undecided"
+    ]
 
 
-def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate) -> _Row:
+def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate, *, steep: bool) -> _Row:
+    sd = float(np.linalg.norm(list(cell.budget.get(estimate.name, {}).values())))
+    found = estimate.unbounded or 0.0
+    like = max(abs(found), sd)
+    # What would have been decided was withheld: no measurement of the instruments helps it.
+    withheld = steep and decides(found, REACH_95 * sd)
+    why, remedy = _WITHHELD if withheld else _reason(cell, estimate, sd, like=like)
+    return {
+        "participant": cell.participant,
+        "name": cell.timing_point,
+        "parameter": parameter_name(estimate.name),
+        "found": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
+        "unit": pretty_unit(estimate.unit),
+        "why": why,
+        "remedy": remedy,
+    }
+
+
+def _reason(
+    cell: CellEstimate, estimate: ParameterEstimate, sd: float, *, like: float
+) -> tuple[str, str]:
+    """Return where an error comes from, and what would make it smaller."""
     shares = variance_shares(cell, estimate.name)
     ordered = sorted(shares, key=lambda name: -shares[name])
     named = [n for k, n in enumerate(ordered) if k == 0 or shares[n] >= _WORTH_NAMING][:2]
-    sd = float(np.linalg.norm(list(cell.budget.get(estimate.name, {}).values())))
-    like = max(abs(estimate.unbounded or 0.0), sd)
     left = _left_by_measuring(cell, estimate, sd)
     remedies = [
         f"{_REMEDIES[n]}, which would leave ± {format_number(x, like=like)}"
@@ -92,17 +125,10 @@ def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate) -> _Row:
     said = {*left, "model"} if "lag" in left else left
     others = [_REMEDIES[n] for n in named if n in _REMEDIES and n not in said]
     through = _THROUGH_LAG if "lag" in left else {}
-    return {
-        "participant": cell.participant,
-        "name": cell.timing_point,
-        "parameter": parameter_name(estimate.name),
-        "found": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
-        "unit": pretty_unit(estimate.unit),
-        "why": "; ".join(
-            f"{source_name(n)}{through.get(n, '')} ({100 * shares[n]:.0f} %)" for n in named
-        ),
-        "remedy": "; then ".join(["; ".join(r) for r in (remedies, others) if r]),
-    }
+    why = "; ".join(
+        f"{source_name(n)}{through.get(n, '')} ({100 * shares[n]:.0f} %)" for n in named
+    )
+    return why, "; then ".join(["; ".join(r) for r in (remedies, others) if r])
 
 
 def _left_by_measuring(

@@ -13,7 +13,7 @@ from jointz.core.recording import far_side
 from jointz.core.study import Calibrated, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.pulse_likelihood import fit_pulse
-from jointz.identify.preparation.conditioning import torque_from_current
+from jointz.identify.preparation.conditioning import torque_with_gain
 from jointz.identify.preparation.sources import RecordingInput
 
 #: Name of the method in ``single_pulses.csv``.
@@ -87,7 +87,7 @@ def _trial(
     if position is not None:
         angle = angle - position
     if "torque" not in recording and model is not None:
-        torque, _ = torque_from_current(recording, model, cutoff_hz=perturbations.cutoff_hz)
+        torque, _ = torque_with_gain(recording, model, known, cutoff_hz=perturbations.cutoff_hz)
     else:
         torque = recording["torque"].to_numpy()
     return _Trial(

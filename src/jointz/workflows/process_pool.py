@@ -124,8 +124,9 @@ def refuse_script_without_guard() -> None:
         When the script that is run does not ask for its ``__name__``.
     """
     main = sys.modules["__main__"]
-    file = getattr(main, "__file__", None)
-    if file is None or main.__spec__ is not None:  # nothing, or a module, that is not run again
+    file, spec = getattr(main, "__file__", None), getattr(main, "__spec__", None)
+    # The __main__.py of a package is not run again; any other module of `python -m` is.
+    if file is None or (spec is not None and spec.name.rpartition(".")[2] == "__main__"):
         return
     with suppress(OSError, UnicodeDecodeError):
         if "__name__" not in Path(file).read_text(encoding="utf-8"):

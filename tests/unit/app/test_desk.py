@@ -213,6 +213,13 @@ def test_a_session_that_nobody_started_ends_with_its_page(room, events):
     assert "nobody had started" in words
 
 
+def test_a_start_that_came_with_the_stop_is_not_said_to_go_on(room, monkeypatch):
+    looks = iter([False])
+    monkeypatch.setattr(Desk, "_was_started", lambda _: next(looks, True))
+    assert leaving(room, "prompted", "started") == "The page is closed. No session runs."
+    assert room.box.stop_asked
+
+
 def test_a_session_that_was_started_outlives_its_page(room, tmp_path):
     room.status["state"] = "running"
     words = leaving(room, "prompted", "started", "segment_started")

@@ -1,12 +1,16 @@
 """A page needs its extra and an address; both are named when they are missing."""
 
+import os
+import signal
 import socket
 import sys
 
 import pytest
 
+from jointz.app.console import _left
 from jointz.app.server import _address, _listen, require_app
 from jointz.core.errors import DataError
+from jointz.experiment.stop_signals import STOP_SIGNALS
 
 
 def test_a_missing_extra_is_named(monkeypatch):
@@ -40,3 +44,22 @@ def test_the_address_that_is_told_can_be_opened():
     assert _address("127.0.0.1", 80, "") == "http://127.0.0.1:80/"
     assert _address("::1", 80, "") == "http://[::1]:80/"
     assert _address("0.0.0.0", 80, "t") == f"http://{socket.gethostname()}:80/?token=t"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_no_signal_breaks_into_the_last_words_of_a_console(number):
+    def fail(number, frame):
+        raise ZeroDivisionError
+
+    class Desk:
+        def leave(self):
+            os.kill(os.getpid(), number)
+            return "closed"
+
+    before = {one: signal.signal(one, fail) for one in STOP_SIGNALS}
+    try:
+        assert _left(Desk()) == "closed"
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)

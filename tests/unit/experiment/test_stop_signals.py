@@ -7,6 +7,8 @@ import time
 
 import pytest
 
+from jointz.core.errors import DeviceError
+from jointz.experiment.session import _stop
 from jointz.experiment.stop_signals import signals_held
 
 
@@ -82,3 +84,24 @@ def test_a_thread_that_handles_no_signals_may_hold_them():
     thread.start()
     thread.join()
     assert done == [True]
+
+
+def test_a_signal_during_the_stop_of_a_device_hides_no_device_that_does_not_stop():
+    class Interrupted(BaseException):
+        pass
+
+    def interrupt(number, frame):
+        raise Interrupted
+
+    class Stuck:
+        def stop(self):
+            os.kill(os.getpid(), signal.SIGTERM)
+            raise RuntimeError("bus is gone")
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        told = r"actuator: could not be stopped \(RuntimeError: bus is gone\). Switch its power off"
+        with pytest.raises(DeviceError, match=told):
+            _stop("actuator", Stuck(), None, None, None)
+    finally:
+        signal.signal(signal.SIGTERM, before)

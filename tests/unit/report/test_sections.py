@@ -141,6 +141,27 @@ def test_what_a_measured_lag_would_decide_says_so_before_pulses(recommended, par
     assert "more or larger pulses" in row["remedy"]
 
 
+def test_what_was_withheld_for_a_steep_change_is_not_told_to_be_too_wide(recommended):
+    cell = recommended.cells[0]
+    withheld = replace(
+        cell.parameter("stiffness"),
+        value=None, ci_low=None, ci_high=None, status="undecided", unbounded=50.0,
+    )  # fmt: skip
+    changed = replace(
+        cell,
+        parameters=tuple(withheld if p.name == "stiffness" else p for p in cell.parameters),
+        budget={**cell.budget, "stiffness": {"noise": 2.0}},
+        through_instruments={"stiffness": {"lag": 1.8}},
+    )
+    person = replace(recommended.models[0], participant=cell.participant)
+    steep = replace(person, doubts=("steep_change",))
+    for model, told in ((person, False), (steep, True)):
+        given = replace(recommended, cells=(changed,), models=(model,))
+        (row,) = behind_section(given)["undecided"]
+        assert ("change steeply" in row["why"]) is told
+        assert ("angle_lag_s" in row["remedy"]) is not told
+
+
 def test_details_hold_window_motion_gravity_and_unbounded_values(recommended):
     section = behind_section(recommended)
     first = section["details"][0]

@@ -9,7 +9,7 @@ import xarray as xr
 
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate
-from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import RecordingInput
 from jointz.workflows.analysis_statistics import study_statistics
@@ -18,13 +18,15 @@ from jointz.workflows.likelihood_pulses import METHOD, likelihood_pulses
 K, B, J, LAG_S = 168.0, 0.3, 0.0374, 0.002
 TIME = np.arange(1800) / 900.0
 GAIN = 0.95
+#: Sizes and angular frequencies, rad and rad/s.
+MOTION = ((0.03, 7.0), (0.004, 55.0))
 
 
 def recording():
     """Return a load that moves fast and slowly, its torque recorded late and too small."""
     angle, torque = np.zeros(TIME.size), np.zeros(TIME.size)
     late = TIME - LAG_S
-    for size, omega in ((0.03, 7.0), (0.004, 55.0)):
+    for size, omega in MOTION:
         angle += size * np.sin(omega * TIME)
         torque += size * (
             (K - J * omega**2) * np.sin(omega * late) + B * omega * np.cos(omega * late)
@@ -69,6 +71,29 @@ def test_a_pulse_is_estimated_by_itself_with_gain_and_lag_taken_out():
         assert found.damping == pytest.approx(B, abs=0.05)
         assert found.inertia == pytest.approx(J, rel=0.01)
     assert (second.onset_s, second.direction) == (1.2, "against")
+
+
+def test_a_gain_of_the_torque_is_not_that_of_the_rotor_in_a_torque_from_current():
+    rotor, given = 0.1, recording()
+    acceleration = sum(-s * w**2 * np.sin(w * (TIME - LAG_S)) for s, w in MOTION)
+    channels = {
+        "current": given.recording["torque"].to_numpy() + GAIN * rotor * acceleration,
+        "motor_velocity": np.zeros(TIME.size),
+        "motor_acceleration": acceleration,
+    }
+    data = given.recording.drop_vars("torque").assign(
+        {name: ("time", values) for name, values in channels.items()}
+    )
+    model = TorqueModelSpec(gear_ratio=1.0, torque_constant=1.0, rotor_inertia=rotor)
+    (found,) = likelihood_pulses(
+        [replace(given, recording=data)],
+        [pulse(0.3)],
+        [cell()],
+        perturbations=PerturbationsSpec(),
+        torque_model=model,
+    )
+    assert found.stiffness == pytest.approx(K, rel=0.01)
+    assert found.inertia == pytest.approx(J, rel=0.01)
 
 
 def test_a_case_that_was_estimated_from_responses_keeps_its_pulses():

@@ -19,6 +19,11 @@ if __name__ == "__main__":
         print(pool.submit(__import__("os").getpid).result(), flush=True)
         time.sleep(60)
 """
+_UNGUARDED = """
+from jointz.workflows.process_pool import process_pool
+with process_pool(2, needs="json") as pool:
+    print(pool.submit(abs, -1).result())
+"""
 
 
 def ran(script, text):
@@ -29,21 +34,37 @@ def ran(script, text):
 
 
 def test_a_script_that_every_worker_would_run_again_is_refused(tmp_path):
-    text = """
-from jointz.workflows.process_pool import process_pool
-with process_pool(2, needs="json") as pool:
-    print(pool.submit(abs, -1).result())
-"""
-    done = ran(tmp_path / "mine.py", text)
+    done = ran(tmp_path / "mine.py", _UNGUARDED)
 
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.count("Traceback") == 1
     assert "mine.py: each worker begins by running this script" in done.stderr
 
-    head, rest = text.split("with", 1)
+    head, rest = _UNGUARDED.split("with", 1)
     guarded = f"{head}if __name__ == '__main__':\n  with{rest}"
     assert ran(tmp_path / "guarded.py", guarded).stdout == "1\n"
+
+
+def test_a_module_is_refused_like_a_script_but_not_that_of_a_package(tmp_path):
+    (tmp_path / "package").mkdir()
+    for file in (tmp_path / "mine.py", tmp_path / "package" / "__main__.py"):
+        file.write_text(_UNGUARDED)
+    alone, package = (
+        subprocess.run(
+            [sys.executable, "-m", name],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        for name in ("mine", "package")
+    )
+
+    assert (alone.returncode, alone.stdout) == (1, "")
+    assert "mine.py: each worker begins by running this script" in alone.stderr
+    assert package.stdout == "1\n"
 
 
 def test_few_things_to_do_start_no_process():

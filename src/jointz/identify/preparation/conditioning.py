@@ -242,6 +242,39 @@ def torque_from_current(
     return driving + friction - model.rotor_inertia * acceleration, friction
 
 
+def torque_with_gain(
+    recording: xr.Dataset, model: TorqueModelSpec, known: CalibrationSpec, *, cutoff_hz: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque from motor current as a sensor would have recorded it, and its friction.
+
+    Its gain is that of the torque constant. It will be divided out of all, as it is of a torque
+    that was measured, so that all else is multiplied by it.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        As of :func:`torque_from_current`.
+    model : TorqueModelSpec
+        Constants of the actuator, as stated.
+    known : CalibrationSpec
+        ``torque_gain``, and ``friction_gain`` by which the friction is multiplied.
+    cutoff_hz : float
+        As of :func:`torque_from_current`.
+
+    Returns
+    -------
+    torque, friction : (n,) float, N*m
+        With the gain in them.
+    """
+    torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
+    gain, share = value_of(known.torque_gain, 1.0), value_of(known.friction_gain, 1.0)
+    if gain == 1.0 and share == 1.0:
+        return torque, friction
+    driving = model.gear_ratio * model.torque_constant * recording["current"].to_numpy()
+    other = torque - driving + (share - 1.0) * friction
+    return driving + gain * other, gain * share * friction
+
+
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Return velocity and acceleration of the output, as measured as possible.
 

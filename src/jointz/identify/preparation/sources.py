@@ -20,8 +20,7 @@ from jointz.core.study import (
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
-from jointz.identify.preparation.calibration import value_of
-from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
+from jointz.identify.preparation.conditioning import Conditioned, condition, torque_with_gain
 from jointz.identify.preparation.pulses import (
     Pulse,
     pulses_from_angle,
@@ -225,14 +224,7 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
             channel="torque",
         )
     cutoff_hz = settings.perturbations.cutoff_hz
-    torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
-    known = given.calibration
-    gain, share = value_of(known.torque_gain, 1.0), value_of(known.friction_gain, 1.0)
-    if gain != 1.0 or share != 1.0:
-        # The gain is that of the constant; it will be divided out, of all else too.
-        driving = model.gear_ratio * model.torque_constant * recording["current"].to_numpy()
-        other = torque - driving + (share - 1.0) * friction
-        torque, friction = driving + gain * other, gain * share * friction
+    torque, friction = torque_with_gain(recording, model, given.calibration, cutoff_hz=cutoff_hz)
     units = {"units": "N*m"}
     with_torque = recording.assign(
         {"torque": ("time", torque, units), FRICTION_OF_MODEL: ("time", friction, units)}
