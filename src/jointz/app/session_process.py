@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointz.core.errors import DataError
-from jointz.workflows.live_session import holder_of, is_held
+from jointz.workflows.live_session import holder_of
 
 #: Of what the child says; the end of it is what counts.
 _LONGEST_WORDS = 2000
@@ -42,18 +42,21 @@ class SessionProcess:
     @property
     def is_own(self) -> bool:
         """Whether the session's process lives and was started here."""
-        return self._child is not None and self._child.poll() is None
+        return self._own_number is not None
 
     @property
     def number(self) -> int | None:
         """The number of the session's process, whoever started it; None where none lives."""
-        if self._child is not None and self._child.poll() is None:
-            return self._child.pid
-        return holder_of(self._study)
+        return self._own_number or holder_of(self._study)
+
+    @property
+    def _own_number(self) -> int | None:
+        living = self._child is not None and self._child.poll() is None
+        return self._child.pid if self._child is not None and living else None
 
     def alive(self) -> bool:
         """Tell whether the session's process lives, whoever started it."""
-        return self.is_own or is_held(self._study)
+        return self.number is not None
 
     def start(self, *, resume: bool) -> None:
         """Start the session, or go on with it.

@@ -72,6 +72,19 @@ def emit_json(content: Mapping[str, Any]) -> None:
     emit(json.dumps(content, indent=2, allow_nan=False))
 
 
+def emit_error(kind: str, message: str) -> None:
+    """Print the JSON object that tells an error on stdout.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the error.
+    message : str
+        What it says.
+    """
+    emit_json({"status": "error", "error": kind, "message": message})
+
+
 def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> None:
     """Print a table: by rich on a terminal, tab-separated elsewhere.
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.cli.console import EXIT_STOPPED, emit, emit_json
+from jointz.cli.console import EXIT_STOPPED, emit, emit_error, emit_json
 from jointz.cli.options import Debug, Json, Quiet
 from jointz.cli.run import (
     CalibrationOption,
@@ -88,7 +88,7 @@ def console(
         announce=announce,
     )
     if as_json:
-        emit_json({"status": "error", "error": "KeyboardInterrupt", "message": left})
+        emit_error("KeyboardInterrupt", left)
     sys.stderr.write(f"jointz: {left}\n")
     sys.exit(EXIT_STOPPED)  # not by typer: it has words of its own for Ctrl-C
 

@@ -19,7 +19,7 @@ from jointz.cli.console import (
     EXIT_NOTHING_STANDS,
     EXIT_STOPPED,
     emit,
-    emit_json,
+    emit_error,
 )
 from jointz.cli.console_page import console
 from jointz.cli.convert import convert
@@ -101,7 +101,7 @@ def run() -> None:
     except _UsageError as exc:
         exc.show()
         if "--json" in sys.argv:
-            _emit_error("UsageError", exc.format_message())
+            emit_error("UsageError", exc.format_message())
         sys.exit(EXIT_BAD_INPUT)
     except JointzError as exc:
         _report(type(exc).__name__, _with_notes(exc, str(exc)))
@@ -151,7 +151,7 @@ def _exit_of(exc: JointzError) -> int:
 
 def _report(kind: str, message: str) -> None:
     if "--json" in sys.argv:
-        _emit_error(kind, message)
+        emit_error(kind, message)
     sys.stderr.write(f"jointz: {message}\n")
 
 
@@ -161,7 +161,3 @@ def _left_behind() -> str:
     if sys.argv[1:2] == ["console"]:
         return "The page was not open yet, and no session was begun."
     return "Nothing half-written was left behind."
-
-
-def _emit_error(kind: str, message: str) -> None:
-    emit_json({"status": "error", "error": kind, "message": message})

@@ -142,19 +142,20 @@ def history_of(recording: xr.Dataset) -> list[dict[str, Any]]:
     return entries
 
 
-def far_side(recording: xr.Dataset) -> np.ndarray | None:
-    """Return the angle of the far side of a bench, (n,) rad; None where it was not recorded.
+def deflection(recording: xr.Dataset) -> np.ndarray:
+    """Return the angle of a bench, (n,) rad, against its far side where that was recorded.
 
-    It is the channel ``position`` in rad; in another unit that is one of the user's own.
+    That is the channel ``position`` in rad; in another unit it is one of the user's own.
 
     Parameters
     ----------
     recording : xarray.Dataset
         Of a bench.
     """
+    angle = recording["angle"].to_numpy()
     if "position" not in recording or recording["position"].attrs.get("units") != "rad":
-        return None
-    return recording["position"].to_numpy()
+        return angle
+    return np.asarray(angle - recording["position"].to_numpy())
 
 
 def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Dataset:

@@ -16,7 +16,7 @@ from jointz.core.channels import (
     is_turned,
 )
 from jointz.core.errors import DataError, UnitError
-from jointz.core.recording import build_recording, far_side
+from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec
 from jointz.io.registry import RawTable, read_table
 from jointz.io.study import channel_unit, data_file, needed_channels
@@ -322,10 +322,8 @@ def _reading_step(
 
 def _check_angle(entry: RecordingSpec, recording: xr.Dataset, *, bench: bool) -> None:
     """Refuse an angle no joint has: most likely degrees declared as rad."""
-    angle = recording["angle"].to_numpy()
-    position = far_side(recording) if bench else None
-    if position is not None:  # a bench whose two sides may turn for ever, together
-        angle = angle - position
+    # The two sides of a bench may turn for ever, together.
+    angle = deflection(recording) if bench else recording["angle"].to_numpy()
     finite = angle[np.isfinite(angle)]
     if finite.size and np.ptp(finite) > _FULL_TURN_RAD:
         raise DataError(

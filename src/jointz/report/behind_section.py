@@ -9,6 +9,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Doubt
 from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.participant_model import ParticipantModel
+from jointz.identify.recommended.steep_change import MOVED
 from jointz.report.budget_figure import source_name
 from jointz.report.details import variance_shares
 from jointz.report.wording import (
@@ -41,7 +42,6 @@ _WITHHELD: Final = (
     _REMEDIES["drift"],
 )
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
-_MOVED_BY_STEEPNESS: Final = ("stiffness", "damping")
 #: A second reason is named where it makes up so much of the variance.
 _WORTH_NAMING: Final = 0.2
 _LIKELY, _UNLIKELY = 0.9, 0.1
@@ -85,7 +85,7 @@ def behind_section(analysis: StudyAnalysis) -> _Row | None:
 def _undecided_rows(cell: CellEstimate, *, steep: bool) -> list[_Row]:
     estimates = (cell.parameter(name) for name in _PARAMETERS)
     return [
-        _undecided_row(cell, p, steep=steep and p.name in _MOVED_BY_STEEPNESS)
+        _undecided_row(cell, p, steep=steep and p.name in MOVED)
         for p in estimates
         if p and p.status == "undecided"
     ]

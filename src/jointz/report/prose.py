@@ -224,10 +224,10 @@ def _plain_means(analysis: StudyAnalysis) -> str:
 
 def _not_drawn(analysis: StudyAnalysis) -> str:
     """Say of which quantities no estimate stands: they have no panel."""
-    held = {p.name: False for c in analysis.cells for p in c.parameters}
-    held |= {p.name: True for c in analysis.cells for p in c.parameters if p.stands}
-    names = [parameter_name(n).lower() for n in ("stiffness", "damping", "inertia")
-             if held.get(n) is False]  # fmt: skip
+    estimates = [p for c in analysis.cells for p in c.parameters]
+    missing = {p.name for p in estimates} - {p.name for p in estimates if p.stands}
+    wanted = ("stiffness", "damping", "inertia")
+    names = [parameter_name(n).lower() for n in wanted if n in missing]
     if not names:
         return ""
     return f" Not drawn: {' and '.join(names)}: no estimate stands."

@@ -9,11 +9,11 @@ import numpy as np
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate
-from jointz.core.recording import far_side
+from jointz.core.recording import deflection
 from jointz.core.study import Calibrated, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.pulse_likelihood import fit_pulse
-from jointz.identify.preparation.conditioning import torque_with_gain
+from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.identify.preparation.sources import RecordingInput
 
 #: Name of the method in ``single_pulses.csv``.
@@ -83,16 +83,14 @@ def _trial(
     given: RecordingInput, perturbations: PerturbationsSpec, model: TorqueModelSpec | None
 ) -> _Trial:
     recording, known = given.recording, given.calibration
-    angle, position = recording["angle"].to_numpy(), far_side(recording)
-    if position is not None:
-        angle = angle - position
     if "torque" not in recording and model is not None:
-        torque, _ = torque_with_gain(recording, model, known, cutoff_hz=perturbations.cutoff_hz)
+        cutoff_hz = perturbations.cutoff_hz
+        torque, _ = torque_from_current(recording, model, cutoff_hz=cutoff_hz, known=known)
     else:
         torque = recording["torque"].to_numpy()
     return _Trial(
         recording["time"].to_numpy(),
-        angle / _gain(known.angle_gain),
+        deflection(recording) / _gain(known.angle_gain),
         torque / _gain(known.torque_gain),
     )
 

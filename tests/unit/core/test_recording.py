@@ -12,7 +12,7 @@ from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError
 from jointz.core.recording import (
     build_recording,
-    far_side,
+    deflection,
     history_of,
     validate_recording,
     with_history,
@@ -230,8 +230,9 @@ def test_a_step_is_added_and_the_recording_left_alone():
 def test_the_far_side_of_a_bench_is_a_position_that_is_an_angle():
     channels = {"angle": TIME, "position": 2.0 * TIME}
 
-    np.testing.assert_array_equal(
-        far_side(build_recording(TIME, channels, units={"position": "rad"})), 2.0 * TIME
-    )
-    assert far_side(build_recording(TIME, channels, units={"position": "m"})) is None
-    assert far_side(build_recording(TIME, {"angle": TIME})) is None
+    def bent(channels, **units):
+        return deflection(build_recording(TIME, channels, units=units))
+
+    np.testing.assert_array_equal(bent(channels, position="rad"), -TIME)
+    np.testing.assert_array_equal(bent(channels, position="m"), TIME)
+    np.testing.assert_array_equal(bent({"angle": TIME}), TIME)

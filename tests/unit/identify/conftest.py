@@ -140,14 +140,11 @@ def _lagged(values: np.ndarray, lag_s: float) -> np.ndarray:
     return out
 
 
-def analyze_walk(
-    walker: Walker,
-    *recordings: RecordingInput,
-    perturbations: PerturbationsSpec | None = None,
-    **more: object,
-) -> ParticipantResult:
-    """Return what the recommended method makes of recordings."""
-    settings = ParticipantSettings(
+def walk_settings(
+    walker: Walker, perturbations: PerturbationsSpec | None = None, **more: object
+) -> ParticipantSettings:
+    """Return what a study asks for about a walker."""
+    return ParticipantSettings(
         walking=True,
         perturbations=perturbations
         or PerturbationsSpec(timing_points=dict(walker.points), source="table"),
@@ -159,6 +156,16 @@ def analyze_walk(
         mass_kg=70.0,
         **more,
     )
+
+
+def analyze_walk(
+    walker: Walker,
+    *recordings: RecordingInput,
+    perturbations: PerturbationsSpec | None = None,
+    **more: object,
+) -> ParticipantResult:
+    """Return what the recommended method makes of recordings."""
+    settings = walk_settings(walker, perturbations, **more)
     return analyze_participant("S01", recordings or [walk(walker)], settings)
 
 
@@ -169,6 +176,7 @@ class Walkers:
     Joint = Joint
     Walker = Walker
     walk = staticmethod(walk)
+    settings = staticmethod(walk_settings)
     analyze = staticmethod(analyze_walk)
     respond = staticmethod(respond)
     pulse = staticmethod(pulse)

@@ -10,14 +10,14 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
-from jointz.core.recording import far_side
+from jointz.core.recording import deflection
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
 from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS, PARAMETERS, failed_parameters
-from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.preparation.assignment import Candidate, is_outside
 from jointz.identify.preparation.calibration import (
     joint_angle,
     pooled_calibration,
@@ -166,7 +166,7 @@ class FullRecordEstimator:
             return Exclusion.EDGE_OF_RECORD.value
         if find_gaps(time).size:
             return Exclusion.GAP.value
-        signals = [self._angle(source), recording["torque"].to_numpy()]
+        signals = [deflection(recording), recording["torque"].to_numpy()]
         if not all(np.isfinite(values).all() for values in signals):
             return Exclusion.NOT_FINITE.value
         codes = (Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value)
@@ -178,7 +178,7 @@ class FullRecordEstimator:
         recording, known = source.given.recording, source.given.calibration
         return BenchTrial(
             time_s=recording["time"].to_numpy(),
-            angle=joint_angle(self._angle(source), recording["torque"].to_numpy(), known),
+            angle=joint_angle(deflection(recording), recording["torque"].to_numpy(), known),
             torque=recording["torque"].to_numpy() / value_of(known.torque_gain, 1.0),
             angle_per_torque_sd=twist_sd(known),
         )
@@ -191,16 +191,9 @@ class FullRecordEstimator:
         own = candidate.record.code
         if own == Exclusion.USER.value:
             return own
-        time = self._sources[candidate.source].given.recording["time"].to_numpy()
-        inside = time[0] <= candidate.record.onset_s <= time[-1]
-        return why if inside else Exclusion.EDGE_OF_RECORD.value
-
-    @staticmethod
-    def _angle(source: Source) -> np.ndarray:
-        """Return the deflection of the load: against the far side, where that is recorded."""
-        recording = source.given.recording
-        angle, position = recording["angle"].to_numpy(), far_side(recording)
-        return angle if position is None else angle - position
+        onset_s = np.array([candidate.record.onset_s])
+        outside = is_outside(onset_s, self._sources[candidate.source])[0]
+        return Exclusion.EDGE_OF_RECORD.value if outside else why
 
 
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:

@@ -117,7 +117,7 @@ def _of_source(
     )
     grouped = settings.perturbations.group is not None
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
-    outside = _outside(onsets, source)
+    outside = is_outside(onsets, source)
     found = []
     for k, pulse in enumerate(source.pulses):
         user = settings.left_out_by(source.given.file, pulse.onset_s)
@@ -151,7 +151,16 @@ def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
     return settings.walking and not grouped and not pulse.timing_point
 
 
-def _outside(onsets: np.ndarray, source: Source) -> np.ndarray:
+def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
+    """Tell which pulses begin before or after all samples of a recording, (n,) bool.
+
+    Parameters
+    ----------
+    onsets : (n,) float, s
+        Of the pulses.
+    source : Source
+        The recording.
+    """
     time = source.given.recording["time"].to_numpy()
     return np.asarray((onsets < time[0]) | (onsets > time[-1]))
 

@@ -213,7 +213,11 @@ def _todo_about(rate: float) -> str:
 
 
 def torque_from_current(
-    recording: xr.Dataset, model: TorqueModelSpec, *, cutoff_hz: float
+    recording: xr.Dataset,
+    model: TorqueModelSpec,
+    *,
+    cutoff_hz: float,
+    known: CalibrationSpec | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction.
 
@@ -226,6 +230,10 @@ def torque_from_current(
         Constants of the actuator.
     cutoff_hz : float
         Low-pass of a velocity or acceleration that has to be differentiated.
+    known : CalibrationSpec, optional
+        ``friction_gain``, by which the friction is multiplied, and ``torque_gain``, that of the
+        torque constant. It will be divided out of all, as it is of a torque that was measured;
+        so all but what the current drives is multiplied by it.
 
     Returns
     -------
@@ -237,42 +245,12 @@ def torque_from_current(
     current = recording["current"].to_numpy()
     velocity, acceleration = _motor_motion(recording, cutoff_hz)
     size = model.coulomb_friction + model.gear_friction * np.abs(current)
-    friction = -size * np.sign(velocity) - model.viscous_friction * velocity
-    driving = model.bias + model.gear_ratio * model.torque_constant * current
-    return driving + friction - model.rotor_inertia * acceleration, friction
-
-
-def torque_with_gain(
-    recording: xr.Dataset, model: TorqueModelSpec, known: CalibrationSpec, *, cutoff_hz: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque from motor current as a sensor would have recorded it, and its friction.
-
-    Its gain is that of the torque constant. It will be divided out of all, as it is of a torque
-    that was measured, so that all else is multiplied by it.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        As of :func:`torque_from_current`.
-    model : TorqueModelSpec
-        Constants of the actuator, as stated.
-    known : CalibrationSpec
-        ``torque_gain``, and ``friction_gain`` by which the friction is multiplied.
-    cutoff_hz : float
-        As of :func:`torque_from_current`.
-
-    Returns
-    -------
-    torque, friction : (n,) float, N*m
-        With the gain in them.
-    """
-    torque, friction = torque_from_current(recording, model, cutoff_hz=cutoff_hz)
+    known = known or CalibrationSpec()
     gain, share = value_of(known.torque_gain, 1.0), value_of(known.friction_gain, 1.0)
-    if gain == 1.0 and share == 1.0:
-        return torque, friction
-    driving = model.gear_ratio * model.torque_constant * recording["current"].to_numpy()
-    other = torque - driving + (share - 1.0) * friction
-    return driving + gain * other, gain * share * friction
+    stated = -size * np.sign(velocity) - model.viscous_friction * velocity
+    friction = gain * share * stated
+    driving = gain * model.bias + model.gear_ratio * model.torque_constant * current
+    return driving + friction - gain * model.rotor_inertia * acceleration, friction
 
 
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from jointz.core.study import (
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
-from jointz.identify.preparation.conditioning import Conditioned, condition, torque_with_gain
+from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
 from jointz.identify.preparation.pulses import (
     Pulse,
     pulses_from_angle,
@@ -224,7 +224,9 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
             channel="torque",
         )
     cutoff_hz = settings.perturbations.cutoff_hz
-    torque, friction = torque_with_gain(recording, model, given.calibration, cutoff_hz=cutoff_hz)
+    torque, friction = torque_from_current(
+        recording, model, cutoff_hz=cutoff_hz, known=given.calibration
+    )
     units = {"units": "N*m"}
     with_torque = recording.assign(
         {"torque": ("time", torque, units), FRICTION_OF_MODEL: ("time", friction, units)}

@@ -32,7 +32,7 @@ _FEWEST = 3
 _SAME_PCT = 1e-6
 _IMPEDANCE = ("stiffness", "damping", "inertia")
 #: What moves with the drift of K, and is told over the cycle.
-_MOVED = ("stiffness", "damping")
+MOVED = ("stiffness", "damping")
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def undecided_where_steep(
 
 def _withheld(cell: CellEstimate) -> CellEstimate:
     """Return a cell whose K and B are undecided."""
-    rows = [_undecided(p) if p.stands and p.name.startswith(_MOVED) else p for p in cell.parameters]
+    rows = [_undecided(p) if p.stands and p.name.startswith(MOVED) else p for p in cell.parameters]
     return replace(cell, parameters=tuple(rows), gravity_corrected=None)
 
 
@@ -216,7 +216,7 @@ def _widened(cell: CellEstimate, drift: float) -> CellEstimate:
     if reach is None:
         return cell
     budget = {name: dict(sources) for name, sources in cell.budget.items()}
-    for name, moved in zip(_MOVED, reach, strict=True):
+    for name, moved in zip(MOVED, reach, strict=True):
         sources = budget.setdefault(name, {})
         sources["drift"] = float(np.hypot(sources.get("drift", 0.0), moved * drift))
     wide = replace(cell, budget=budget)
@@ -226,7 +226,7 @@ def _widened(cell: CellEstimate, drift: float) -> CellEstimate:
 def _decided(cell: CellEstimate, parameter: ParameterEstimate) -> ParameterEstimate:
     """Return a parameter as it is, or undecided where its errors are too wide."""
     estimate = unbounded_estimate(cell, parameter.name)
-    moved = parameter.stands and parameter.name.startswith(_MOVED)
+    moved = parameter.stands and parameter.name.startswith(MOVED)
     if estimate is None or not moved or decides(estimate.value, REACH_95 * estimate.sd):
         return parameter
     return _undecided(parameter)

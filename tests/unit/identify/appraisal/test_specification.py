@@ -147,16 +147,6 @@ def test_unperturbed_strides_may_have_been_recorded_at_another_rate(walkers):
     walker = walkers.Walker(counts={"A": 12, "B": 12})
     idle = walkers.walk(replace(walker, sizes_nm=(1e-9,), rate_hz=250.0, seed=1))
     teacher = idle.recording.assign_attrs(condition="unperturbed", file="idle.csv")
-    asked = ParticipantSettings(
-        walking=True,
-        perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
-        n_resamples=10,
-        seed=0,
-        mass_kg=70.0,
-    )
     recordings = [walkers.walk(walker), RecordingInput(teacher, idle.calibration)]
     choices = Choices(
         windows_s=(0.1,),
@@ -165,7 +155,7 @@ def test_unperturbed_strides_may_have_been_recorded_at_another_rate(walkers):
         inertia_models=("pooled",),
     )
 
-    rows = specification_estimates("S01", recordings, asked, choices)
+    rows = specification_estimates("S01", recordings, walkers.settings(walker), choices)
 
     mine = [row for row in rows if row.method == "recommended"]
     assert {row.timing_point for row in mine} == {"A", "B"}
