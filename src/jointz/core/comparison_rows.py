@@ -212,8 +212,9 @@ class Repeatability:
         ICC(C,1): they do not.
     sem, sem_low, sem_high : float or None
         Standard error of measurement, shifts between days left out, in ``unit``.
-    mdc : float or None
-        Minimal detectable change of one person, 95 %: 1.96 sqrt(2) sem.
+    mdc, mdc_low, mdc_high : float or None
+        Minimal detectable change of one person, 95 %: t sqrt(2) sem, with Student's t for the
+        degrees of freedom of the SEM. Its interval is the SEM's times the same t sqrt(2).
     status : str
         ``ok``; ``failed:too_few_participants``; ``no_spread``.
     """
@@ -233,6 +234,8 @@ class Repeatability:
     sem_low: float | None = None
     sem_high: float | None = None
     mdc: float | None = None
+    mdc_low: float | None = None
+    mdc_high: float | None = None
     status: str = "ok"
 
 

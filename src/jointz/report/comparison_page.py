@@ -285,7 +285,7 @@ def _repeat(r: Repeatability) -> _Row:
             r.icc_consistency, r.icc_consistency_low, r.icc_consistency_high
         ),
         "sem": format_interval(r.sem, r.sem_low, r.sem_high),
-        "mdc": format_number(r.mdc),
+        "mdc": format_interval(r.mdc, r.mdc_low, r.mdc_high),
         "n": r.n,
         "status": "" if r.status == "ok" else r.status,
     }

@@ -47,7 +47,7 @@ def comparison_tables(made: Comparison) -> list[TextTable]:
         (
             "Repeatability (SEM without shifts between days; MDC of one person)",
             ["timing point", "parameter", "ICC(A,1)", level, "ICC(C,1)", level, "SEM", "MDC",
-             "unit", "people"],
+             level, "unit", "people"],
             [_repeat_row(r) for r in made.repeatability],
         ),
     ]  # fmt: skip
@@ -158,7 +158,7 @@ def _repeat_row(r: Repeatability) -> list[str]:
         _interval(r.icc_agreement_low, r.icc_agreement_high, digits=2),
         _number(r.icc_consistency, 2),
         _interval(r.icc_consistency_low, r.icc_consistency_high, digits=2),
-        _number(r.sem), _number(r.mdc), r.unit, str(r.n),
+        _number(r.sem), _number(r.mdc), _interval(r.mdc_low, r.mdc_high), r.unit, str(r.n),
     ]  # fmt: skip
 
 

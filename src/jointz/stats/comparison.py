@@ -8,6 +8,7 @@ from scipy.special import chdtri, fdtri, gammaln, nctdtrinc, stdtr, stdtrit
 #: Below this share of its size a spread is rounding.
 _ROUNDING = 1e-12
 _HUGE_T = 1000.0
+_TWO_SIDED_95 = 0.975
 
 
 class NoSpreadError(ValueError):
@@ -218,14 +219,14 @@ class RepeatedMeasurements:
         Value and ends of the interval.
     sem : (float, float, float)
         Standard error of measurement and ends of its interval.
-    mdc : float
-        1.96 sqrt(2) sem.
+    mdc : (float, float, float)
+        Minimal detectable change of one person at 95 %, and ends of its interval.
     """
 
     icc_agreement: tuple[float, float, float]
     icc_consistency: tuple[float, float, float]
     sem: tuple[float, float, float]
-    mdc: float
+    mdc: tuple[float, float, float]
 
 
 def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeasurements:
@@ -253,6 +254,11 @@ def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeas
     231-240): a shift of all people between days is not in it. An ICC tells how people
     can be told apart, so it is low where they are alike, however well they repeat.
 
+    The minimal detectable change is t sqrt(2) SEM, with the 97.5 % quantile of Student's t for
+    the (n - 1)(k - 1) degrees of freedom of the SEM: the change of a stable new person exceeds
+    it in 5 % of studies. Its interval is that of the SEM, from the chi-square distribution of
+    its variance, times the same t sqrt(2).
+
     Examples
     --------
     Shrout and Fleiss 1979, table 2:
@@ -278,15 +284,13 @@ def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeas
     df = float((n - 1) * (k - 1))
     tail = (1.0 - ci_level) / 2.0
     sem = float(np.sqrt(error))
+    sems = (sem, *(sem * float(np.sqrt(df / chdtri(df, p))) for p in (tail, 1.0 - tail)))
+    factor = float(stdtrit(df, _TWO_SIDED_95) * np.sqrt(2.0))
     return RepeatedMeasurements(
         icc_agreement=_agreement(people, days, error, shape=(n, k), tail=tail),
         icc_consistency=_consistency(people / error, n, k, tail=tail),
-        sem=(
-            sem,
-            sem * float(np.sqrt(df / chdtri(df, tail))),
-            sem * float(np.sqrt(df / chdtri(df, 1.0 - tail))),
-        ),
-        mdc=1.959963984540054 * float(np.sqrt(2.0)) * sem,
+        sem=sems,
+        mdc=(factor * sems[0], factor * sems[1], factor * sems[2]),
     )
 
 

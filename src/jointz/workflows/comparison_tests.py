@@ -280,8 +280,8 @@ def repeats_at(place: tuple[str, str], row: Sequence[Own]) -> Repeatability:
         found = repeatability(np.array([[own[p] for own in held] for p in people]))
     except NoSpreadError:
         return replace(made, status=_NO_SPREAD)
-    numbers: dict[str, Any] = {"mdc": found.mdc}
-    for name in ("icc_agreement", "icc_consistency", "sem"):
+    numbers: dict[str, Any] = {}
+    for name in ("icc_agreement", "icc_consistency", "sem", "mdc"):
         value, low, high = getattr(found, name)
         numbers |= {name: value, f"{name}_low": low, f"{name}_high": high}
     return replace(made, **numbers)

@@ -126,13 +126,30 @@ def test_repeatability_is_that_of_shrout_and_fleiss():
     np.testing.assert_allclose(made.icc_agreement, (0.2898, 0.0188, 0.7611), atol=5e-5)
     np.testing.assert_allclose(made.icc_consistency, (0.7148, 0.3425, 0.9459), atol=5e-5)
     assert made.sem[0] ** 2 == pytest.approx(1.0194, abs=5e-5)  # their error mean square, 1.02
-    assert made.mdc == pytest.approx(1.96 * np.sqrt(2) * made.sem[0], rel=1e-4)
+    assert made.mdc == pytest.approx(stats.t.ppf(0.975, 15) * np.sqrt(2) * np.array(made.sem))
 
 
 def test_the_standard_error_of_two_days_is_that_of_their_difference(pair):
     made = repeatability(np.column_stack(pair))
 
     assert made.sem[0] == pytest.approx(np.std(pair[0] - pair[1], ddof=1) / np.sqrt(2))
+
+
+@pytest.mark.parametrize("n", [8, 10, 18])
+def test_a_stable_new_patient_exceeds_the_minimal_detectable_change_in_5_percent(n):
+    rng = np.random.default_rng(n)
+    studies, sem, change = 100_000, 0.7, np.sqrt(2.0) * 0.7
+    days = rng.normal(0.0, 1.0, (n, 1)) + rng.normal(0.0, sem, (n, 2))
+    made = repeatability(days)
+    mdc = np.array(made.mdc) / np.std(days[:, 0] - days[:, 1], ddof=1)  # proportional to this SD
+    of_studies = mdc * np.std(rng.normal(0.0, change, (studies, n)), axis=1, ddof=1)[:, None]
+
+    exceeded = np.abs(rng.normal(0.0, change, studies)) > of_studies[:, 0]
+    true_mdc = stats.t.ppf(0.975, n - 1) * change
+    covered = (of_studies[:, 1] <= true_mdc) & (true_mdc <= of_studies[:, 2])
+    band = 3.0 * np.sqrt(0.05 * 0.95 / studies)
+    assert exceeded.mean() == pytest.approx(0.05, abs=band)
+    assert covered.mean() == pytest.approx(0.95, abs=band)
 
 
 def test_a_shift_between_days_counts_in_agreement_only():

@@ -11,6 +11,9 @@ from jointz.core.comparison import Comparison
 from jointz.core.errors import DataError, OutputError
 from jointz.core.estimates import ESTIMATE_COLUMNS
 from jointz.reference.chapter4 import participant_table
+from jointz.report.comparison_page import render_comparison
+from jointz.report.comparison_text import comparison_tables
+from jointz.report.wording import format_interval
 from jointz.workflows.comparison import compare_results, write_comparison
 
 POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5}
@@ -279,6 +282,11 @@ def test_days_tell_how_well_people_repeat(results):
     assert found.sem == pytest.approx(apart.std() / np.sqrt(2))
     assert found.icc_consistency > 0.8
     assert (found.n, found.k) == (5, 2)
+    assert found.mdc == pytest.approx(2.776445 * np.sqrt(2) * found.sem)  # Student's t, 4 df
+    assert found.mdc_high / found.mdc == pytest.approx(found.sem_high / found.sem)
+    assert format_interval(found.mdc, found.mdc_low, found.mdc_high) in render_comparison(made, {})
+    (table,) = (rows for name, _, rows in comparison_tables(made) if "MDC" in name)
+    assert f"{found.mdc_low:.4g} to {found.mdc_high:.4g}" in sum(table, [])
 
 
 def test_days_need_the_same_people(results):
