@@ -13,6 +13,8 @@ from jointz.core.session_log import WALKING
 from jointz.io.netcdf import read_recording
 from jointz.io.protocols import load_protocol, protocol_text
 from jointz.io.session_log import read_log
+from jointz.report.event_figures import draw_onset_accuracy
+from jointz.report.methods_text import methods_text
 
 HOST_FIELDS = {"host_time_ns", "busy_us", "crc"}
 
@@ -106,6 +108,23 @@ def test_the_study_is_analysed_with_nothing_special(made):
     assert analysis.n_standing > 30
     assert {p.timing_point for p in analysis.pulses} == {"LRE", "MST", "TST", "PSW", "ISW", "MSW"}
     assert all(abs(p.onset_s) < 1e4 for p in analysis.pulses)
+
+
+def test_the_scatter_of_the_onsets_is_the_same_number_everywhere(made):
+    analysis = jointz.analyze(made.study, method="matched_strides", resamples=2)
+    run, text = made.report.pooled_onsets(), methods_text(analysis)
+    drawn = [t.get_text() for t in draw_onset_accuracy(analysis).axes[0].texts]
+
+    for row in analysis.statistics["onset_accuracy"]:
+        other = run.loc[row["timing_point"]]
+        assert (row["n"], row["n_missing"]) == (other["n"], other["n_missing"])
+        error = row["mean_pct"] - row["target_pct"]
+        assert (error, row["sd_pct"]) == pytest.approx(
+            (other["error_mean_pct"], other["error_sd_pct"]), abs=1e-6
+        )
+        assert f"± {row['sd_pct']:.2f} %, n {row['n']}" in text
+        assert any(f"SD {row['sd_pct']:.2f} %" in label for label in drawn)
+        assert f"SD {row['sd_pct']:.2f} (theory" in made.report.summary()
 
 
 def test_recordings_hold_what_was_worn(made):

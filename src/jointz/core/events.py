@@ -46,7 +46,8 @@ class PulseRecord:
     timing_point : str
         Timing point, case, trial or group.
     target_pct, measured_pct : float or None
-        Planned and measured onset, % of the gait cycle.
+        Planned and measured onset, % of the gait cycle. The measured one is the time since the
+        heel strike over the duration of the same stride; None outside accepted strides.
     code : str
         ``""`` for a pulse used, else a code of
         :class:`jointz.core.codes.Exclusion`.

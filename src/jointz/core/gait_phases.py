@@ -3,6 +3,11 @@
 from collections.abc import Mapping
 from math import isfinite
 from types import MappingProxyType
+from typing import TypeVar
+
+import numpy as np
+
+_Phase = TypeVar("_Phase", float, np.ndarray)
 
 #: Phase name -> (start, end), % of the gait cycle.
 PHASES: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -71,9 +76,15 @@ def nearest_timing_point(gait_pct: float, timing_points: Mapping[str, float]) ->
     >>> nearest_timing_point(97.0, {"ICO": 1.0, "MSW": 81.0})
     'ICO'
     """
+    return min(timing_points, key=lambda name: abs(phase_difference(gait_pct, timing_points[name])))
 
-    def distance(name: str) -> float:
-        apart = abs(gait_pct - timing_points[name]) % 100.0
-        return min(apart, 100.0 - apart)
 
-    return min(timing_points, key=distance)
+def phase_difference(first: _Phase, second: float) -> _Phase:
+    """Return first minus second on the circle of the gait cycle, -50 to 50 %.
+
+    Examples
+    --------
+    >>> phase_difference(1.0, 99.0)
+    2.0
+    """
+    return (first - second + 50.0) % 100.0 - 50.0

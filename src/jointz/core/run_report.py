@@ -1,4 +1,4 @@
-"""What became of an experiment: pulses done, where they fired, how well time was kept."""
+"""Report of a run: pulses done, their onsets in the gait cycle, timing of the loop."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -6,6 +6,7 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from jointz.core.fit_parameters import checked_values
@@ -26,10 +27,12 @@ _COLUMNS = (
     "aborted",
     "lost",
     "n",
+    "n_missing",
     "error_mean_pct",
     "error_sd_pct",
     "theory_sd_pct",
 )
+_COUNTS = _COLUMNS[4:-3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +48,10 @@ class RunReport:
     onsets : tuple of dict
         ``participant, condition, timing_point, planned_pct, planned, completed,
         missed, aborted, lost`` (completed, but the log lost them) and the error of the
-        onsets against the recorded heel strikes: ``n, error_mean_pct, error_sd_pct`` and
-        ``theory_sd_pct``, the SD that the variation of the strides alone makes; all in %
-        of the gait cycle.
+        onsets, broken-off pulses included, as the time since the heel strike over the duration
+        of the same stride: ``n, n_missing`` (outside accepted strides), ``error_mean_pct,
+        error_sd_pct`` and ``theory_sd_pct``, the SD that the variation of the strides alone
+        makes; all in % of the gait cycle.
     gaps : tuple of dict
         ``participant, condition, fewest, most, planned_fewest, planned_most``: strides
         between pulses.
@@ -83,13 +87,38 @@ class RunReport:
         told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {told}" if told else done)
-        fired = table[table["planned_pct"].notna()]  # on a bench nothing has a phase
-        for name, rows in fired.groupby("timing_point", sort=False):
+        for name, row in self.pooled_onsets().iterrows():
             lines.append(
-                f"{name}: onset error {rows['error_mean_pct'].mean():+.2f} % of the cycle, "
-                f"SD {rows['error_sd_pct'].mean():.2f} (theory {rows['theory_sd_pct'].mean():.2f})"
+                f"{name}: onset error {row['error_mean_pct']:+.2f} % of the cycle, "
+                f"SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
             )
         return "\n".join(lines)
+
+    def pooled_onsets(self) -> pd.DataFrame:
+        """Return mean and SD of the onset error over the pulses of all participants.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by timing point: ``planned_pct``, the counts of ``onsets`` summed,
+            ``error_mean_pct, error_sd_pct`` and ``theory_sd_pct`` (root mean square).
+        """
+        table = self.to_frame()
+        table = table[table["planned_pct"].notna()]  # on a bench nothing has a phase
+        pooled = {}
+        for name, rows in table.groupby("timing_point", sort=False):
+            n, mean, sd = rows[["n", "error_mean_pct", "error_sd_pct"]].to_numpy(dtype=float).T
+            total = n.sum()
+            centre = np.nansum(n * mean) / total if total else np.nan
+            squares = np.nansum((n - 1.0) * sd**2) + np.nansum(n * (mean - centre) ** 2)
+            pooled[name] = {
+                "planned_pct": rows["planned_pct"].iloc[0],
+                **rows[list(_COUNTS)].sum(),
+                "error_mean_pct": centre,
+                "error_sd_pct": np.sqrt(squares / (total - 1.0)) if total > 1 else np.nan,
+                "theory_sd_pct": rows["theory_sd_pct"].astype(float).pow(2).mean() ** 0.5,
+            }
+        return pd.DataFrame.from_dict(pooled, orient="index")
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the SD of the onsets beside the theory, by timing point.

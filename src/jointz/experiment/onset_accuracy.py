@@ -1,10 +1,12 @@
-"""Where in the gait cycle the pulses fired, against where they should have."""
+"""Accuracy of the onsets of pulses in the gait cycle."""
 
 from math import sqrt
 
+import numpy as np
 import pandas as pd
 
-from jointz.gait.phase import stride_containing
+from jointz.core.gait_phases import phase_difference
+from jointz.gait.phase import measured_phase
 from jointz.gait.strides import Strides
 
 
@@ -36,27 +38,23 @@ def onset_accuracy(
     Returns
     -------
     pandas.DataFrame
-        One row a timing point: ``timing_point, planned_pct, n, error_mean_pct,
+        One row a timing point: ``timing_point, planned_pct, n, n_missing`` (pulses without
+        a measured phase, :func:`jointz.gait.phase.measured_phase`), ``error_mean_pct,
         error_sd_pct, theory_sd_pct`` (SD realised in this recording).
     """
-    onset_s, names = pulses["onset_s"].to_numpy(), pulses["timing_point"].to_numpy()
-    index = stride_containing(onset_s, strides)
-    inside = index >= 0
-    inside[inside] = strides.accepted[index[inside]]
-    index, names = index[inside], names[inside]
-    share_pct = 100.0 * (onset_s[inside] - strides.start_s[index]) / strides.duration_s[index]
+    measured_pct = measured_phase(pulses["onset_s"].to_numpy(), strides)
     walked = strides.duration_s[strides.accepted]
     variation = float(walked.std(ddof=1) / walked.mean()) if walked.size > 1 else float("nan")
     rows = []
     for name, planned in timing_points.items():
-        at = names == name
-        # A pulse late in the cycle may fire after the next strike: -2 %, not 98 %.
-        error = (share_pct[at] - planned + 50.0) % 100.0 - 50.0
+        due = phase_difference(measured_pct[pulses["timing_point"].to_numpy() == name], planned)
+        error = due[~np.isnan(due)]
         rows.append(
             {
                 "timing_point": name,
                 "planned_pct": planned,
-                "n": int(at.sum()),
+                "n": error.size,
+                "n_missing": due.size - error.size,
                 "error_mean_pct": float(error.mean()) if error.size else float("nan"),
                 "error_sd_pct": float(error.std(ddof=1)) if error.size > 1 else float("nan"),
                 "theory_sd_pct": planned * variation * sqrt(1.0 + 1.0 / strides_in_mean),

@@ -14,7 +14,7 @@ _OLDEST = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phase:
-    """Phase of the gait cycle at given times.
+    """Predicted phase of the gait cycle at given times.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Phase:
 
 
 def gait_phase(t: np.ndarray, strides: Strides) -> Phase:
-    """Tell the phase of the gait cycle at each time.
+    """Predict the phase of the gait cycle at each time from the strides before it.
 
     The time since the last heel strike over the mean of the last three accepted
     strides, modulo one (DESIGN.md, section 4). Only strides that ended at or
@@ -106,6 +106,38 @@ def stride_containing(t: np.ndarray, strides: Strides) -> np.ndarray:
     """
     index = np.searchsorted(strides.strike_s, np.atleast_1d(t), side="right") - 1
     return np.where(index < strides.start_s.size, index, -1)
+
+
+def measured_phase(t: np.ndarray, strides: Strides) -> np.ndarray:
+    """Return the phase of each time within its stride as it happened, % of the gait cycle.
+
+    Parameters
+    ----------
+    t : (n,) float, s
+        Times, in any order.
+    strides : Strides
+        The recording's strides.
+
+    Returns
+    -------
+    (n,) float
+        Time since the heel strike that began the stride over the stride's duration up to the
+        next heel strike; NaN outside accepted strides, such as before a gap.
+
+    Examples
+    --------
+    >>> from jointz.gait.strides import find_strides
+    >>> strides = find_strides(np.array([0.0, 1.0, 2.25]), np.empty((0, 2)))
+    >>> measured_phase(np.array([0.5, 1.5, 2.5]), strides).tolist()
+    [50.0, 40.0, nan]
+    """
+    index = stride_containing(t, strides)
+    inside = index >= 0
+    inside[inside] = strides.accepted[index[inside]]
+    pct = np.full(index.shape, np.nan)
+    held = index[inside]
+    pct[inside] = 100.0 * (t[inside] - strides.start_s[held]) / strides.duration_s[held]
+    return pct
 
 
 def _mean_stride(t: np.ndarray, strides: Strides) -> tuple[np.ndarray, np.ndarray]:

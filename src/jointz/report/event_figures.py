@@ -8,7 +8,7 @@ import numpy as np
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion
-from jointz.core.events import PulseRecord, StrideRecord
+from jointz.core.events import StrideRecord
 from jointz.report.prose import strides_with_pulse
 from jointz.report.style import (
     BLUE,
@@ -22,7 +22,6 @@ from jointz.report.style import (
     TINY_PT,
     VERMILION,
     WIDTH_MM,
-    circular_mean_pct,
     legend_line,
     new_figure,
     place_axes,
@@ -31,6 +30,7 @@ from jointz.report.style import (
     ticks_at,
 )
 from jointz.report.wording import MINUS, format_signed
+from jointz.stats.description import onset_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,21 +108,20 @@ def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
     matplotlib.figure.Figure or None
         None where no pulse has both a target and a measured phase.
     """
-    errors = _onset_errors(analysis.pulses)
+    pulses = onset_errors(analysis.pulses)
+    errors = {key: known for key, all_ in pulses.items() if (known := all_[~np.isnan(all_)]).size}
     if not errors:
         return None
     figure = new_figure(72.0)
     axes = place_axes(figure, 14.0, 4.0, width_mm=WIDTH_MM - 17.0, height_mm=53.0)
-    reach = max(1.0, 1.1 * max(float(np.abs(e).max()) for _, e in errors.values()))
+    reach = max(1.0, 1.1 * max(float(np.abs(e).max()) for e in errors.values()))
     axes.set_ylim(-reach, 1.5 * reach)  # above the pulses stand their SD, mean and number
     axes.set_yticks([tick for tick in axes.get_yticks() if abs(tick) <= reach])
     axes.set_xlim(-0.55, len(errors) - 0.45)
     axes.axhline(0.0, color=MUTED, linewidth=0.8, zorder=1)
-    for at, (_, error) in enumerate(errors.values()):
+    for at, error in enumerate(errors.values()):
         _draw_onsets(axes, at, error)
-    axes.set_xticks(
-        range(len(errors)), [f"{name}\n{target:.1f} %" for name, (target, _) in errors.items()]
-    )
+    axes.set_xticks(range(len(errors)), [f"{name}\n{target:.1f} %" for name, target in errors])
     axes.tick_params(axis="x", length=0)
     axes.set_xlabel("Timing point and target (% of gait cycle)")
     axes.set_ylabel(f"Onset {MINUS} target (% of gait cycle)")
@@ -260,22 +259,6 @@ def _stride_legend(
     if analysis.gaps:
         handles.append(legend_line("gap in the time stamps", VERMILION, dashes=(2.0, 1.5)))
     return handles
-
-
-def _onset_errors(pulses: Sequence[PulseRecord]) -> dict[str, tuple[float, np.ndarray]]:
-    """Return target and deviations from it, % of the cycle, of each timing point."""
-    found: dict[str, list[tuple[float, float]]] = {}
-    for p in pulses:
-        if p.target_pct is not None and p.measured_pct is not None:
-            pair = (p.target_pct, p.measured_pct)
-            found.setdefault(p.timing_point, []).append(pair)
-    errors = {}
-    for name, pairs in found.items():
-        target, measured = np.array(pairs).T
-        # Onsets lie on a circle: 99 % is 2 % before 1 %.
-        deviation = (measured - target + 50.0) % 100.0 - 50.0
-        errors[name] = (circular_mean_pct(target), deviation)
-    return dict(sorted(errors.items(), key=lambda item: item[1][0]))
 
 
 def _draw_onsets(axes: "Axes", at: int, error: np.ndarray) -> None:

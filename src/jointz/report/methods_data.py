@@ -23,6 +23,7 @@ from jointz.report.wording import (
     format_with_sd,
     pretty_unit,
 )
+from jointz.stats.description import onset_accuracy
 
 _CONDITIONS: Final[Mapping[str, str]] = {
     "no_device": "without the device",
@@ -176,21 +177,20 @@ def _pulse_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def _onset_sentences(pulses: Sequence[PulseRecord]) -> list[str]:
-    """Say at which phases pulses were due, and how far off they came."""
-    due: dict[str, float] = {}
-    off: dict[str, list[float]] = {}
-    for pulse in pulses:
-        if pulse.target_pct is not None and pulse.timing_point:
-            due.setdefault(pulse.timing_point, pulse.target_pct)
-            if pulse.measured_pct is not None:
-                error = (pulse.measured_pct - pulse.target_pct + 50.0) % 100.0 - 50.0
-                off.setdefault(pulse.timing_point, []).append(error)
-    parts = [
-        f"{name} at {format_exact(due[name])} % ({format_signed(float(np.mean(e)), decimals=2)}"
-        f"{f' ± {np.std(e, ddof=1):.2f}' if len(e) > 1 else ''} %, n {len(e)})"
-        for name, e in sorted(off.items(), key=lambda item: due[item[0]])
-    ]
-    lead = "Planned onset in % of the gait cycle, and how far off it came (mean ± SD)"
+    """State planned onsets and their errors."""
+    parts = []
+    for row in onset_accuracy(pulses):
+        counts = f"n {row['n']}" + (f", {row['n_missing']} missing" if row["n_missing"] else "")
+        if row["n"]:
+            error = format_signed(row["mean_pct"] - row["target_pct"], decimals=2)
+            sd = "" if row["sd_pct"] is None else f" ± {row['sd_pct']:.2f}"
+            counts = f"{error}{sd} %, {counts}"
+        parts.append(f"{row['timing_point']} at {format_exact(row['target_pct'])} % ({counts})")
+    lead = (
+        "Planned onset in % of the gait cycle and error of the measured onset, which is the time "
+        "since the heel strike over the duration of the same stride (mean ± SD; missing: pulses "
+        "outside accepted strides)"
+    )
     return [f"{lead}: {', '.join(parts)}."] if parts else []
 
 

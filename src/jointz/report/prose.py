@@ -116,6 +116,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
     people = words.counted(len({c.participant for c in analysis.cells}))
     used, _ = pulse_counts(analysis)
     pulses = format_count(used, "pulse")
+    unmeasured = sum(p.target_pct is not None and p.measured_pct is None for p in analysis.pulses)
     made = "; ".join(interval_methods(analysis)) or "as stated by the method"
     walking = any(c.onset_gait_pct is not None for c in analysis.cells)
     fitted = fitted_signals(analysis)
@@ -156,10 +157,11 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
             f"assumptions made before. n: {people}."
         ),
         "onset_accuracy": (
-            "Measured onset of every pulse relative to its target, in % of the gait cycle: "
+            "Measured minus planned onset of every pulse, in % of the gait cycle: "
             "histogram (left) and single pulses (right) of each timing point, with their mean "
-            "(line), standard deviation (SD) and number. Pulses without a measured phase are not "
-            "drawn."
+            "(line), standard deviation (SD) and number. The measured onset is the time since the "
+            "heel strike over the duration of the same stride. "
+            f"Not drawn: {format_count(unmeasured, 'pulse')} outside accepted strides."
         ),
         "strides": (
             "Stride times in each recording (line) and histogram of the accepted strides with "

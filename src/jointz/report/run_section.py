@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from jointz.core.run_report import RunReport
 from jointz.report.wording import format_integer
 
@@ -22,24 +20,7 @@ def run_section(run: RunReport) -> dict[str, Any]:
         ``rows`` (one a timing point, over all participants), ``gaps`` and ``timing``
         (sentences).
     """
-    table = run.to_frame()
-    rows = []
-    for name, of_point in table.groupby("timing_point", sort=False):
-        sd = of_point["error_sd_pct"].to_numpy(dtype=float)
-        theory = of_point["theory_sd_pct"].to_numpy(dtype=float)
-        rows.append(
-            {
-                "name": name,
-                "planned_pct": float(of_point["planned_pct"].iloc[0]),
-                "completed": int(of_point["completed"].sum()),
-                "planned": int(of_point["planned"].sum()),
-                "missed": int(of_point["missed"].sum()),
-                "aborted": int(of_point["aborted"].sum()),
-                "error_pct": float(np.nanmean(of_point["error_mean_pct"].to_numpy(dtype=float))),
-                "sd_pct": float(np.sqrt(np.nanmean(sd**2))),
-                "theory_pct": float(np.sqrt(np.nanmean(theory**2))),
-            }
-        )
+    rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
     return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
 
 

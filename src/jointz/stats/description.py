@@ -7,6 +7,30 @@ import numpy as np
 
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.gait_phases import phase_difference
+
+
+def onset_errors(pulses: Sequence[PulseRecord]) -> dict[tuple[str, float], np.ndarray]:
+    """Return measured minus planned onset of the pulses at every timing point.
+
+    Parameters
+    ----------
+    pulses : sequence of PulseRecord
+        All pulses.
+
+    Returns
+    -------
+    dict
+        Timing point and target, in the order of the cycle -> errors, % of the gait cycle; NaN
+        for a pulse without a measured phase.
+    """
+    groups: dict[tuple[str, float], list[float]] = {}
+    for pulse in pulses:
+        if pulse.target_pct is not None:
+            measured = np.nan if pulse.measured_pct is None else pulse.measured_pct
+            error = phase_difference(measured, pulse.target_pct)
+            groups.setdefault((pulse.timing_point, pulse.target_pct), []).append(error)
+    return {key: np.array(groups[key]) for key in sorted(groups, key=lambda key: key[1])}
 
 
 def onset_accuracy(pulses: Sequence[PulseRecord]) -> list[dict[str, Any]]:
@@ -15,29 +39,28 @@ def onset_accuracy(pulses: Sequence[PulseRecord]) -> list[dict[str, Any]]:
     Parameters
     ----------
     pulses : sequence of PulseRecord
-        All pulses; those without a measured phase do not count.
+        All pulses.
 
     Returns
     -------
     list of dict
-        ``timing_point``, ``target_pct``, ``n``, ``mean_pct`` and ``sd_pct`` of
-        the measured onset, % of the gait cycle.
+        ``timing_point``, ``target_pct``, ``n``, ``n_missing`` (pulses without a measured
+        phase), ``mean_pct`` and ``sd_pct`` of the measured onset, % of the gait cycle.
     """
-    groups: dict[tuple[str, float], list[float]] = {}
-    for pulse in pulses:
-        if pulse.measured_pct is not None and pulse.target_pct is not None:
-            error = (pulse.measured_pct - pulse.target_pct + 50.0) % 100.0 - 50.0
-            groups.setdefault((pulse.timing_point, pulse.target_pct), []).append(error)
-    return [
-        {
-            "timing_point": name,
-            "target_pct": target,
-            "n": len(errors),
-            "mean_pct": target + float(np.mean(errors)),
-            "sd_pct": float(np.std(errors, ddof=1)) if len(errors) > 1 else None,
-        }
-        for (name, target), errors in sorted(groups.items(), key=lambda item: item[0][1])
-    ]
+    rows = []
+    for (name, target), errors in onset_errors(pulses).items():
+        known = errors[~np.isnan(errors)]
+        rows.append(
+            {
+                "timing_point": name,
+                "target_pct": target,
+                "n": known.size,
+                "n_missing": errors.size - known.size,
+                "mean_pct": target + float(known.mean()) if known.size else None,
+                "sd_pct": float(known.std(ddof=1)) if known.size > 1 else None,
+            }
+        )
+    return rows
 
 
 def stride_summary(

@@ -69,6 +69,7 @@ def _pulses(
             "aborted": 0,
             "lost": 0,
             "n": 0,
+            "n_missing": 0,
             "error_mean_pct": None,
             "error_sd_pct": None,
             "theory_sd_pct": None,

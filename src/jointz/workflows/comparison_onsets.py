@@ -5,6 +5,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from jointz.core.errors import DataError
+from jointz.core.gait_phases import phase_difference
 from jointz.workflows.comparison_sources import Results
 
 #: Beyond the first a difference is named, beyond the second it is no difference of people.
@@ -42,7 +43,7 @@ def onset_gaps(read: Sequence[Results]) -> list[OnsetGap]:
             if point not in other.onsets_pct:
                 continue
             its = other.onsets_pct[point]
-            gap = abs((pct - its + 50.0) % 100.0 - 50.0)
+            gap = abs(phase_difference(pct, its))
             if gap > NOTED_PCT:
                 gaps.append(OnsetGap(point, one.source.name, pct, other.source.name, its, gap))
     return gaps

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
+from jointz.core.gait_phases import phase_difference
 from jointz.experiment.session_files import CONTROL_FILE, JOURNAL_FILE, log_path
 from jointz.experiment.whole_files import read_object
 from jointz.workflows.live_motion import Motion
@@ -322,7 +323,7 @@ class LiveSession:
         for begun in self._onsets.get(condition, {}).values():
             point = names.get(begun["pulse"])
             if begun["share_pct"] is not None and point in points:
-                error = (begun["share_pct"] - points[point] + 50.0) % 100.0 - 50.0
+                error = phase_difference(begun["share_pct"], points[point])
                 errors.append({"point": point, "error_pct": round(error, 2)})
         return errors
 

@@ -100,7 +100,7 @@ def _onsets(
     strides = find_strides(strikes.time_s, find_gaps(time))
     points = (condition.perturbations and condition.perturbations.timing_points) or {}
     accuracy = onset_accuracy(
-        record.pulses[record.pulses["completed"].astype(bool)],
+        record.pulses,
         strides,
         timing_points=points,
         strides_in_mean=protocol.gait.strides_in_mean if protocol.gait else 1,

@@ -19,13 +19,18 @@ def test_onset_accuracy_is_told_on_the_circle_in_the_order_of_the_cycle():
         pulse(None),
         pulse(50.0, point="trial", target=None),
     ]
-    first, second = onset_accuracy(pulses)
+    first, missing, second = onset_accuracy(pulses)
 
     assert (first["timing_point"], first["n"]) == ("ICO", 2)
     assert first["mean_pct"] == pytest.approx(0.5)
     assert first["sd_pct"] == pytest.approx(3.0 / 2**0.5)
     assert second == {
-        "timing_point": "MSW", "target_pct": 81.0, "n": 1, "mean_pct": 82.0, "sd_pct": None,
+        "timing_point": "MSW", "target_pct": 81.0, "n": 1, "n_missing": 0, "mean_pct": 82.0,
+        "sd_pct": None,
+    }  # fmt: skip
+    assert missing == {
+        "timing_point": "LRE", "target_pct": 7.0, "n": 0, "n_missing": 1, "mean_pct": None,
+        "sd_pct": None,
     }  # fmt: skip
 
 

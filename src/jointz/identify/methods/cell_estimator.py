@@ -204,7 +204,7 @@ class CellEstimator:
 
 
 def mean_phase(phases: Sequence[float | None]) -> float | None:
-    """Return the circular mean of phases in %, None where any is missing.
+    """Return the circular mean of the known phases in %, None if there is none.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def mean_phase(phases: Sequence[float | None]) -> float | None:
         Of the gait cycle.
     """
     known = [p for p in phases if p is not None]
-    if not known or len(known) < len(phases):
+    if not known:
         return None
     angles = np.asarray(known) * 2 * np.pi / 100.0
     mean = np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi)

@@ -11,7 +11,7 @@ from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS, nearest_timing_point
 from jointz.core.study import GroupSpec, PerturbationsSpec
-from jointz.gait.phase import gait_phase
+from jointz.gait.phase import gait_phase, measured_phase
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 
@@ -118,6 +118,9 @@ def _of_source(
     grouped = settings.perturbations.group is not None
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     outside = is_outside(onsets, source)
+    measured_pct = np.full(onsets.size, np.nan)
+    if source.strides is not None:
+        measured_pct = measured_phase(onsets, source.strides)
     found = []
     for k, pulse in enumerate(source.pulses):
         user = settings.left_out_by(source.given.file, pulse.onset_s)
@@ -133,7 +136,7 @@ def _of_source(
             amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
             target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
-            measured_pct=None if outside[k] else _known(phase_pct[k]),
+            measured_pct=_known(measured_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
             detail=user.reason if user else detail,
         )
@@ -168,7 +171,7 @@ def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
 def _phases(
     onsets: np.ndarray, source: Source, settings: ParticipantSettings, asked: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return measured phase (%), time since the last strike (s) and codes of each onset.
+    """Return predicted phase (%), time since the last strike (s) and codes of each onset.
 
     Where nobody asked, what cannot be trusted is unknown instead of coded.
     """
@@ -196,8 +199,8 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     case = attrs["session"] or attrs["trial"] or "all_pulses"
     labels = []
     for pulse, pct in zip(source.pulses, phase_pct, strict=True):
-        measured = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
-        labels.append(pulse.timing_point or (measured if settings.walking else case))
+        nearest = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
+        labels.append(pulse.timing_point or (nearest if settings.walking else case))
     if ALL_POINTS in labels:
         file = source.given.file
         raise DataError(

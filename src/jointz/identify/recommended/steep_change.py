@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.core.gait_phases import phase_difference
 from jointz.core.pooled_estimates import unbounded_estimate
 from jointz.kernels.joint_response import (
     DAMPING,
@@ -124,7 +125,7 @@ def undecided_where_steep(
     found = []
     for cell, drift, own in zip(cells, drifts, placed, strict=True):
         near = own is not None and any(
-            0.0 < abs((other[0] - own[0] + 50.0) % 100.0 - 50.0) < own[3]
+            0.0 < abs(phase_difference(other[0], own[0])) < own[3]
             for other in placed
             if other is not None
         )
