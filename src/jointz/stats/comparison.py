@@ -284,13 +284,13 @@ def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeas
     df = float((n - 1) * (k - 1))
     tail = (1.0 - ci_level) / 2.0
     sem = float(np.sqrt(error))
-    sems = (sem, *(sem * float(np.sqrt(df / chdtri(df, p))) for p in (tail, 1.0 - tail)))
+    low, high = (sem * float(np.sqrt(df / chdtri(df, p))) for p in (tail, 1.0 - tail))
     factor = float(stdtrit(df, _TWO_SIDED_95) * np.sqrt(2.0))
     return RepeatedMeasurements(
         icc_agreement=_agreement(people, days, error, shape=(n, k), tail=tail),
         icc_consistency=_consistency(people / error, n, k, tail=tail),
-        sem=sems,
-        mdc=(factor * sems[0], factor * sems[1], factor * sems[2]),
+        sem=(sem, low, high),
+        mdc=(factor * sem, factor * low, factor * high),
     )
 
 
