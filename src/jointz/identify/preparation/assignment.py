@@ -30,12 +30,15 @@ class Candidate:
         What will be reported of it.
     elapsed_s : float, s
         Time since the last heel strike, or since the start of a bench trial.
+    predicted_pct : float or None, % of the gait cycle
+        Phase of the onset as predicted from the strides before it.
     """
 
     source: int
     pulse: Pulse
     record: PulseRecord
     elapsed_s: float
+    predicted_pct: float | None = None
 
     def coded(self, code: str) -> "Candidate":
         """Return the candidate, left out with a code.
@@ -140,7 +143,7 @@ def _of_source(
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
             detail=user.reason if user else detail,
         )
-        found.append(Candidate(index, pulse, record, float(elapsed_s[k])))
+        found.append(Candidate(index, pulse, record, float(elapsed_s[k]), _known(phase_pct[k])))
     return found
 
 

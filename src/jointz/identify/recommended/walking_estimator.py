@@ -184,7 +184,7 @@ class WalkingEstimator:
         if not kept.any():
             return self._failed(label, codes), codes
         strides = self._sources[chosen[0].source].strides
-        phase = mean_phase([c.record.measured_pct for c in chosen])
+        phase = mean_phase([c.predicted_pct for c in chosen])
         cell = PredictedCell(
             label=label,
             candidates=chosen,

@@ -56,7 +56,7 @@ class PredictedCell:
     period_s : float, s
         Between samples.
     phase : float
-        Mean measured phase of the onsets, cycles; NaN where unknown.
+        Mean predicted phase of the onsets, cycles; NaN where unknown.
     stride_s : float, s
         Duration of a stride.
     """
