@@ -93,7 +93,12 @@ class DephyActPack(Lived):
         self._watchdog: Repeating | None = None
         self._sending = threading.Lock()
         self._commanded_ns = self._sampled_ns = 0
-        self._relaxed = True
+        self._relaxed = self._stop_confirmed = True
+
+    @property
+    def stop_confirmed(self) -> bool:
+        """Whether flexsea took the last stop."""
+        return self._stop_confirmed
 
     @property
     def dropped(self) -> int:
@@ -313,7 +318,9 @@ class DephyActPack(Lived):
         try:
             self._device.command_motor_current(0)
             self._device.stop_motor()
+            self._stop_confirmed = True
         except _LIBRARY_ERRORS as exc:
+            self._stop_confirmed = False
             _LOG.error("%s: could not be stopped (%s). Switch its power off.", self._name, exc)
         finally:
             self._relaxed = True

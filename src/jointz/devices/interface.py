@@ -177,7 +177,9 @@ class Device(Protocol):
     def stop(self) -> None:
         """Go to zero torque and ``INACTIVE``, whatever the state; never raises, never blocks.
 
-        A device in ``FAULT`` or ``FINALISED`` stays there.
+        A device in ``FAULT`` or ``FINALISED`` stays there. A driver that can tell whether the
+        device took the stop has a property ``stop_confirmed``; where that is False afterwards,
+        the session ends with "could not be stopped".
         """
         ...
 

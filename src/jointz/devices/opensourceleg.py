@@ -8,8 +8,9 @@ tried on hardware.**
 What to know before torque comes near a person:
 
 - opensourceleg offers no command timeout and no heartbeat. The timeout that is described is
-  kept by a thread of this program: it covers a loop that hangs, not a process that is killed
-  or a computer that freezes. An emergency stop must cut the supply.
+  kept by threads of this program: they cover a loop that hangs and an ``update`` that hangs, not
+  a process that is killed, a computer that freezes, or a library that hangs while it keeps its
+  port or Python's interpreter lock. An emergency stop must cut the supply.
 - It tells no time of the device. Samples carry the host's time after ``update`` returned, and
   where a frozen device cannot be told from one that stands still its samples look fresh.
 - Its classes do not agree: DephyActuator counts in mA and mV, TMotorServoActuator in A, and
@@ -33,6 +34,7 @@ from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError
 from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
 from jointz.devices.lifecycle import Lived
+from jointz.devices.opensourceleg_output import LOOK_S, TorqueOutput
 from jointz.devices.opensourceleg_polling import (
     NEVER_TRIED,
     QUEUE_LENGTH,
@@ -52,6 +54,7 @@ from jointz.devices.opensourceleg_setup import (
     checked_keys,
     profile_of,
 )
+from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
 
 NO_HEARTBEAT = "not read; no heartbeat: only this program keeps the command timeout"
 #: Exceptions of opensourceleg's ``update`` that are faults of a device which still answers.
@@ -70,8 +73,9 @@ _sources: WeakValueDictionary[str, OpenSourceLegSource] = WeakValueDictionary()
 class OpenSourceLegActuator(Lived):
     """An actuator of opensourceleg (a subclass of its ``ActuatorBase``) as ours.
 
-    A thread updates it and writes the commands; reading and commanding never wait for it. It
-    was never tried on hardware, and has no heartbeat: see the module.
+    A thread updates it and writes the commands; reading and commanding never wait for it. A zero
+    that it is late with is written by a watchdog. It was never tried on hardware, and has no
+    heartbeat: see the module.
 
     Parameters
     ----------
@@ -83,6 +87,8 @@ class OpenSourceLegActuator(Lived):
         The host's.
     polling : callable
         Makes the polling: a thread, unless a test brings its own.
+    repeat : callable
+        Runs the watchdog.
 
     Raises
     ------
@@ -97,6 +103,7 @@ class OpenSourceLegActuator(Lived):
         *,
         clock: Clock,
         polling: PollingOf = PollingThread,
+        repeat: Repeat = RepeatingThread,
     ) -> None:
         super().__init__(str(actuator.tag))
         self._profile = setup.profile or profile_of(actuator)
@@ -114,6 +121,10 @@ class OpenSourceLegActuator(Lived):
         self._timeout_ns = round(setup.command_timeout_s * 1e9)
         self._queue: deque[ActuatorSample] = deque(maxlen=QUEUE_LENGTH)
         self._wanted = (0.0, 0)  # torque (N*m) and when it was asked for (ns), in one write
+        self._polled_ns = 0
+        self._output = TorqueOutput(self._name, self._write, self._may_be_on)
+        self._repeat = repeat
+        self._watchdog: Repeating | None = None
         self._faults = 0
         self._seen: object = None
 
@@ -122,6 +133,11 @@ class OpenSourceLegActuator(Lived):
         """Where the device is in its life."""
         faulty = self._faults and self._state in (_ACTIVE, _INACTIVE)
         return _FAULT if faulty else self._state
+
+    @property
+    def stop_confirmed(self) -> bool:
+        """Whether the library took a zero after the last torque."""
+        return self._output.is_zero
 
     def describe(self) -> ActuatorDescription:
         """Return what the actuator says about itself, and that nobody tried it on hardware."""
@@ -149,6 +165,7 @@ class OpenSourceLegActuator(Lived):
         check_port(self._device.library, self._name)
         _log.warning("%s: firmware %s.", self._name, NO_HEARTBEAT)
         self._device.begin(self._enter_mode, self._poll)
+        self._watchdog = self._repeat(self._output.look, LOOK_S)
         self._state = _INACTIVE
 
     def activate(self) -> None:
@@ -203,17 +220,20 @@ class OpenSourceLegActuator(Lived):
         self._device.wake()
 
     def stop(self) -> None:
-        """Go to zero torque and ``INACTIVE``; the thread writes the zero at once."""
+        """Go to zero torque and ``INACTIVE``; ``stop_confirmed`` tells whether zero was taken."""
         if self._state is _ACTIVE:
             self._state = _INACTIVE
         self._wanted = (0.0, 0)
         self._device.wake()
+        self._output.settle()
 
     def close(self) -> None:
         """Stop, end the thread and let the actuator go; afterwards ``FINALISED``."""
         self.stop()
         self._state = _FINALISED
-        self._device.end(lambda: self._write(0.0))
+        is_let_go = self._device.end(lambda: self._output.write(0.0))
+        if self._watchdog is not None and (is_let_go or self.stop_confirmed):
+            self._watchdog.cancel()  # else it goes on sending zero
 
     def _check_sound(self) -> None:
         self._device.check()
@@ -227,19 +247,32 @@ class OpenSourceLegActuator(Lived):
         library.set_control_mode(modes.CURRENT if profile.command == "current" else modes.TORQUE)
         if profile.gains is not None:
             library.set_current_gains(**profile.gains)
-        self._write(0.0)
+        self._output.write(0.0)
         self._is_new()  # what is there before the first update was not measured in this session
 
-    def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
+    def _target_nm(self) -> float:
+        """Return the torque that holds now, N*m."""
         torque_nm, asked_ns = self._wanted
         held = self._device.clock.now_ns() - asked_ns <= self._timeout_ns
+        return torque_nm if held and self.state is _ACTIVE else 0.0
+
+    def _may_be_on(self) -> bool:
+        """Tell whether a torque is asked for, and the polling thread could take it back."""
+        late_ns = self._device.clock.now_ns() - self._polled_ns
+        polled = self._device.failure is None and late_ns <= self._timeout_ns
+        return polled and self._target_nm() != 0.0
+
+    def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
+        self._polled_ns = self._device.clock.now_ns()
         try:
-            self._write(torque_nm if held and self.state is _ACTIVE else 0.0)
+            self._output.write(target_nm := self._target_nm())
+            if target_nm and not self._target_nm():  # no longer, after a write that took long
+                self._output.write(0.0)
             if due:
                 self._update()
         except Exception:
             with suppress(Exception):  # it may still take a command
-                self._write(0.0)
+                self._output.write(0.0)
             raise
 
     def _update(self) -> None:
@@ -255,7 +288,7 @@ class OpenSourceLegActuator(Lived):
             fault = _DRIVER_ERROR
         self._faults |= fault
         if fault:
-            self._write(0.0)
+            self._output.write(0.0)
         if (self._is_new() or fault) and self._state is _ACTIVE:
             self._queue.append(self._sample())
 

@@ -26,7 +26,9 @@ NEVER_TRIED = "this adapter was never tried on hardware"
 #: Samples that wait to be read; the oldest are dropped: two seconds at 1000 Hz.
 QUEUE_LENGTH = 2000
 #: How long the end of a thread is waited for when its device is closed, s.
-_END_S = 1.0
+_END_S = 0.2
+#: How long the library may take to stop, s.
+_LIBRARY_STOP_S = 1.0
 
 #: Called with whether a sample is due; what it raises ends the polling.
 Poll = Callable[[bool], None]
@@ -181,18 +183,27 @@ class PolledDevice:
         if self._polling is not None:
             self._polling.wake()
 
-    def end(self, last: Callable[[], None] = lambda: None) -> None:
+    def end(self, last: Callable[[], None] = lambda: None) -> bool:
         """End the polling and let the library's object go; never raises.
 
         Parameters
         ----------
         last : callable
             Called before the object is stopped, whether or not the polling has ended.
+
+        Returns
+        -------
+        bool
+            Whether the object is let go; False where it hangs.
         """
-        if self._polling is not None:
-            self._polling.end()
-            self._polling = None
-            self._let_go(last)
+        if self._polling is None:
+            return True
+        ended = self._polling.end()
+        self._polling = None
+        letting_go = threading.Thread(target=self._let_go, args=(last,), daemon=True)
+        letting_go.start()  # not here: it hangs where the object hangs
+        letting_go.join(_LIBRARY_STOP_S if ended else _END_S)
+        return not letting_go.is_alive()
 
     def check(self) -> None:
         """Raise when the library raised.

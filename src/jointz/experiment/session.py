@@ -386,6 +386,8 @@ def _stop(
         with signals_held():
             try:
                 device.stop()
+                if not getattr(device, "stop_confirmed", True):
+                    failure = TimeoutError("it did not confirm its stop")
             except Exception as exc:  # noqa: BLE001 - told below
                 failure = exc
     finally:  # a Ctrl-C that waited comes now, and must not be heard instead

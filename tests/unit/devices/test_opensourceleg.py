@@ -10,7 +10,9 @@ import math
 import struct
 import sys
 import threading
+import time
 import types
+from contextlib import nullcontext
 from importlib.util import find_spec
 
 import numpy as np
@@ -26,6 +28,7 @@ from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, o
 from jointz.devices.opensourceleg_polling import QUEUE_LENGTH, PollingThread, made
 from jointz.devices.opensourceleg_sensors import OpenSourceLegSensor, OpenSourceLegSource
 from jointz.devices.opensourceleg_setup import ActuatorSetup, Profile, Reading
+from jointz.experiment.session import _stop
 from jointz.testing import ActuatorContract, SensorContract
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
 
@@ -194,7 +197,13 @@ def setup(**other):
 
 
 def adapted(fake, clock, **other):
-    return OpenSourceLegActuator(fake, setup(**other), clock=clock, polling=clock.polling)
+    return OpenSourceLegActuator(
+        fake,
+        setup(**other),
+        clock=clock,
+        polling=clock.polling,
+        repeat=lambda *_: types.SimpleNamespace(cancel=lambda: None),
+    )
 
 
 def active(fake, clock, **other):
@@ -579,6 +588,145 @@ def test_a_thread_commands_reads_and_cuts_off_in_real_time():
     assert zeroed.wait(5.0)  # nobody commanded again
     assert actuator.read()
     actuator.close()
+
+
+# --- a library that hangs, in real time ----------------------------------------------------------
+
+TIMEOUT_S, ZERO_S = 0.1, 0.05
+
+
+class HangingActuator(DephyActuator):
+    """``hang`` makes the next update wait for ``released``; ``locked``: all other calls, too."""
+
+    def __init__(self, *, locked=False):
+        super().__init__()
+        self.hang, self.hangs = threading.Event(), threading.Event()
+        self.released, self.lock = threading.Event(), threading.Lock()
+        self.locked, self.refused, self.heard = locked, 0, []
+
+    def update(self):
+        with self.lock if self.locked else nullcontext():
+            if self.hang.is_set():
+                self.hangs.set()
+                self.released.wait(10.0)
+        super().update()
+
+    def set_motor_current(self, value):
+        with self.lock if self.locked else nullcontext():
+            if self.hang.is_set() and self.refused:
+                self.refused -= 1
+                raise OSError("bus is busy")
+            super().set_motor_current(value)
+            self.heard.append((time.perf_counter(), value))
+
+    def zero_after_s(self, since_s, patience_s=2.0):
+        """When zero came last, after a while without another torque."""
+        while time.perf_counter() - since_s < patience_s and self.heard[-1][1] != 0.0:
+            time.sleep(0.001)
+        on = [at_s for at_s, value in self.heard if value != 0.0]
+        zeros = [at_s for at_s, value in self.heard if value == 0.0 and at_s > max(on)]
+        return zeros[0] - since_s if zeros else math.inf
+
+
+@pytest.fixture
+def hanging():
+    """An actuator that asks for 9 N*m (10 A) as its library begins to hang, and how to end it."""
+    made = []
+
+    def begin(**other):
+        fake = HangingActuator(**other)
+        actuator = OpenSourceLegActuator(
+            fake, setup(command_timeout_s=TIMEOUT_S), clock=RealClock()
+        )
+        made.append((fake, actuator))
+        actuator.configure()
+        actuator.activate()
+        actuator.command_torque(9.0)
+        while fake.heard[-1][1] == 0.0:
+            time.sleep(0.001)
+        fake.hang.set()
+        assert fake.hangs.wait(5.0)
+        return fake, actuator
+
+    yield begin
+    for fake, actuator in made:
+        fake.released.set()
+        actuator.close()
+
+
+def _keep_commanding(actuator):
+    until_s = time.perf_counter() + TIMEOUT_S + ZERO_S
+    while time.perf_counter() < until_s:
+        actuator.command_torque(9.0)
+        time.sleep(0.002)
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize(
+    ("end", "allowed_s"),
+    [
+        (OpenSourceLegActuator.stop, ZERO_S),
+        (OpenSourceLegActuator.close, ZERO_S),
+        (lambda actuator: actuator.command_torque(0.0), ZERO_S),
+        (lambda _: None, TIMEOUT_S + ZERO_S),
+        (_keep_commanding, TIMEOUT_S + ZERO_S),
+    ],
+    ids=["stop", "close", "zero asked for", "no commands", "commands that nobody takes"],
+)
+@pytest.mark.parametrize("refused", [0, 1])
+def test_zero_torque_does_not_wait_for_an_update_that_hangs(hanging, end, allowed_s, refused):
+    fake, actuator = hanging()
+    fake.refused = refused
+    since_s = time.perf_counter()
+    end(actuator)
+    took_s = time.perf_counter() - since_s
+    assert fake.zero_after_s(since_s) < allowed_s
+    assert took_s < 0.5
+    assert actuator.stop_confirmed
+
+
+@pytest.mark.alone
+def test_a_stop_that_the_library_holds_up_is_reported_and_sent_as_soon_as_it_can(hanging, caplog):
+    fake, actuator = hanging(locked=True)
+    since_s = time.perf_counter()
+    told = r"actuator: could not be stopped \(TimeoutError: it did not confirm its stop\)"
+    with pytest.raises(DeviceError, match=told):
+        _stop("actuator", actuator, None, None, None)
+    assert time.perf_counter() - since_s < 0.2
+    time.sleep(0.2)
+    assert "did not confirm zero torque. Use the emergency stop" in caplog.text
+    threads = threading.active_count()
+    time.sleep(0.1)
+    assert threading.active_count() == threads  # attempts that hang do not pile up
+    released_s = time.perf_counter()
+    fake.released.set()
+    assert fake.zero_after_s(released_s) < ZERO_S
+    _stop("actuator", actuator, None, None, None)
+
+
+@pytest.mark.alone
+def test_a_torque_that_arrives_after_the_stop_is_taken_back(hanging):
+    fake, actuator = hanging()
+    fake.hang.clear()
+    fake.released.set()
+    write, late, go = fake.set_motor_current, threading.Event(), threading.Event()
+
+    def slow(value):
+        if value:
+            late.set()
+            go.wait(5.0)
+        write(value)
+
+    fake.set_motor_current = slow
+    actuator.command_torque(9.0)
+    assert late.wait(5.0)
+    actuator.stop()
+    assert not actuator.stop_confirmed  # the torque may still arrive after the zero
+    go.set()
+    assert fake.zero_after_s(time.perf_counter()) < ZERO_S
+    time.sleep(0.01)
+    assert actuator.stop_confirmed
+    assert fake.heard[-1][1] == 0.0
 
 
 # --- device.toml ---------------------------------------------------------------------------------
