@@ -165,7 +165,9 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--rows", nargs="+", default=list(ROWS))
     parser.add_argument("--planted-lag-s", type=float, default=0.0)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--cache", type=Path, default=Path(".accuracy-cache/certificate"))
+    parser.add_argument(  # a name for what is kept; it lies in the user's cache folder
+        "--cache", type=Path, default=Path(".accuracy-cache/certificate")
+    )
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
     options = {

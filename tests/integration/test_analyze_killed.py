@@ -10,6 +10,8 @@ import time
 
 import pytest
 
+from jointz.workflows.task_store import TaskStore
+
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not hasattr(os, "fork"), reason="kills processes as POSIX does"),
@@ -66,7 +68,8 @@ def test_workers_killed_at_random_moments_change_nothing(study, undisturbed, tmp
     rng = random.Random(1)
     killed = 0
     while killed < KILLS:
-        out, store = tmp_path / str(killed), tmp_path / f".{killed}.tasks"
+        out = tmp_path / str(killed)
+        store = TaskStore(out).folder
         with started(study, out, "--workers", "2") as process:
             if waited_for(process, store, rng.randrange(PEOPLE - 1)):
                 time.sleep(rng.uniform(0.0, 0.5))
@@ -85,7 +88,8 @@ def test_a_killed_client_goes_on_where_it_was(study, undisturbed, tmp_path, sche
     if scheduler:
         pytest.importorskip("distributed", reason="dask is not installed")
     rng = random.Random(2)
-    out, store = tmp_path / "results", tmp_path / ".results.tasks"
+    out = tmp_path / "results"
+    store = TaskStore(out).folder
     kept = {}
     for target in sorted(rng.randrange(PEOPLE) for _ in range(KILLS)):
         with started(study, out, "--workers", "2", *scheduler) as process:

@@ -74,7 +74,7 @@ def analyze(
         from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
         from jointz.workflows.task_store import TaskStore
 
-        store = TaskStore.beside(out)  # a run that ends early goes on from what is there
+        store = TaskStore(out)  # a run that ends early goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with progress_bar(shown=not (quiet or as_json)) as progress, store.told_with_errors():
             analysis = analyze_study(

@@ -126,6 +126,8 @@ def _prepare_process() -> None:
     # Matrices here are small: threads of the linear algebra mostly wait for each other, and take
     # cores from processes that do more. Read when numpy is imported, which is later.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Python would have workers look for modules in the working folder first, where data may lie.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     for name in ("SIGTERM", "SIGHUP"):  # a batch system's Ctrl-C; a closed terminal, not on Windows
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:

@@ -36,7 +36,11 @@ _OWN_CLUSTER = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
+    # Pages have no password. Dask opens their ports even where there is nothing to show.
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
 }
+_NOT_INSTALLED = 'which is not installed. Install it: pip install "jointz[scale]".'
 
 
 class Cluster(Engine):
@@ -255,28 +259,31 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
     try:
         distributed: Any = import_module("distributed")
     except ImportError as exc:
-        raise DataError(
-            "a Dask cluster needs dask, which is not installed. Install it: "
-            'pip install "jointz[scale]".'
-        ) from exc
+        raise DataError(f"a Dask cluster needs dask, {_NOT_INSTALLED}") from exc
     with ExitStack() as stack:
-        address = scheduler
+        address, security = scheduler, None
         if scheduler == LOCAL:
             refuse_script_without_guard()
             stack.enter_context(import_module("dask").config.set(_OWN_CLUSTER))
+            security = _own_certificate(distributed)
             with engine_s_own_failures():
                 local = stack.enter_context(
                     distributed.LocalCluster(
                         n_workers=workers or cores(),
                         threads_per_worker=1,
-                        dashboard_address=":0",
+                        dashboard_address="127.0.0.1:0",
+                        scheduler_kwargs={"dashboard": False},
+                        protocol="tls://",
+                        security=security,
                         host="127.0.0.1",
                     )
                 )
             address = local.scheduler_address
         try:
             client = stack.enter_context(
-                distributed.Client(address, timeout=_PATIENCE_S, set_as_default=False)
+                distributed.Client(
+                    address, timeout=_PATIENCE_S, set_as_default=False, security=security
+                )
             )
         except (OSError, TimeoutError, ValueError) as exc:
             raise DataError(
@@ -284,6 +291,16 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
                 "dask scheduler, or local."
             ) from exc
         yield Cluster(client, address)
+
+
+def _own_certificate(distributed: Any) -> Any:
+    """Return the keys of one cluster: other users of this machine could send it code."""
+    try:
+        return distributed.Security.temporary()
+    except ImportError as exc:
+        raise DataError(
+            f"a Dask cluster on this machine needs cryptography, {_NOT_INSTALLED}"
+        ) from exc
 
 
 @cache  # reading what is installed takes a while

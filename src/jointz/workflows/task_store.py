@@ -5,6 +5,8 @@ import json
 import os
 import pickle
 import shutil
+import stat
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -12,38 +14,43 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from jointz.core.errors import OutputError, WriteError
 from jointz.core.provenance import software
 from jointz.core.whole_file import whole_file
 
 Result = TypeVar("Result")
 
 _SUFFIX = ".result"
+_KEPT_S = 30 * 86_400.0
+_ANOTHER = "Make room, or set XDG_CACHE_HOME to another folder of your own."
 
 
 @dataclass(frozen=True, slots=True)
 class TaskStore:
-    """A folder of results that every worker can see.
+    """Results of a job that are done, kept in the user's cache folder.
+
+    They are pickles, which run code when they are read. So nothing is read from where data can
+    arrive: the folder is below ``$XDG_CACHE_HOME/jointz/tasks`` or ``~/.cache/jointz/tasks`` of
+    whoever does the task, named by a hash of the place, and no other user may write there.
 
     Parameters
     ----------
-    folder : pathlib.Path
-        The folder; made when the first result comes. It is for this user's own runs: its files
-        are pickles, which must not come from elsewhere.
+    place : pathlib.Path
+        Of the job, such as the results folder: what tells its results from another job's. Nothing
+        is written to it or read from it.
     """
 
-    folder: Path
+    place: Path
 
-    @classmethod
-    def beside(cls, out: Path) -> "TaskStore":
-        """Return the store of what becomes a folder: hidden beside it.
+    def __post_init__(self) -> None:
+        """Make the place absolute: workers may run in another folder."""
+        object.__setattr__(self, "place", self.place.resolve())
 
-        Parameters
-        ----------
-        out : pathlib.Path
-            The folder, which need not be there yet.
-        """
-        whole = out.resolve()
-        return cls(whole.parent / f".{whole.name}.tasks")
+    @property
+    def folder(self) -> Path:
+        """The folder, which is made when the first result comes."""
+        name = hashlib.sha256(os.fsencode(self.place)).hexdigest()[:32]
+        return _own_root() / name
 
     def holds(self, key: str) -> bool:
         """Tell whether a result is there.
@@ -65,11 +72,12 @@ class TaskStore:
         call : callable
             Without arguments, fit for pickling.
         """
-        return partial(_kept, self.folder, key, call)
+        return partial(_kept, self, key, call)
 
     @contextmanager
     def told_with_errors(self) -> Iterator[None]:
         """Say with an error that leaves a block which results are kept."""
+        _own_root()  # one that cannot be used is told before the work, not after
         try:
             yield
         except Exception as exc:
@@ -105,16 +113,63 @@ def _file(folder: Path, key: str) -> Path:
     return folder / f"{key}{_SUFFIX}"
 
 
-def _kept(folder: Path, key: Callable[[], str], call: Callable[[], Result]) -> Result:
+def _own_root() -> Path:
+    """Return the folder of all stores, made where it is not there, in which only its user writes.
+
+    Raises
+    ------
+    OutputError
+        When another user owns it or may write to it, or it cannot be made.
+    """
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    cache = Path(named if os.path.isabs(named) else os.path.expanduser("~/.cache"))
+    if not cache.is_absolute():
+        raise OutputError(f"{cache}: there is no home folder. {_ANOTHER}")
+    return _own(_own(cache / "jointz") / "tasks")
+
+
+def _own(folder: Path) -> Path:
+    """Return a folder, made where it is not there; refuse one that others may write to."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError as exc:
+        raise WriteError(str(folder), exc, _ANOTHER) from exc
+    foreign = hasattr(os, "getuid") and (
+        found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
+    if foreign or not stat.S_ISDIR(found.st_mode):
+        raise OutputError(
+            f"{folder}: expected a folder of your own that nobody else can write to: results in "
+            f"it can run code. Where it is yours, remove it or chmod 700 it. {_ANOTHER}"
+        )
+    return folder
+
+
+def _kept(store: TaskStore, key: Callable[[], str], call: Callable[[], Result]) -> Result:
+    folder = store.folder
     file = _file(folder, key())
-    with suppress(Exception):  # not there, damaged, or of a module that is gone: made again
-        kept: Result = pickle.loads(file.read_bytes())  # this user's own
-        return kept
+    if os.path.lexists(folder):
+        _own(folder)
+        with suppress(Exception):  # not there, damaged, or of a module that is gone: made again
+            kept: Result = pickle.loads(file.read_bytes())  # this user's own
+            return kept
+    else:
+        _remove_old(folder.parent)
     result = call()
-    with whole_file(file) as partial_file:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with partial_file.open("wb") as stream:
-            pickle.dump(result, stream, protocol=pickle.HIGHEST_PROTOCOL)
-            stream.flush()
-            os.fsync(stream.fileno())  # or a name may outlive its content when the power fails
+    _own(folder)
+    with whole_file(file, _ANOTHER) as partial_file, partial_file.open("wb") as stream:
+        pickle.dump(result, stream, protocol=pickle.HIGHEST_PROTOCOL)
+        stream.flush()
+        os.fsync(stream.fileno())  # or a name may outlive its content when the power fails
     return result
+
+
+def _remove_old(root: Path) -> None:
+    """Remove what nobody has gone on with for a month."""
+    oldest_s = time.time() - _KEPT_S
+    for folder in root.iterdir():
+        with suppress(OSError):
+            if folder.stat().st_mtime < oldest_s:
+                shutil.rmtree(folder)

@@ -2,8 +2,10 @@
 
 import errno
 import json
+import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -14,6 +16,7 @@ from jointz.cli.main import app
 from jointz.core.errors import EngineError, WorkerLostError
 from jointz.experiment import file_lock
 from jointz.workflows import analysis, participants, results_folder, run
+from jointz.workflows.task_store import TaskStore
 
 FEW = ("--resamples", 20)
 
@@ -154,13 +157,49 @@ def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp
     assert outcome.json["error"] == "WriteError"
     assert f"{out}: cannot be written (no space left" in outcome.json["message"]
     assert "bug" not in outcome.err
-    kept = out.with_name(".out.tasks")
-    assert list(out.parent.iterdir()) == [kept]  # who was analysed need not be so again
+    kept = TaskStore(out).folder  # who was analysed need not be so again
+    assert not out.parent.exists()
     assert f"What is done is kept in {kept}: the same command goes on" in outcome.json["message"]
 
     monkeypatch.setattr(participants, "analyze_participant", None)
     assert jointz("analyze", small_study.root, "--out", out, *FEW).code == 0
     assert list(out.parent.iterdir()) == [out]
+
+
+class Planted:
+    """Runs code when it is unpickled: makes a file."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return Path.touch, (self.file,)
+
+
+def test_a_planted_result_beside_the_data_does_not_run(jointz, small_study, tmp_path, monkeypatch):
+    out, ran = tmp_path / "out", tmp_path / "ran"
+    monkeypatch.setattr(participants, "_key", lambda _, person_id: person_id)
+    beside = tmp_path / ".out.tasks"
+    beside.mkdir()
+    for person_id in ("S01", "S02"):
+        (beside / f"{person_id}.result").write_bytes(pickle.dumps(Planted(ran)))
+
+    assert jointz("analyze", small_study.root, "--out", out, *FEW).code == 0
+    assert not ran.exists()
+
+
+def test_workers_import_nothing_from_the_working_folder(small_study, tmp_path):
+    data, out, script = tmp_path / "data", tmp_path / "out", tmp_path / "bin" / "jointz"
+    for folder in (data, out, script.parent):
+        folder.mkdir()
+    (data / "multiprocessing.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n")
+    (out / "note.txt").touch()  # the folder is refused when the workers have started
+    script.write_text("from jointz.cli.main import run\nif __name__ == '__main__':\n    run()\n")
+    words = [sys.executable, script, "analyze", small_study.root, "--out", out, "--workers", "2"]
+    ended = subprocess.run(words, cwd=data, capture_output=True, text=True, check=False)
+
+    assert (ended.returncode, "is kept. Name another" in ended.stderr) == (2, True), ended.stderr
+    assert not (tmp_path / "ran").exists()
 
 
 def test_what_is_kept_stays_for_those_whose_analysis_broke(
@@ -172,7 +211,8 @@ def test_what_is_kept_stays_for_those_whose_analysis_broke(
         return analyzed(person_id, *given)
 
     analyzed = participants.analyze_participant
-    out, kept = tmp_path / "out", tmp_path / ".out.tasks"
+    out = tmp_path / "out"
+    kept = TaskStore(out).folder
     words = ("analyze", small_study.root, "--out", out, *FEW)
     monkeypatch.setattr(participants, "analyze_participant", breaking)
     first = jointz(*words, "--json")

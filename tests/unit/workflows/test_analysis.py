@@ -19,6 +19,11 @@ from jointz.workflows.engine import Engine, Serial, open_engine
 from jointz.workflows.task_store import TaskStore
 
 
+@pytest.fixture(autouse=True)
+def cache_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
 @pytest.fixture(scope="module")
 def whole(small_study_source):
     return analyze(small_study_source, resamples=50, seed=3)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info
 
-from jointz.core.errors import DataError, EngineError, WorkerLostError, WriteError
+from jointz.core.errors import DataError, EngineError, OutputError, WorkerLostError, WriteError
 from jointz.workflows import engine as engine_module
 from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, open_engine
 from jointz.workflows.engine_shared import shared_out
@@ -66,6 +66,13 @@ def tasks(call, count, *arguments, store=False):
         Task(f"task {k}", partial(call, *arguments, k), partial(str, k) if store else None)
         for k in range(count)
     ]
+
+
+@pytest.fixture(autouse=True)
+def cache_home(tmp_path, monkeypatch):
+    """What is kept goes into the user's cache folder, which is the test's own here."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache"
 
 
 @pytest.fixture(params=[1, 2], ids=["serial", "processes"])
@@ -243,7 +250,7 @@ def test_what_failed_is_not_kept(engine, tmp_path):
     store = TaskStore(tmp_path)
     list(done_in_turn(engine, tasks(third_fails, 4, store=True), store=store))
 
-    assert sorted(file.stem for file in tmp_path.iterdir()) == ["0", "1", "2"]
+    assert sorted(file.stem for file in store.folder.iterdir()) == ["0", "1", "2"]
 
 
 @pytest.mark.parametrize(
@@ -252,38 +259,99 @@ def test_what_failed_is_not_kept(engine, tmp_path):
     ids=["empty", "text", "cut off", "of a module that is gone"],
 )
 def test_a_kept_result_that_cannot_be_read_is_made_again(engine, tmp_path, content):
-    (tmp_path / "0.result").write_bytes(content)
     store = TaskStore(tmp_path)
+    store.kept(partial(str, 0), partial(square, 3))()
+    file = store.folder / "0.result"
+    file.write_bytes(content)
     [done] = done_in_turn(engine, tasks(counted, 1, tmp_path, store=True), store=store)
 
     assert done.result() == 0
-    assert pickle.loads((tmp_path / "0.result").read_bytes()) == 0
+    assert pickle.loads(file.read_bytes()) == 0
 
 
 def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     synced = []
     monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.fstat(number).st_size))
-    TaskStore(tmp_path).kept(partial(str, 0), partial(square, 3))()
+    store = TaskStore(tmp_path)
+    store.kept(partial(str, 0), partial(square, 3))()
 
-    assert synced == [(tmp_path / "0.result").stat().st_size]
+    assert synced == [(store.folder / "0.result").stat().st_size]
 
 
-def test_a_place_that_cannot_be_made_is_told_as_such(tmp_path):
-    (tmp_path / "file").touch()
-    store = TaskStore.beside(tmp_path / "file" / "results")
-    with pytest.raises(WriteError, match=r"0\.result: cannot be written"):
+def test_a_place_that_cannot_be_made_is_told_as_such(cache_home, tmp_path):
+    cache_home.touch()
+    store = TaskStore(tmp_path / "results")
+    with pytest.raises(WriteError, match=r"jointz: cannot be written .* set XDG_CACHE_HOME to"):
         store.kept(partial(str, 0), partial(square, 3))()
 
 
 def test_stores_of_folders_of_the_same_name_are_apart(tmp_path):
-    """Though what they are to lie in is not there yet."""
-    first, second = (TaskStore.beside(tmp_path / name / "results") for name in "AB")
+    first, second = (TaskStore(tmp_path / name / "results") for name in "AB")
     for store in (first, second):
         store.kept(partial(str, 0), partial(square, 3))()
     first.clear()
 
     assert [file.name for file in second.folder.iterdir()] == ["0.result"]
-    assert second.folder == tmp_path / "B" / ".results.tasks"
+    assert not first.folder.exists()
+
+
+class Planted:
+    """Runs code when it is unpickled: makes a file."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return Path.touch, (self.file,)
+
+
+def test_a_planted_result_is_not_read(engine, tmp_path):
+    ran, place = tmp_path / "ran", tmp_path / "results"
+    for folder in (tmp_path / ".results.tasks", place, tmp_path / "jointz" / "tasks"):
+        folder.mkdir(parents=True)
+        (folder / "0.result").write_bytes(pickle.dumps(Planted(ran)))
+    store = TaskStore(place)
+    [done] = done_in_turn(engine, tasks(counted, 1, tmp_path, store=True), store=store)
+
+    assert done.result() == 0
+    assert not ran.exists()
+    assert store.folder.stat().st_mode & 0o777 == 0o700
+
+
+def _shared(folder):
+    folder.chmod(0o770)
+
+
+def _linked(folder):
+    folder.rename(folder.with_name("elsewhere"))
+    folder.symlink_to(folder.with_name("elsewhere"))
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners and modes as POSIX has them")
+@pytest.mark.parametrize("depth", [0, 1, 2])
+@pytest.mark.parametrize("spoil", [_shared, _linked, None], ids=["shared", "linked", "foreign"])
+def test_a_cache_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, spoil, depth):
+    store, ran = TaskStore(tmp_path / "results"), tmp_path / "ran"
+    store.kept(partial(str, 0), partial(square, 3))()
+    (store.folder / "0.result").write_bytes(pickle.dumps(Planted(ran)))
+    folder = [store.folder, *store.folder.parents][depth]
+    if spoil:
+        spoil(folder)
+    else:
+        monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    with pytest.raises(OutputError, match="expected a folder of your own"):
+        store.kept(partial(str, 0), partial(square, 3))()
+    assert not ran.exists()
+
+
+def test_what_nobody_went_on_with_for_a_month_is_removed(tmp_path):
+    old, new, now = (TaskStore(tmp_path / name) for name in ("old", "new", "now"))
+    for store, days in ((old, 31), (new, 29)):
+        store.kept(partial(str, 0), partial(square, 3))()
+        os.utime(store.folder, times=(time.time() - days * 86_400,) * 2)
+    now.kept(partial(str, 0), partial(square, 3))()
+
+    assert [store.folder.exists() for store in (old, new, now)] == [False, True, True]
 
 
 def test_an_error_says_what_is_kept(tmp_path):
@@ -356,7 +424,7 @@ def test_what_an_engine_raises_is_no_task_s(tmp_path, at):
 
     with pytest.raises(EngineError, match=r"cannot go on .*(client is closed|no more processes)"):
         list(coming)
-    assert {"0.result", "1.result"} <= {file.name for file in tmp_path.iterdir()}
+    assert {"0.result", "1.result"} <= {file.name for file in store.folder.iterdir()}
 
 
 def test_what_is_shared_out_to_an_engine_that_is_gone_is_done_here():

@@ -11,6 +11,7 @@ import time
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -215,7 +216,7 @@ def test_a_task_that_kills_its_worker_is_told_and_the_rest_is_done():
         done = list(done_in_turn(engine, [kills, *[WHO] * 3]))
 
     assert isinstance(done[0].error, WorkerLostError)
-    assert all(d.result().startswith("tcp://") for d in done[1:])
+    assert all(d.result().startswith("tls://") for d in done[1:])
 
 
 @pytest.mark.slow
@@ -249,6 +250,44 @@ def test_a_cluster_of_this_machine():
         [done] = done_in_turn(engine, [Task("one", partial(divmod, 7, 2))])
         assert done.result() == (3, 1)
         assert engine.workers == 1
+
+
+def _listening(pids):
+    """Return addresses on which processes listen, in the hexadecimal words of /proc/net."""
+    handles = [link for pid in pids for link in Path(f"/proc/{pid}/fd").iterdir()]
+    sockets = {os.readlink(link) for link in handles if link.is_symlink()}
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+    ]
+    return [line[1].split(":")[0] for line in lines if f"socket:[{line[9]}]" in sockets
+            and line[3] == "0A"]  # fmt: skip
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at /proc")
+def test_nobody_else_reaches_a_cluster_of_this_machine():
+    with open_engine("local", workers=1, tasks=1, needs="json") as engine:
+        workers = engine._client.run(os.getpid)
+        addresses = _listening([os.getpid(), *workers.values()])
+        scheduler = engine._client.scheduler.address
+        with pytest.raises(OSError):  # noqa: PT011 - reset or timed out
+            distributed.Client(scheduler.replace("tls://", "tcp://"), timeout=2)
+
+    assert len(addresses) >= 3  # scheduler, nanny, worker
+    assert set(addresses) == {"0100007F"}  # 127.0.0.1
+    assert scheduler.startswith("tls://")
+
+
+def test_a_cluster_of_this_machine_is_not_started_in_the_clear(monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "cryptography"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with (
+        pytest.raises(DataError, match=r'needs cryptography.*pip install "jointz\[scale\]"'),
+        open_engine("local", workers=1, tasks=1, needs="json"),
+    ):
+        pass
 
 
 @pytest.mark.slow
