@@ -164,9 +164,7 @@ def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, 
     }
 
 
-def prior_effects(
-    posterior: JointPosterior, n_points: int
-) -> list[dict[str, tuple[float, float]]]:
+def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tuple[float, float]]]:
     """Return what the priors of K, B and J did to the estimates of every timing point, SI.
 
     Parameters
