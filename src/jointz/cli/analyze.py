@@ -139,7 +139,7 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
         [
             p.timing_point,
             p.parameter,
-            f"{p.value:.4g}" if p.value is not None else "-",
+            f"{p.value:.4g}" if p.value is not None else p.status,
             f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
             p.unit,
             str(p.n_participants),
@@ -200,7 +200,7 @@ def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
         [
             name,
             p.name,
-            f"{p.value:.4g}" if p.value is not None else "-",
+            f"{p.value:.4g}" if p.value is not None else p.status,
             f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
             p.unit,
             p.status,

@@ -48,7 +48,7 @@ class PopulationEstimate:
     n_participants : int
         People with a value.
     method, status : str
-        As in :class:`CellEstimate`.
+        As in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed.
     ci_level : float
         Level of the interval.
     """

@@ -182,6 +182,9 @@ class CellEstimate:
     covariance : tuple of tuple of float, or None
         (3, 3), SI: of the errors of K, B and J as they would be without bounds, calibration
         included; None where a method does not tell.
+    prior_effects : mapping of str to tuple of float
+        Parameter -> by how much its prior, and those of the other two, shifted the value, and
+        the variance that they took off its error, SI; empty where a method has no priors.
     """
 
     participant: str
@@ -202,6 +205,7 @@ class CellEstimate:
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     covariance: tuple[tuple[float, ...], ...] | None = None
     through_instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    prior_effects: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -255,6 +259,7 @@ class CellEstimate:
         )
         for key in ("budget", "through_instruments"):
             data[key] = {name: dict(parts) for name, parts in getattr(self, key).items()}
+        data["prior_effects"] = {name: list(pair) for name, pair in self.prior_effects.items()}
         return data
 
     @classmethod
@@ -275,6 +280,8 @@ class CellEstimate:
         values["gravity_corrected"] = ParameterEstimate(**corrected) if corrected else None
         if values.get("covariance") is not None:
             values["covariance"] = tuple(map(tuple, values["covariance"]))
+        effects = values.get("prior_effects", {})
+        values["prior_effects"] = {name: tuple(pair) for name, pair in effects.items()}
         return cls(**values)
 
 

@@ -50,6 +50,37 @@ def has_budget(cell: CellEstimate) -> bool:
     return bool(cell.budget)
 
 
+def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
+    """Return what the data alone say of a parameter: the priors of K, B and J taken out.
+
+    Parameters
+    ----------
+    cell : CellEstimate
+        Of the recommended method.
+    name : str
+        ``stiffness``, ``damping``, ``inertia`` or a value per kg.
+
+    Returns
+    -------
+    UnboundedEstimate or None
+        As :func:`unbounded_estimate`.
+
+    Notes
+    -----
+    A mean over people must not count the prior once per person: where data decide nothing, all
+    estimates are the prior's mean, and agree.
+    """
+    estimate = unbounded_estimate(cell, name)
+    if estimate is None:
+        return None
+    whole = _WHOLE.get(name, name)
+    shift, variance = cell.prior_effects.get(whole, (0.0, 0.0))
+    base = cell.parameter(whole)
+    per = 1.0 if base is None or not base.unbounded else abs(estimate.value / base.unbounded)
+    systematic = np.sqrt(max(estimate.systematic_sd**2 + per**2 * variance, 0.0))
+    return UnboundedEstimate(estimate.value - per * shift, estimate.noise_sd, float(systematic))
+
+
 def unbounded_estimate(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
     """Return a parameter with its standard errors, undecided ones included.
 

@@ -287,14 +287,16 @@ def _not_standing(analysis: StudyAnalysis) -> str:
 def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
     """Name the timing points of largest and smallest mean stiffness."""
     for name in ("stiffness_per_mass", "stiffness"):
-        own = (m for m in population if m.parameter == name and m.n_participants > 1)
+        own = [m for m in population if m.parameter == name and m.n_participants > 1]
         rows = [(m.value, m) for m in own if m.value is not None]
+        undecided = [m.timing_point for m in own if m.status == "undecided"]
+        beside = f"; it is undecided at {', '.join(undecided)}" if undecided else ""
         if len(rows) > 1:
             low, high = min(rows, key=lambda r: r[0]), max(rows, key=lambda r: r[0])
             return [
                 f"Mean {parameter_name(name).lower()} ranges from "
                 f"{format_number(low[0])} ({low[1].timing_point}) to {format_number(high[0])} "
-                f"{pretty_unit(high[1].unit)} ({high[1].timing_point})."
+                f"{pretty_unit(high[1].unit)} ({high[1].timing_point}){beside}."
             ]
     return []
 
@@ -328,9 +330,10 @@ def mean_over_people_note(analysis: StudyAnalysis) -> str:
     if not any(m.method == POOLED_METHOD for m in analysis.population):
         return "n: those whose estimate stands."
     return (
-        "Mean and SD are those of the model of people, each estimate weighed by its uncertainty; "
-        "of J, where all values are positive, the geometric mean, and the SD of the logarithm "
-        "times that mean. n: those with an estimate, undecided ones included."
+        "Mean and SD are from a random-effects model in which each estimate counts by its standard "
+        "error, without the priors of K, B and J; of J, where all values are positive, the "
+        "geometric mean, and the SD of the logarithm times that mean. n: participants with an "
+        "estimate, undecided ones included."
     )
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import CellEstimate, ParameterEstimate, decides
-from jointz.core.pooled_estimates import POOLED_METHOD, unbounded_estimate
+from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.core.pooled_estimates import POOLED_METHOD, estimate_without_priors
 from jointz.kernels.bounded_normal import bounded_interval
 from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
 
@@ -69,11 +69,16 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     Notes
     -----
     Every timing point by itself: an estimate y with standard error s of a person whose true
-    value comes from a normal population (:mod:`jointz.kernels.partial_pooling`). J is pooled in
-    its logarithm (its mean is the geometric one), K, B and values per kg as they are. Undecided
-    cells count by their unbounded estimate and its standard error. Errors that a person's
-    timing points share (gain, lag, friction) are in s whole: nothing is averaged over the
-    timing points of a person. The unit of analysis is the person (SCIENCE trap 15).
+    value comes from a normal population (:mod:`jointz.kernels.partial_pooling`). The priors of
+    each person's K, B and J are taken out of y and s, so that they do not count once per person.
+    J is pooled in its logarithm (its mean is the geometric one), K, B and values per kg as they
+    are. Undecided cells count by their unbounded estimate and its standard error. Errors that a
+    person's timing points share (gain, lag, friction) are in s whole: nothing is averaged over
+    the timing points of a person. The unit of analysis is the person (SCIENCE trap 15).
+
+    A mean is ``undecided`` where its interval reaches further than half its value, and where
+    that of a typical person's data alone does: what a model gets wrong about everybody does not
+    average out over people. Nobody's own value is drawn towards an undecided mean.
 
     Misleads where all people share an error, such as that of one calibration for the whole
     study: it belongs to the mean in full, and is treated here as if it averaged out over people.
@@ -88,19 +93,21 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     for g, group in enumerate(groups):
         values[g, : len(group.places)], sds[g, : len(group.places)] = group.values, group.sds
     pooled = partial_pooling(values, sds, level=_LEVEL)
-    found: dict[tuple[int, str], ParameterEstimate] = {}
+    population = tuple(_mean(group, pooled, g, cells) for g, group in enumerate(groups))
+    own: dict[tuple[int, str], ParameterEstimate] = {}
     for g, group in enumerate(groups):
         for k, place in enumerate(group.places):
             before = cells[place].parameter(group.name)
             if before is not None and np.isfinite(pooled.value[g, k]):
-                found[place, group.name] = _own(group, pooled, (g, k), before)
+                drawn = population[g].status != "undecided"
+                own[place, group.name] = _own(group, pooled, (g, k), before) if drawn else before
     return PooledPeople(
-        population=tuple(_mean(group, pooled, g, cells) for g, group in enumerate(groups)),
+        population=population,
         cells=tuple(
             replace(
                 cell,
                 method=POOLED_METHOD,
-                parameters=tuple(found.get((i, p.name), p) for p in cell.parameters),
+                parameters=tuple(own.get((i, p.name), p) for p in cell.parameters),
                 response=None,
                 nuisance=(),
                 gravity_corrected=None,
@@ -116,7 +123,7 @@ def _groups(cells: Sequence[CellEstimate]) -> Iterator[_Group]:
     keys = dict.fromkeys((c.timing_point, p.name) for c in cells for p in c.parameters)
     for point, name in keys:
         places = tuple(i for i, c in enumerate(cells) if c.timing_point == point)
-        found = [unbounded_estimate(cells[i], name) for i in places]
+        found = [estimate_without_priors(cells[i], name) for i in places]
         values = np.array([np.nan if e is None else e.value for e in found])
         sds = np.array([np.nan if e is None else e.sd for e in found])
         logarithmic = name == "inertia" and bool((values[np.isfinite(values)] > 0.0).all())
@@ -128,25 +135,36 @@ def _groups(cells: Sequence[CellEstimate]) -> Iterator[_Group]:
 def _mean(
     group: _Group, pooled: PartialPooling, g: int, cells: Sequence[CellEstimate]
 ) -> PopulationEstimate:
-    known = np.isfinite(group.values)
-    n = int(known.sum())
-    enough = n >= _FEWEST_PEOPLE
-    mean = float(pooled.mean[g])
+    n = int(np.isfinite(group.values).sum())
     parameter = next(p for i in group.places for p in cells[i].parameters if p.name == group.name)
     onsets = [cells[i].onset_gait_pct for i in group.places]
-    return PopulationEstimate(
+    row = PopulationEstimate(
         timing_point=group.timing_point,
         onset_gait_pct=mean_on_the_circle(np.array([o for o in onsets if o is not None])),
         parameter=group.name,
-        value=group.back(mean) if enough else None,
+        value=None,
         unit=parameter.unit,
-        sd=group.sd_back(mean, float(pooled.spread[g])) if enough else None,
-        ci_low=group.back(float(pooled.mean_low[g])) if enough else None,
-        ci_high=group.back(float(pooled.mean_high[g])) if enough else None,
+        sd=None,
+        ci_low=None,
+        ci_high=None,
         n_participants=n,
         method=POOLED_METHOD,
-        status="ok" if enough else Failure.TOO_FEW_PARTICIPANTS.status,
+        status=Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
+    )
+    if n < _FEWEST_PEOPLE:
+        return row
+    mean, high = float(pooled.mean[g]), float(pooled.mean_high[g])
+    typical = mean + REACH_95 * float(np.nanmedian(group.sds))
+    if not decides(group.back(mean), group.back(max(high, typical)) - group.back(mean)):
+        return replace(row, status="undecided")
+    return replace(
+        row,
+        value=group.back(mean),
+        sd=group.sd_back(mean, float(pooled.spread[g])),
+        ci_low=group.back(float(pooled.mean_low[g])),
+        ci_high=group.back(high),
+        status="ok",
     )
 
 

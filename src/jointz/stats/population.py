@@ -1,6 +1,7 @@
 """Means over people, with intervals over people, never over replicates."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ from scipy.special import stdtrit
 
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate
+from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
 from jointz.core.pooled_estimates import has_budget
 from jointz.stats.partial_pooling import mean_on_the_circle, pool_people
 
@@ -29,7 +30,8 @@ def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate,
     tuple of PopulationEstimate
         Of the recommended method: :func:`jointz.stats.partial_pooling.pool_people`. Of others:
         Student's t interval over participants; estimates at a bound count with
-        their value, failed and undecided ones do not count.
+        their value, failed and undecided ones do not count. A mean whose interval reaches
+        further than half its value is ``undecided``.
 
     Notes
     -----
@@ -50,22 +52,24 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     values = standing["value"].to_numpy(dtype=float)
     onsets = standing["onset_gait_pct"].dropna().to_numpy(dtype=float)
     first, n = rows.iloc[0], values.size
-    mean = float(values.mean()) if n else None
-    sd = half = None
-    if n >= _FEWEST_PEOPLE:
-        sd = float(values.std(ddof=1))
-        half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
-    return PopulationEstimate(
+    row = PopulationEstimate(
         timing_point=str(first["timing_point"]),
         onset_gait_pct=mean_on_the_circle(onsets),
         parameter=str(first["parameter"]),
-        value=mean if half is not None else None,
+        value=None,
         unit=str(first["unit"]),
-        sd=sd,
-        ci_low=None if half is None or mean is None else float(mean - half),
-        ci_high=None if half is None or mean is None else float(mean + half),
+        sd=None,
+        ci_low=None,
+        ci_high=None,
         n_participants=n,
         method=str(first["method"]),
-        status="ok" if half is not None else Failure.TOO_FEW_PARTICIPANTS.status,
+        status=Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
     )
+    if n < _FEWEST_PEOPLE:
+        return row
+    mean, sd = float(values.mean()), float(values.std(ddof=1))
+    half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
+    if not decides(mean, half):
+        return replace(row, status="undecided")
+    return replace(row, value=mean, sd=sd, ci_low=mean - half, ci_high=mean + half, status="ok")

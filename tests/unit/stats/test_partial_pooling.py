@@ -11,7 +11,18 @@ from jointz.stats.population import population_means
 POINTS = ("LRE", "MST")
 
 
-def cell(person, value, sd, *, point="LRE", name="stiffness", status="ok", gain=0.0, mass=None):
+def cell(
+    person,
+    value,
+    sd,
+    *,
+    point="LRE",
+    name="stiffness",
+    status="ok",
+    gain=0.0,
+    mass=None,
+    effects=(0.0, 0.0),
+):
     stands = status in ("ok", "at_bound")
     own = ParameterEstimate(
         name,
@@ -29,8 +40,9 @@ def cell(person, value, sd, *, point="LRE", name="stiffness", status="ok", gain=
         parameters.append(per)
     budget = {name: {"noise": sd, "gain": gain * value}}
     return CellEstimate(
-        person, point, 7.0, tuple(parameters), 99.0, 5, 0, "recommended", budget=budget
-    )
+        person, point, 7.0, tuple(parameters), 99.0, 5, 0, "recommended", budget=budget,
+        prior_effects={name: effects},
+    )  # fmt: skip
 
 
 def failed(person):
@@ -39,7 +51,7 @@ def failed(person):
 
 
 def test_mean_and_people_are_those_of_the_kernel():
-    values, sds = np.array([50.0, 60.0, 90.0]), np.array([3.0, 8.0, 5.0])
+    values, sds = np.array([56.0, 60.0, 66.0]), np.array([3.0, 8.0, 5.0])
     pooled = pool_people(
         [cell(f"S{i}", v, s) for i, (v, s) in enumerate(zip(values, sds, strict=True))]
     )
@@ -84,7 +96,7 @@ def test_a_failed_cell_stays_failed_and_counts_nowhere():
 
 
 def test_inertia_is_pooled_in_its_logarithm():
-    values = np.array([0.03, 0.05, 0.08])
+    values = np.array([0.04, 0.05, 0.055, 0.06, 0.08])
     cells = [cell(f"S{i}", v, 0.002, name="inertia") for i, v in enumerate(values)]
     (mean,) = pool_people(cells).population
     assert mean.value == pytest.approx(np.exp(np.log(values).mean()), rel=0.01)
@@ -95,7 +107,8 @@ def test_inertia_is_pooled_in_its_logarithm():
 
 
 def test_a_value_at_the_bound_stays_a_limit_and_a_vague_one_is_refused():
-    people = [cell(f"S{i}", v, 4.0) for i, v in enumerate([1.0, 30.0, 60.0])]
+    values = [20.0, 25.0, 30.0, 35.0, 40.0, 22.0, 28.0, 38.0]
+    people = [cell(f"S{i}", v, 4.0) for i, v in enumerate(values)]
     limit = cell("S8", -3.0, 4.0, status="at_bound")
     own = pool_people([*people, limit]).cells[-1].parameters[0]
     assert (own.status, own.ci_low) == ("at_bound", 0.0)
@@ -103,6 +116,41 @@ def test_a_value_at_the_bound_stays_a_limit_and_a_vague_one_is_refused():
     refused = pool_people([*people, cell("S8", -3.0, 4.0, status="undecided")]).cells[-1]
     assert refused.parameters[0].value is None
     assert refused.parameters[0].unbounded is not None
+
+
+def posterior(person, measured, sd, *, prior=(60.0, 20.0)):
+    """Return a cell as its estimator makes it: what was measured, drawn towards a prior."""
+    precision = 1.0 / sd**2 + 1.0 / prior[1] ** 2
+    value = (measured / sd**2 + prior[0] / prior[1] ** 2) / precision
+    effects = (value - measured, sd**2 - 1.0 / precision)
+    return cell(person, value, precision**-0.5, effects=effects)
+
+
+def test_the_prior_of_each_person_does_not_enter_the_mean():
+    rng = np.random.default_rng(0)
+    measured = 150.0 + 15.0 * rng.standard_normal(10)
+    (drawn,) = pool_people([posterior(f"S{i}", m, 15.0) for i, m in enumerate(measured)]).population
+    (alone,) = pool_people([cell(f"S{i}", m, 15.0) for i, m in enumerate(measured)]).population
+    assert (drawn.value, drawn.ci_low, drawn.ci_high) == pytest.approx(
+        (alone.value, alone.ci_low, alone.ci_high)
+    )
+    assert drawn.ci_low < 150.0 < drawn.ci_high
+
+
+def test_people_whose_data_decide_nothing_have_no_mean_however_many_they_are():
+    rng = np.random.default_rng(0)
+    people = [posterior(f"S{i}", m, 80.0) for i, m in enumerate(rng.normal(150.0, 80.0, 100))]
+    pooled = pool_people(people)
+    (mean,) = pooled.population
+    assert (mean.status, mean.value, mean.sd, mean.ci_low) == ("undecided", None, None, None)
+    assert mean.n_participants == 100
+    assert [c.parameters for c in pooled.cells] == [c.parameters for c in people]
+
+
+def test_a_mean_is_undecided_where_its_interval_reaches_further_than_half_of_it():
+    far = [cell(f"S{i}", v, 1.0) for i, v in enumerate([10.0, 30.0, 80.0])]
+    (mean,) = pool_people(far).population
+    assert (mean.status, mean.value, mean.ci_high) == ("undecided", None, None)
 
 
 def test_values_per_kg_have_errors_per_kg():
@@ -117,8 +165,8 @@ def test_values_per_kg_have_errors_per_kg():
 
 
 def test_timing_points_are_pooled_each_by_itself():
-    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([50.0, 60.0, 90.0])]
-    other = [cell(f"S{i}", v, 3.0, point="MST") for i, v in enumerate([5.0, 6.0, 9.0])]
+    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([56.0, 60.0, 66.0])]
+    other = [cell(f"S{i}", v, 3.0, point="MST") for i, v in enumerate([25.0, 26.0, 29.0])]
     alone = pool_people(cells).population[0]
     both = pool_people([*cells, *other]).population
     assert [m.timing_point for m in both] == list(POINTS)
@@ -134,7 +182,7 @@ def test_one_person_is_no_population():
 
 
 def test_the_means_of_a_study_are_pooled_where_errors_are_told():
-    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([50.0, 60.0, 90.0])]
+    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([56.0, 60.0, 66.0])]
     assert population_means(cells) == pool_people(cells).population
 
 

@@ -13,26 +13,33 @@ def cell(person, value, *, point="LRE", status="ok", onset=7.0, name="stiffness"
 
 
 def test_the_interval_is_students_over_people():
-    cells = [cell(f"S{i}", v) for i, v in enumerate([10.0, 12.0, 17.0])]
+    cells = [cell(f"S{i}", v) for i, v in enumerate([20.0, 22.0, 27.0])]
     (mean,) = population_means(cells)
 
-    assert mean.value == pytest.approx(13.0)
+    assert mean.value == pytest.approx(23.0)
     assert mean.sd == pytest.approx(np.sqrt(13.0))
     half = 4.302652729911275 * np.sqrt(13.0 / 3)  # t of 2 degrees of freedom, from tables
-    assert (mean.ci_low, mean.ci_high) == pytest.approx((13.0 - half, 13.0 + half))
+    assert (mean.ci_low, mean.ci_high) == pytest.approx((23.0 - half, 23.0 + half))
     assert (mean.n_participants, mean.status, mean.unit) == (3, "ok", "N*m/rad")
     assert mean.ci_level == 0.95
 
 
 def test_values_at_the_bound_count_and_failed_ones_do_not():
     cells = [
+        *(cell(f"S{i}", 4.0) for i in range(5, 13)),
         cell("S1", 0.0, status="at_bound"),
         cell("S2", 4.0),
         cell("S3", None, status="failed:no_pulses", onset=None),
         cell("S4", None, status="undecided"),
     ]
     (mean,) = population_means(cells)
-    assert (mean.value, mean.n_participants) == (2.0, 2)
+    assert (mean.value, mean.n_participants) == (pytest.approx(3.6), 10)
+
+
+def test_a_mean_is_undecided_where_its_interval_reaches_further_than_half_of_it():
+    (mean,) = population_means([cell("S1", 0.5), cell("S2", 4.0)])
+    assert (mean.status, mean.n_participants) == ("undecided", 2)
+    assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
 
 
 @pytest.mark.parametrize("values", [[5.0], []])
@@ -60,7 +67,7 @@ def test_every_point_and_parameter_has_its_own_mean_in_their_order():
 
 
 def test_onsets_are_averaged_on_the_circle():
-    (mean,) = population_means([cell("S1", 1.0, onset=99.0), cell("S2", 2.0, onset=3.0)])
+    (mean,) = population_means([cell("S1", 2.0, onset=99.0), cell("S2", 2.0, onset=3.0)])
     assert mean.onset_gait_pct == pytest.approx(1.0)
     (bench,) = population_means([cell("S1", 1.0, onset=None), cell("S2", 2.0, onset=None)])
     assert bench.onset_gait_pct is None

@@ -21,6 +21,8 @@ _LEVEL = 0.95
 _ASSUMED = 0.25
 #: Sd below zero beyond which the bound contradicts the data.
 _BELOW = 4.0
+#: Beyond these logarithms of kg*m^2 an inertia without prior is as good as unknown.
+_LOG_INERTIA_RANGE = (-12.0, 6.0)
 _MADE = "posterior over hypotheses about joint and sensor; errors of virtual pulses, calibration"
 
 
@@ -160,6 +162,35 @@ def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, 
         }
         for name, size, row in zip(PARAMETERS, sizes, picks, strict=True)
     }
+
+
+def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tuple[float, float]]]:
+    """Return what the priors of K, B and J did to the estimates of every timing point, SI.
+
+    Parameters
+    ----------
+    posterior : JointPosterior
+        Of the participant.
+    n_points : int
+        How many timing points it has.
+
+    Returns
+    -------
+    list of dict
+        K, B and J -> shift of the value, and variance taken off its error.
+    """
+    mean, covariance = posterior.without_impedance_priors()
+    effects = []
+    for i in range(n_points):
+        picks = posterior.impedance_picks(i)
+        values, variances = picks @ mean, np.diag(picks @ covariance @ picks.T).copy()
+        values[2] = np.exp(np.clip(values[2], *_LOG_INERTIA_RANGE))
+        variances[2] *= values[2] ** 2
+        rows = zip(PARAMETERS, _moments(i, posterior), values, variances, strict=True)
+        effects.append(
+            {name: (m.mean - float(v), float(var) - m.variance) for name, m, v, var in rows}
+        )
+    return effects
 
 
 def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> np.ndarray:

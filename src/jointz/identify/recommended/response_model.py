@@ -195,6 +195,8 @@ class Posterior:
         Inverse of the curvature.
     prior_precision : (p, p) float
         Curvature that the priors add.
+    prior_mean : (p,) float
+        Where the priors have their means.
     log_evidence : float
         Of the responses, by Laplace's approximation, plus that of the hypothesis before the
         data; up to a constant that all hypotheses share.
@@ -213,6 +215,7 @@ class Posterior:
     covariance: np.ndarray
     bread: np.ndarray
     prior_precision: np.ndarray
+    prior_mean: np.ndarray
     log_evidence: float
     gains: tuple[np.ndarray, ...]
     fitted: tuple[np.ndarray, ...]
@@ -406,6 +409,7 @@ class ResponseModel:
             covariance=covariance,
             bread=bread,
             prior_precision=precision,
+            prior_mean=frame.mean,
             log_evidence=float(evidence + np.log(self._hypothesis.chance)),
             gains=tuple(gains),
             fitted=tuple(fitted),

@@ -45,6 +45,8 @@ _START_INERTIAS = (0.05, 0.25)
 _FEWEST_FOR_CURVE = 4
 #: A hypothesis about the sensor that is less likely than this is not looked into.
 _UNLIKELY = 1e-3
+#: Share of the priors of K, B and J that is kept where they are removed.
+_PRIOR_LEFT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +179,26 @@ class JointPosterior:
         within = np.array([picks @ p.covariance @ picks.T for p in self.posteriors])
         off = means - self.weights @ means
         return np.asarray(np.tensordot(self.weights, within, 1) + (self.weights * off.T) @ off)
+
+    def without_impedance_priors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the estimates of all parameters had K, B and J no prior.
+
+        Returns
+        -------
+        mean, covariance : (p,) and (p, p) float
+            Over the hypotheses, whose probabilities stay.
+
+        Notes
+        -----
+        One Newton step from each mode: exact where responses are linear in the parameters.
+        """
+        moments = [_without_impedance_prior(p) for p in self.posteriors]
+        means = np.array([mean for mean, _ in moments])
+        within = np.array([covariance for _, covariance in moments])
+        mean = self.weights @ means
+        off = means - mean
+        between = (self.weights * off.T) @ off
+        return mean, np.asarray(np.tensordot(self.weights, within, 1) + between)
 
     def lag_s(self) -> Moments:
         """Return lag and delay of the sensor together, s."""
@@ -333,6 +355,24 @@ def _weights(posteriors: Sequence[Posterior]) -> np.ndarray:
     logs = np.array([p.log_evidence for p in posteriors])
     chances = np.exp(logs - logs.max())
     return np.asarray(chances / chances.sum())
+
+
+def _without_impedance_prior(posterior: Posterior) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of the parameters under one hypothesis, K, B and J without prior.
+
+    A millionth of the prior stays, so that what the responses do not tell has a finite error.
+    """
+    prior, n = posterior.prior_precision, posterior.values.size
+    points = PER_POINT * np.arange((n - SHARED) // PER_POINT)
+    places = np.concatenate([points + K, points + B, [n - SHARED + LOG_J]])
+    removed = np.zeros_like(prior)
+    removed[places, places] = (1.0 - _PRIOR_LEFT) * prior[places, places]
+    curvature = np.linalg.inv(posterior.bread)
+    bread = np.linalg.inv(curvature - removed)
+    mean = posterior.values + bread @ (removed @ (posterior.values - posterior.prior_mean))
+    told = posterior.covariance - posterior.bread @ prior @ posterior.bread
+    moved = bread @ curvature
+    return mean, moved @ told @ moved.T + bread @ (prior - removed) @ bread
 
 
 def _budget(posterior: Posterior, picks: np.ndarray) -> dict[str, float]:

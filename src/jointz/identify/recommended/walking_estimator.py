@@ -47,6 +47,7 @@ from jointz.identify.recommended.response_decision import (
     error_budget,
     error_covariance,
     instrument_shares,
+    prior_effects,
 )
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import CellResponse
@@ -247,8 +248,9 @@ class WalkingEstimator:
         estimates: dict[str, CellEstimate] = {}
         if evidence is not None:
             compared = contrasts(evidence.cells, evidence.responses, evidence.posterior)
+            effects = prior_effects(evidence.posterior, len(evidence.cells))
             estimates = {
-                cell.label: doubted(self._estimate(i, evidence, counts), compared)
+                cell.label: doubted(self._estimate(i, evidence, counts, effects[i]), compared)
                 for i, cell in enumerate(evidence.cells)
             }
             self._model = _model(evidence, _doubts(compared, odds))
@@ -334,7 +336,13 @@ class WalkingEstimator:
         window_s = self._settings.perturbations.window_s
         return response_failure(average_responses(cell, window_s=window_s))
 
-    def _estimate(self, i: int, evidence: Evidence, counts: Mapping[str, int]) -> CellEstimate:
+    def _estimate(
+        self,
+        i: int,
+        evidence: Evidence,
+        counts: Mapping[str, int],
+        effects: Mapping[str, tuple[float, float]],
+    ) -> CellEstimate:
         settings, posterior = self._settings, evidence.posterior
         cell, response = evidence.cells[i], evidence.responses[i]
         used = cell.used
@@ -375,6 +383,7 @@ class WalkingEstimator:
             budget=error_budget(i, posterior, decision),
             through_instruments=instrument_shares(i, posterior),
             covariance=_plain(error_covariance(i, posterior, decision)),
+            prior_effects=effects,
         )
 
     def _intrinsic_left_in(self, cell: PredictedCell) -> tuple[str, ...]:
