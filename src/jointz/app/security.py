@@ -1,8 +1,8 @@
 """Access control of the web pages: token and cookie, name of the host, site that asks.
 
 Every request, of files and sockets too, passes :class:`Guard` first. It needs the token that is
-printed with the address, on a loopback address as well: other users of the machine reach that, too.
-The name of the host (DNS rebinding) and the site that asks (cross-site requests) are checked besides.
+printed with the address, on a loopback address as well, which every user of the machine reaches.
+The name of the host (DNS rebinding) and the site that asks (cross-site requests) are checked, too.
 """
 
 import asyncio

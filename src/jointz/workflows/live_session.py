@@ -222,7 +222,10 @@ class LiveSession:
     def unconfirmed(self) -> str:
         """The stretch that ended without a word that its devices stopped; empty where none did."""
         progress = self._progress
-        if progress is None or not (self._is_over or progress.state in _AT_REST):
+        if progress is None:
+            return ""
+        # One that was taken up again changes nothing before it starts.
+        if not (self._is_over or self._was_gone or progress.state in _AT_REST):
             return ""
         opening = progress.state == "starting"  # devices are opened; nothing tells how far it came
         return progress.unconfirmed or (progress.condition if opening else "")

@@ -467,9 +467,13 @@ def test_a_session_that_is_taken_up_again_is_starting_until_it_prompts(study, mo
     monkeypatch.setattr(live_session, "SILENT_AFTER_S", 0.0)
     time.sleep(0.001)
     study.lives = True
-    assert study.status()["state"] == "starting"
+    assert (status := study.status())["state"] == "starting"
+    assert status["unconfirmed"] == "perturbed-0"
     study.write("prompted", text="Walk.")
-    assert study.status()["state"] == "waiting"
+    assert (status := study.status())["state"] == "waiting"
+    assert status["unconfirmed"] == "perturbed-0"
+    study.write("started")
+    assert study.status()["unconfirmed"] == ""
 
 
 def test_a_stop_for_want_of_a_page_says_so(study):
