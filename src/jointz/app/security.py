@@ -232,8 +232,8 @@ class Guard:
         elif opens_socket:
             await send({"type": "websocket.close", "code": _POLICY_VIOLATION})
         else:
-            headers = [("content-type", "text/html; charset=utf-8"), ("connection", "close")]
-            await _answer(send, 403, headers, _REFUSAL.format(f"{why[0].upper()}{why[1:]}."))
+            about = [("content-type", "text/html; charset=utf-8"), ("connection", "close")]
+            await _answer(send, 403, about, _REFUSAL.format(f"{why[0].upper()}{why[1:]}."))
 
 
 def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> Headers:
