@@ -1,5 +1,6 @@
 """Fixtures: where real recordings are, a small simulated study, and the command line."""
 
+import http.client
 import json
 import os
 import shutil
@@ -11,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 import pandas as pd
 import pytest
@@ -92,6 +95,77 @@ def dask_cluster() -> Callable[..., AbstractContextManager[str]]:
     Two workers, or one for each file or text of Python that a worker is to run first, "" for none.
     """
     return _dask_cluster
+
+
+class PageClient:
+    """A browser's requests to a page, without the browser."""
+
+    def __init__(self, address: str) -> None:
+        where = urlsplit(address)
+        self.place, self.path = where.netloc, f"{where.path}?{where.query}"
+        self.cookie = ""
+
+    def open(self) -> "PageClient":
+        """Show the token, and keep the cookie."""
+        _, _, headers = self.request("GET", self.path)
+        self.cookie = headers["set-cookie"].split(";")[0]
+        return self
+
+    def request(
+        self, method: str, path: str, body: str | None = None
+    ) -> tuple[int, str, http.client.HTTPMessage]:
+        """Return status, text and headers of an answer."""
+        headers = {"Origin": f"http://{self.place}", "Cookie": self.cookie}
+        connection = http.client.HTTPConnection(self.place, timeout=10)
+        connection.request(method, path, body, headers)
+        answer = connection.getresponse()
+        text = answer.read().decode(errors="replace")
+        connection.close()
+        return answer.status, text, answer.headers
+
+    def socket(self, path: str) -> Any:
+        """Open a WebSocket."""
+        from websockets.sync.client import connect
+
+        return connect(
+            f"ws://{self.place}{path}",
+            origin=f"http://{self.place}",
+            additional_headers={"Cookie": self.cookie},
+        )
+
+    def refused_everywhere(self) -> bool:
+        """Tell whether page, files, commands and sockets answer 403 to who shows a wrong token."""
+        from websockets.exceptions import InvalidStatus
+
+        asked = [("GET", "/"), ("GET", "/?token=x"), ("GET", "/console-files/console.js")]
+        asked += [("POST", "/stop"), ("POST", "/command"), ("GET", "/_nicegui/x.js")]
+        statuses = {self.request(method, path)[0] for method, path in asked}
+        for path in ("/live", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"):
+            try:
+                self.socket(path).close()
+                statuses.add(101)
+            except InvalidStatus as refusal:
+                statuses.add(refusal.response.status_code)
+        return statuses == {403}
+
+
+@pytest.fixture(scope="session")
+def page_client() -> Callable[[str], PageClient]:
+    """Return what makes a client of a page that has not shown the token yet."""
+    return PageClient
+
+
+@pytest.fixture(scope="session")
+def script_errors() -> Callable[[Any], list[str]]:
+    """Return what gathers the errors of a page's scripts as they come."""
+
+    def gather(page: Any) -> list[str]:
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda told: told.type == "error" and errors.append(told.text))
+        return errors
+
+    return gather
 
 
 @dataclass

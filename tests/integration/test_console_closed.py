@@ -1,13 +1,11 @@
 """The console's command ended by Ctrl-C, as in a terminal: what it says, and what it leaves."""
 
-import http.client
 import json
 import signal
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from urllib.parse import urlsplit
 
 import pytest
 
@@ -83,10 +81,12 @@ def test_a_session_that_nobody_started_ends_with_its_page(tmp_path, presses):
     assert [event["event"] for event in events] == ["prompted", "stop_asked"]
 
 
-def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path):
+def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path, page_client):
     study = tmp_path / "study"
     with console(study, "walking", "--participants", "1", "--seed", "1") as page:
-        wait_for(lambda: start(page.address) == 200)
+        client = page_client(page.address).open()
+        start = json.dumps({"order": "start", "condition": "no_device"})
+        wait_for(lambda: client.request("POST", "/command", start)[0] == 200)
         with console(study) as second:
             assert f"goes on (process {holder_of(study)})" in ended(second)
         words = ended(page)
@@ -95,13 +95,3 @@ def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path):
             f"jointz console --out {study} shows it again.\n"
         )
         assert is_held(study)
-
-
-def start(address):
-    where = urlsplit(address)
-    connection = http.client.HTTPConnection("127.0.0.1", where.port, timeout=10)
-    order = json.dumps({"order": "start", "condition": "no_device"})
-    connection.request("POST", "/command", order, {"Origin": f"http://{where.netloc}"})
-    status = connection.getresponse().status
-    connection.close()
-    return status

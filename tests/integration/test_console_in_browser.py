@@ -1,12 +1,15 @@
 """The console as a person uses it: a session in real time, a real browser, a press on stop."""
 
-import http.client
+import json
+import os
+import resource
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -17,6 +20,7 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives 
 
 from jointz.experiment.journal import read_journal  # noqa: E402 - after the skips
 from jointz.io.session_log import read_log  # noqa: E402
+from jointz.workflows.live_session import holder_of, is_held  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
@@ -85,24 +89,15 @@ class Console:
             time.sleep(0.02)
         return found[count - 1]
 
-    def request(self, method, path, body=None, **headers):
-        where = urlsplit(self.address)
-        connection = http.client.HTTPConnection("127.0.0.1", where.port, timeout=10)
-        named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection.request(method, path, body, named)
-        answer = connection.getresponse()
-        status, text = answer.status, answer.read().decode(errors="replace")
-        connection.close()
-        return status, text, answer
-
 
 @contextmanager
-def console(folder, *arguments, without="go_on"):
+def console(folder, *arguments, without="go_on", most_files=1024):
     (folder / "short.toml").write_text(PROTOCOL.format(without=without))
     command = [sys.executable, "-m", "jointz", "console", "--out", "study", "--port", "0"]
     process = subprocess.Popen(
-        [*command, *arguments], cwd=folder, stdout=subprocess.PIPE, text=True
-    )
+        [*command, *arguments], cwd=folder, stdout=subprocess.PIPE, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, most_files)),
+    )  # fmt: skip
     made = None
     try:
         line = process.stdout.readline()
@@ -120,7 +115,6 @@ def console(folder, *arguments, without="go_on"):
 def end_session(made):
     """Stop what still runs; the session outlives its page."""
     from jointz.app.desk import Desk
-    from jointz.workflows.live_session import is_held
 
     deadline = time.monotonic() + 15
     while is_held(made.study) and time.monotonic() < deadline:
@@ -138,11 +132,11 @@ def browser():
 
 
 @pytest.fixture
-def page(browser):
+def page(browser, script_errors):
     context = browser.new_context(viewport={"width": 1400, "height": 900})
     made = context.new_page()
-    made.troubles = []
-    made.on("pageerror", lambda error: made.troubles.append(str(error)))
+    made.troubles = script_errors(made)
+    made.provoked = "nothing"  # how errors begin that a test provokes
     # Nothing may come from elsewhere.
     made.on(
         "request",
@@ -153,11 +147,11 @@ def page(browser):
         ),
     )
     yield made
-    assert made.troubles == []
+    assert [trouble for trouble in made.troubles if made.provoked not in trouble] == []
     context.close()
 
 
-def state_is(page, state, seconds=20):
+def state_is(page, state, seconds=60):
     page.wait_for_function(f"document.body.dataset.state === '{state}'", timeout=1000 * seconds)
 
 
@@ -224,6 +218,8 @@ def test_a_session_is_seen_run_and_stopped_from_the_page(tmp_path, page):
         page.click("#jz-stop")
         state_is(page, "stopped")
         assert_stopped_in_order(made)
+        assert page.locator("#jz-danger").is_hidden()
+        assert page.locator("#jz-alarm").is_hidden()
 
         # What was stopped goes on only when that is confirmed, and waits for another start.
         page.click("#jz-rearm")
@@ -272,6 +268,7 @@ def test_a_busy_page_still_stops_and_a_lost_one_ends_what_it_should(tmp_path, br
         page.click("#jz-yes")
         begin(page, made, opened=True)
         page.wait_for_timeout(500)
+        page.provoked = "ERR_CONNECTION_REFUSED"
         made.process.send_signal(signal.SIGKILL)
         made.process.wait()
         made.wait_for("stopped_without_console", seconds=8)
@@ -283,18 +280,74 @@ def test_a_busy_page_still_stops_and_a_lost_one_ends_what_it_should(tmp_path, br
         )
 
 
-def test_a_page_elsewhere_answers_nobody_without_the_token(tmp_path, page):
-    with console(tmp_path, "short.toml", "--listen", "0.0.0.0") as made:
+def test_a_killed_session_raises_an_alarm_that_stays_until_it_is_acknowledged(
+    tmp_path, page, page_client
+):
+    with console(tmp_path, "short.toml") as made:
+        begin(page, made)
+        other = page.context.new_page()
+        other.goto(made.address)
+        made.wait_for("pulse_started")
+        os.kill(holder_of(made.study), signal.SIGKILL)
+        for one in (page, other):
+            one.locator("#jz-danger", has_text="Use the emergency stop").wait_for(timeout=3000)
+
+        page.provoked = "409"
+        page.click("#jz-stop")
+        page.locator("#jz-alarm", has_text="nobody has received the stop").wait_for()
+        status, text, _ = page_client(made.address).open().request("POST", "/stop")
+        assert status == 409
+        assert "nobody has received the stop" in json.loads(text)["refused"]
+
+        page.reload()
+        page.locator("#jz-danger").wait_for()
+        page.click("#jz-acknowledge")
+        page.locator("#jz-danger").wait_for(state="hidden")
+        page.click("#jz-rearm")
+        page.click("#jz-yes")
+        begin(page, made, opened=True)
+        assert page.locator("#jz-danger").is_hidden()
+        assert other.locator("#jz-danger").is_visible()  # whoever looks there has not acknowledged
+
+
+def test_idle_connections_do_not_lock_the_operator_out(tmp_path, page, page_client):
+    # Fewer files than connections: as if there were thousands of them.
+    with console(tmp_path, "short.toml", most_files=200) as made, ExitStack() as stack:
+        begin(page, made)
+        client = page_client(made.address)
+        where = client.place.split(":")
+        for k in range(200):
+            idle = stack.enter_context(socket.create_connection(where, timeout=5))
+            idle.sendall(b"GET / HTTP/1.1\r\n" * (k % 2))
+        client.open()
+        for _ in range(20):
+            stack.enter_context(client.socket("/live"))
+
+        began = time.monotonic()
+        assert client.request("GET", "/")[0] == 200
+        with client.socket("/live") as live:
+            assert json.loads(live.recv(timeout=1))["status"]["state"] == "running"
+            live.send("next")
+            assert json.loads(live.recv(timeout=1))["rows"]
+        assert client.request("POST", "/stop")[0] == 200
+        made.wait_for("stop_asked", seconds=1)
+        assert time.monotonic() - began < 1
+        page.reload()
+        state_is(page, "stopped")
+
+
+@pytest.mark.parametrize("listen", ["127.0.0.1", "0.0.0.0"])
+def test_a_page_answers_nobody_without_the_token(tmp_path, page, page_client, listen):
+    with console(tmp_path, "short.toml", "--listen", listen) as made:
         made.wait_for("prompted")
         where = urlsplit(made.address)
-        own = {"Host": f"127.0.0.1:{where.port}", "Origin": f"http://127.0.0.1:{where.port}"}
-        for method, path in [("GET", "/"), ("POST", "/stop"), ("POST", "/command")]:
-            status, text, _ = made.request(method, path, **own)
-            assert (status, "jointz" in text) == (403, False)
+        address = f"http://127.0.0.1:{where.port}/?{where.query}"
+        assert page_client(address).refused_everywhere()
         assert made.events("stop_asked") == []
 
-        page.goto(f"http://127.0.0.1:{where.port}/?{where.query}")
+        page.goto(address)
         state_is(page, "waiting")
+        page.provoked = "Failed to load resource: the server responded with a status of 4"
         assert "token" not in page.url
         assert_nonsense_is_refused(made, page)
         look_on_and_stop(tmp_path, page)

@@ -25,8 +25,6 @@ pytestmark = [
 
 NASTY = '<img src=x onerror="document.title=1">&amp; S01'
 PATIENCE_MS = 30_000
-#: NiceGUI resizes a plot whose tab was left in the meantime.
-HARMLESS = "Resize must be passed a displayed plot"
 
 
 @pytest.fixture(scope="module")
@@ -65,19 +63,19 @@ def browser():
 
 
 @pytest.fixture
-def page(browser, address):
+def page(browser, address, script_errors):
     context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
     context.set_default_timeout(PATIENCE_MS)
     opened = context.new_page()
-    opened.errors = []
     opened.foreign = []
-    opened.on("pageerror", lambda error: opened.errors.append(str(error)))
+    errors = script_errors(opened)
     opened.on("request", lambda request: opened.foreign.append(request.url))
     opened.goto(address)
     opened.locator(".pulse-state", has_text="used").wait_for()  # the recordings were read
     yield opened
-    assert [error for error in opened.errors if not error.startswith(HARMLESS)] == []
-    assert all(url.startswith((address, "data:", "blob:", "ws:")) for url in opened.foreign)
+    assert errors == []
+    own = address.split("?")[0]
+    assert all(url.startswith((own, "data:", "blob:", "ws:")) for url in opened.foreign)
     context.close()
 
 
@@ -155,6 +153,24 @@ def test_pulses_are_walked_through_by_key_and_by_table(page):
     page.keyboard.press("ArrowRight")
     page.locator(".pulse-name", has_text="Pulse 1 of 4").wait_for()
     assert page.locator(".plot.tall .scatterlayer .trace").count() >= 8
+
+
+def test_nobody_is_answered_without_the_token(address, page_client):
+    assert page_client(address).refused_everywhere()
+
+
+def test_tabs_are_left_and_plots_resized_without_a_script_error(page):
+    for name in ("Gait cycle", "Methods", "Files", "Pulses", "Gait cycle"):
+        page.get_by_role("tab", name=name).click()
+        page.wait_for_timeout(500)
+    widths = "[...document.querySelectorAll('.plot')].flatMap((e) => [e, ...e.querySelectorAll("
+    widths += "'.main-svg')]).map((e) => e.clientWidth)"
+    wide = set(page.evaluate(widths))
+    page.set_viewport_size({"width": 1000, "height": 900})
+    page.wait_for_timeout(500)
+    narrow = set(page.evaluate(widths))
+    assert len(wide) == len(narrow) == 1  # plots are as wide as their places
+    assert min(narrow) < min(wide)
 
 
 def test_a_method_is_added_and_shown(page):

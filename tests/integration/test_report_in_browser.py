@@ -44,8 +44,22 @@ def screenshot(page: Path, picture: Path) -> np.ndarray:
         return np.asarray(image.convert("L"))
 
 
+def errors_of_scripts(page: Path, script_errors) -> list[str]:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=list(FLAGS))
+        opened = browser.new_page()
+        errors = script_errors(opened)
+        opened.goto(page.as_uri())
+        opened.wait_for_timeout(500)
+        browser.close()
+    return errors
+
+
 @pytest.mark.skipif(not BROWSER, reason="no chromium on this machine to look at the report with")
-def test_the_report_opens_offline_and_shows_text_and_figures(small_study, analyze, tmp_path):
+def test_the_report_opens_offline_and_shows_text_and_figures(
+    small_study, analyze, tmp_path, script_errors
+):
     analyze(small_study)
 
     picture = screenshot(tmp_path / "results" / "report.html", tmp_path / "report.png")
@@ -58,3 +72,4 @@ def test_the_report_opens_offline_and_shows_text_and_figures(small_study, analyz
     # The text is laid out in a column with margins, not run to the edges.
     assert not dark[:, :40].any()
     assert not dark[:, -40:].any()
+    assert errors_of_scripts(tmp_path / "results" / "report.html", script_errors) == []

@@ -391,7 +391,7 @@ def test_a_signal_fades_the_pulse_that_is_on(rig, spy, protocol, tmp_path, monke
     assert all(torque == 0.0 for t, torque in sent if t > asked[0] + fade_s + 2 * PERIOD_S)
     assert spy.commands[-1][1] == "stop"
     events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
-    assert events[-2:] == ["pulse_aborted", "stopped"]
+    assert events[-3:] == ["pulse_aborted", "devices_stopped", "stopped"]
 
 
 def test_a_stop_ends_walking_without_the_device_in_the_same_tick(rig, spy, protocol, tmp_path):
@@ -491,7 +491,9 @@ def test_every_device_is_stopped_though_one_cannot_be(rig, spy, protocol, tmp_pa
     with pytest.raises(DeviceError, match=told + " came before: .*angle"):
         session(rig, protocol, tmp_path).run()
     assert spy.devices.angle in stopped
-    assert last_events(tmp_path) == "tripped"
+    events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
+    assert events[-1] == "tripped"
+    assert "devices_stopped" not in events
 
 
 def test_a_device_that_cannot_be_stopped_is_told_though_the_disk_is_full(

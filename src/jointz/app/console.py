@@ -137,9 +137,9 @@ def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:
 
     async def stop(request: "Request") -> "Response":
         # Before anything is waited for.
-        asked = desk.stop()
+        unheard = desk.unheard(desk.stop())
         del request
-        return JSONResponse({"asked": asked})
+        return JSONResponse({"refused": unheard} if unheard else {}, 409 if unheard else 200)
 
     async def command(request: "Request") -> "Response":
         message = bytearray()

@@ -115,6 +115,26 @@ class Desk:
             asked += 1
         return asked
 
+    def unheard(self, asked: int) -> str:
+        """Return why no session has received a stop; empty where one has.
+
+        Parameters
+        ----------
+        asked : int
+            What :meth:`stop` has returned.
+        """
+        if not self._process.alive():
+            return (
+                "No session runs: nobody has received the stop. If a device still moves, use the "
+                "emergency stop."
+            )
+        if not asked:
+            return (
+                "The session has not received the stop: it is still being loaded, or takes none "
+                "from a page. Use the emergency stop."
+            )
+        return ""
+
     def leave(self) -> str:
         """End the session that this page began where nobody has started it; the page closes.
 

@@ -24,6 +24,12 @@ if TYPE_CHECKING:
     from nicegui.events import KeyEventArguments
 
 _STYLE = Path(__file__).parent / "static" / "explore.css"
+#: NiceGUI resizes a plot even as its tab is left, and Plotly refuses one that is not displayed.
+_RESIZE_DISPLAYED_ONLY = """<script type="module">
+import { Plotly } from "nicegui-plotly";
+const { Plots } = Plotly, resize = Plots.resize;
+Plots.resize = (plot) => plot.offsetParent ? resize(plot) : Promise.resolve();
+</script>"""
 _EVERY_S = 0.2
 _LOOK_EVERY_S = 2.0
 _FIRST_TAB = "Pulses"
@@ -59,6 +65,7 @@ class ExplorePage:
         from nicegui import ui
 
         ui.add_css(_STYLE.read_text(encoding="utf-8"))
+        ui.add_body_html(_RESIZE_DISPLAYED_ONLY)
         ui.colors(primary="#2b6cb0", secondary="#5b6b7c", accent="#a566b5", negative="#c4432b")
         self._header()
         with ui.element("div").classes("explore"):

@@ -68,12 +68,13 @@ class LiveFeed:
             try:
                 self._live.poll()
                 if time.monotonic() - self._renewed_s >= _STATUS_S:
-                    self._renew("")
+                    self._renew("", self._live.status())
             except JointzError as exc:
-                self._renew(str(exc))
+                self._renew(str(exc), self._live.status())
             except Exception as exc:  # noqa: BLE001 - a page that freezes would look as if all were well
                 self._renew(
-                    f"this page has failed ({type(exc).__name__}: {exc}); what it shows is old"
+                    f"this page has failed ({type(exc).__name__}: {exc}); what it shows is old",
+                    self._told,
                 )
 
     def look(self) -> dict[str, Any]:
@@ -82,10 +83,9 @@ class LiveFeed:
         with self._lock:
             return self._live.status()
 
-    def _renew(self, problem: str) -> None:
+    def _renew(self, problem: str, told: dict[str, Any]) -> None:
         self._renewed_s = time.monotonic()
-        told = {} if problem else self._live.status()
-        told = (told or self._told) | {"problem": problem, "can_start": self._process.can_start}
+        told = told | {"problem": problem, "can_start": self._process.can_start}
         if told.get("state") in ("idle", "failed", "stopped", "tripped"):
             told["words"] = self._process.last_words()
         self._told = told
@@ -96,8 +96,11 @@ class LiveFeed:
 
     def somebody(self) -> bool:
         """Tell whether a browser is there and answers."""
+        return self._answering() > 0
+
+    def _answering(self) -> int:
         now = time.monotonic()
-        return any(now - seen < ALIVE_S for seen in list(self._seen.values()))
+        return sum(now - seen < ALIVE_S for seen in list(self._seen.values()))
 
     def frame(self, known: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
         """Return what is new since what a browser knows, as JSON, and what it knows then.
@@ -130,12 +133,12 @@ class LiveFeed:
         from starlette.websockets import WebSocketDisconnect
 
         await socket.accept()
-        if len(self._seen) >= _MOST_BROWSERS:
+        if self._answering() >= _MOST_BROWSERS:  # idle ones take nobody's place
             await socket.close(_TOO_MANY)
             return
         self._browsers += 1
         browser = self._browsers
-        self._seen[browser] = time.monotonic()
+        self._seen[browser] = -math.inf
         try:
             await self._tell(socket, browser)
         except (TimeoutError, RuntimeError, WebSocketDisconnect):

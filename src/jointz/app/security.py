@@ -1,11 +1,11 @@
-"""Who may talk to a page: one machine, one site, and elsewhere only who has the token.
+"""Access control of the web pages: token and cookie, name of the host, site that asks.
 
-Everything, sockets and files included, passes :class:`Guard` before anything looks at it. A page
-on a loopback address is open to the machine's own browsers, but to no other site that they show:
-the name that was asked for (DNS rebinding) and the site that asks (cross-site requests) are
-checked. Elsewhere every request needs a token besides.
+Every request, of files and sockets too, passes :class:`Guard` first. It needs the token that is
+printed with the address, on a loopback address as well, which every user of the machine reaches.
+The name of the host (DNS rebinding) and the site that asks (cross-site requests) are checked, too.
 """
 
+import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from hmac import compare_digest
@@ -20,12 +20,22 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+#: Address and port of the other end, as uvicorn names it.
+Client = tuple[str, int] | None
 #: What was asked for in lower case -> what was given, once an occurrence.
 Headers = dict[str, list[str]]
 
 _READING = frozenset({"GET", "HEAD"})
 _ITSELF = frozenset({"same-origin", "none"})
 _POLICY_VIOLATION = 1008
+#: Connections that have not shown the token; a browser opens about six at a time.
+_MOST_STRANGERS = 64
+_REFUSAL = """<!doctype html><html lang="en"><meta charset="utf-8"><title>jointz: refused</title>
+<meta name="viewport" content="width=device-width">
+<style>:root {{ color-scheme: light dark }} body {{ font: 18px/1.5 system-ui, sans-serif;
+max-width: 34em; margin: 12vh auto; padding: 0 20px }}</style>
+<h1>Refused</h1><p>{}</p></html>
+"""
 #: Nothing comes from elsewhere, and nobody frames the page to steal its clicks.
 _HEADERS = [
     (b"x-frame-options", b"DENY"),
@@ -68,7 +78,7 @@ class Access:
     Attributes
     ----------
     token : str
-        That a browser shows once in the address; empty on a loopback address.
+        That a browser shows once in the address.
     cookie : str
         Name of what it shows from then on.
     """
@@ -77,7 +87,7 @@ class Access:
         self._loopback = is_loopback(host)
         self._host = host.lower()
         self._secret = token_urlsafe(32)
-        self.token = "" if self._loopback else token_urlsafe(32)
+        self.token = token_urlsafe(32)
         self.cookie = f"jointz_{port}"
 
     def refusal(self, method: str, headers: Headers, *, socket: bool) -> str:
@@ -112,8 +122,6 @@ class Access:
         headers : dict
             Of the request.
         """
-        if not self.token:
-            return True
         shown = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
         return any(compare_digest(one.encode(), self._secret.encode()) for one in shown)
 
@@ -126,7 +134,7 @@ class Access:
             What follows its question mark.
         """
         shown = parse_qs(query.decode("latin-1")).get("token", [""])[0]
-        return bool(self.token) and compare_digest(shown.encode(), self.token.encode())
+        return compare_digest(shown.encode(), self.token.encode())
 
     def set_cookie(self) -> str:
         """Return the header that lets a browser in from now on."""
@@ -143,6 +151,41 @@ class Access:
         return _is_address(name) or name in {self._host, "localhost", *_own_names()}
 
 
+class Strangers:
+    """Connections that have not shown the token; of too many the oldest is closed.
+
+    Idle connections thus never use up what the operator's own need.
+    """
+
+    def __init__(self) -> None:
+        self._transports: dict[Client, asyncio.Transport] = {}
+
+    def add(self, client: Client, transport: asyncio.Transport) -> None:
+        """Take note of a new connection.
+
+        Parameters
+        ----------
+        client : tuple of str, int or None
+            Its other end.
+        transport : asyncio.Transport
+            The connection.
+        """
+        self.forget(client)
+        if len(self._transports) >= _MOST_STRANGERS:
+            self._transports.pop(next(iter(self._transports))).abort()
+        self._transports[client] = transport
+
+    def forget(self, client: Client) -> None:
+        """Take note that a connection has shown the token, or is gone.
+
+        Parameters
+        ----------
+        client : tuple of str, int or None
+            Its other end.
+        """
+        self._transports.pop(client, None)
+
+
 class Guard:
     """Lets through to an application what :class:`Access` allows, and nothing else.
 
@@ -152,11 +195,14 @@ class Guard:
         ASGI application.
     access : Access
         Whom it answers.
+    strangers : Strangers
+        Told who has shown the token.
     """
 
-    def __init__(self, app: Application, access: Access) -> None:
+    def __init__(self, app: Application, access: Access, strangers: Strangers) -> None:
         self.app = app
         self._access = access
+        self._strangers = strangers
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or pass it on.
@@ -176,13 +222,18 @@ class Guard:
             if not opens_socket and access.introduces(scope["query_string"]):
                 await _answer(send, 303, [("location", "/"), ("set-cookie", access.set_cookie())])
                 return
-            why = "open the address with its token that was printed"
+            why = (
+                "this page needs its token. Open the whole address that jointz has printed last; "
+                "it ends with ?token= and the token"
+            )
         if not why:
+            self._strangers.forget(scope["client"])
             await self.app(scope, receive, send if opens_socket else _hardened(send))
         elif opens_socket:
             await send({"type": "websocket.close", "code": _POLICY_VIOLATION})
         else:
-            await _answer(send, 403, [("content-type", "text/plain")], f"Refused: {why}.\n")
+            about = [("content-type", "text/html; charset=utf-8"), ("connection", "close")]
+            await _answer(send, 403, about, _REFUSAL.format(f"{why[0].upper()}{why[1:]}."))
 
 
 def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> Headers:

@@ -1,11 +1,12 @@
 """Serves one page, by NiceGUI: what the console and the explorer have in common."""
 
+import asyncio
 import socket
 from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from jointz.app.security import Access, Guard
+from jointz.app.security import Access, Guard, Strangers
 from jointz.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def serve(
     title : str
         Of the page.
     host : str
-        Address to listen on. Elsewhere than on a loopback address a token is asked for.
+        Address to listen on.
     port : int
         To listen on; 0 for one that is free.
     routes : callable, optional
@@ -51,17 +52,30 @@ def serve(
     import uvicorn
     from fastapi import FastAPI
     from nicegui import ui
+    from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
     listening = _listen(host, port)
     port = listening.getsockname()[1]
-    access = Access(host, port)
+    access, strangers = Access(host, port), Strangers()
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     if routes is not None:
         routes(app)
     # dark=None: as the browser has it.
     ui.run_with(app, root=build, title=title, dark=None, show_welcome_message=False)
+
+    class Protocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
+        def connection_made(self, transport: asyncio.Transport) -> None:
+            super().connection_made(transport)
+            strangers.add(self.client, transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            strangers.forget(self.client)
+            super().connection_lost(exc)
+
     config = uvicorn.Config(
-        Guard(app, access),  # outermost: nothing of any library sees what is refused
+        # Outermost: nothing of any library sees what is refused.
+        Guard(app, access, strangers),
+        http=Protocol,
         log_level="warning",
         access_log=False,
         proxy_headers=False,
@@ -115,4 +129,4 @@ def _listen(host: str, port: int) -> socket.socket:
 def _address(host: str, port: int, token: str) -> str:
     shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
     name = f"[{shown}]" if ":" in shown else shown
-    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+    return f"http://{name}:{port}/?token={token}"

@@ -45,9 +45,7 @@ def console(
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 for any.")
     ] = DEFAULT_PORT,
-    listen: Annotated[
-        str, typer.Option("--listen", help="Address to listen on; not loopback: with a token.")
-    ] = "127.0.0.1",
+    listen: Annotated[str, typer.Option("--listen", help="Address to listen on.")] = "127.0.0.1",
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -61,13 +59,13 @@ def console(
 
     Example: jointz console walking --out study --participants 2 --seed 1
     """
-    del debug
+    del debug, quiet
     from jointz.app.console import open_console
 
     def announce(address: str) -> None:
         if as_json:
             emit_json({"status": "serving", "address": address})
-        elif not quiet:
+        else:  # with --quiet too: without its token nobody can open the page
             emit(f"Console: {address}")
 
     left = open_console(

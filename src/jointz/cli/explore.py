@@ -27,7 +27,7 @@ def explore(
     ] = 0,
     listen: Annotated[
         str,
-        typer.Option("--listen", help="Address to listen on; elsewhere a token is asked for."),
+        typer.Option("--listen", help="Address to listen on."),
     ] = "127.0.0.1",
     as_json: Json = False,
     quiet: Quiet = False,
@@ -40,7 +40,7 @@ def explore(
 
     Example: jointz explore results --study my-study
     """
-    del debug
+    del debug, quiet
     from jointz.app.server import require_app
 
     require_app()
@@ -53,7 +53,7 @@ def explore(
     def announce(address: str) -> None:
         if as_json:
             emit_json({"status": "serving", "address": address})
-        elif not quiet:
+        else:  # with --quiet too: without its token nobody can open the page
             emit(f"Open {address}  (Ctrl-C ends it)")
 
     with process_pool(_WORKERS, needs="jointz.workflows.exploration_estimates") as pool:

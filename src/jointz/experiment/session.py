@@ -13,8 +13,8 @@ stretch with the pulses that the journal does not count as done.
 
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -315,11 +315,13 @@ class Session:
         self._trial = trial
         devices, gate = setup.devices, setup.gate
         tick = trial.tick if self._link is None else self._link.attended(trial, setup.name)
+        not_stopped = set(devices.named())
         with ExitStack() as stack:
             stack.callback(setattr, self, "_trial", None)
+            stack.callback(_confirm_stop, note, not_stopped)
             # The last is called first: the actuator is stopped before all others.
             for name, device in reversed(devices.named().items()):
-                stack.push(partial(_stop, name, device))
+                stack.push(partial(_stop, name, device, not_stopped))
             for device in devices.all():
                 device.configure()
             for device in devices.all():
@@ -372,9 +374,17 @@ def _layout(devices: Devices, *, walking: bool) -> Layout:
     return BENCH if devices.contact is None else BENCH_CONTACT
 
 
+def _confirm_stop(note: Callable[..., None], not_stopped: Collection[str]) -> None:
+    """Write down that all devices were stopped; without it a page calls for the emergency stop."""
+    if not not_stopped:
+        with suppress(WriteError):  # what ended the trial is told first, and a full disk once
+            note("devices_stopped")
+
+
 def _stop(
     name: str,
     device: Device,
+    not_stopped: set[str],
     kind: type[BaseException] | None,
     error: BaseException | None,
     trace: TracebackType | None,
@@ -386,7 +396,9 @@ def _stop(
         with signals_held():
             try:
                 device.stop()
-                if not getattr(device, "stop_confirmed", True):
+                if getattr(device, "stop_confirmed", True):
+                    not_stopped.remove(name)
+                else:
                     failure = TimeoutError("it did not confirm its stop")
             except Exception as exc:  # noqa: BLE001 - told below
                 failure = exc

@@ -33,6 +33,8 @@ _TOLD = frozenset(_STATES) | {
     "records_lost",
 }
 _MOST_TOLD = 100
+#: Written only after every device was stopped.
+_DEVICES_STOPPED = frozenset({"devices_stopped", "condition_completed"})
 
 
 @dataclass(slots=True)
@@ -131,6 +133,8 @@ class SessionProgress:
         The trial; what is to be done before it; why it ended.
     segment : int
         Number of the stretch; -1 before the first.
+    unconfirmed : str
+        The stretch whose devices are not confirmed to be stopped; empty where all are.
     told : deque of dict
         The last events that are worth telling.
     """
@@ -141,6 +145,7 @@ class SessionProgress:
         self.state = "idle"
         self.condition = self.prompt = self.reason = ""
         self.segment = -1
+        self.unconfirmed = ""
         self._lost = False
         self.told: deque[dict[str, Any]] = deque(maxlen=_MOST_TOLD)
 
@@ -157,11 +162,14 @@ class SessionProgress:
         if kind == "segment_started":
             self.segment = event["segment"]
             trial.begin()
+            self.unconfirmed = f"{condition}-{self.segment}"
         elif kind in ("condition_completed", "records_lost"):
             trial.completed = kind == "condition_completed"
         elif kind.startswith("pulse_"):
             trial.take(kind, event["pulse"])
             trial.completed = trial.completed and kind != "pulse_lost"
+        if kind in _DEVICES_STOPPED:
+            self.unconfirmed = ""
         if kind in _STATES:
             self._enter(kind, event)
         if kind in _TOLD:

@@ -22,6 +22,8 @@ from jointz.workflows.run_settings import SESSIONS
 
 #: States in which the session's process is needed.
 _UNDER_WAY = frozenset({"idle", "waiting", "starting", "running", "paused", "stopping", "between"})
+#: States in which no device may be on.
+_AT_REST = frozenset({"waiting", "stopped", "tripped", "failed", "between"})
 #: What a process writes first for whoever watches.
 _BEGINNINGS = frozenset({"prompted", "segment_started"})
 #: A loop that writes nothing for so long while it runs is dead or hangs.
@@ -109,7 +111,7 @@ class LiveSession:
         self._grew_s = time.monotonic()
         self._paused_at, self._paused_strides = -1, 0
         #: Whether its process was seen gone, and what stands in the journal is of that one.
-        self._was_gone = not self._alive()
+        self._was_gone = self._is_over = not self._alive()
 
     @property
     def folder(self) -> Path | None:
@@ -124,7 +126,9 @@ class LiveSession:
         DataError
             When a file is damaged.
         """
+        # Looked for before the journal is read: what it confirmed last is then taken in.
         alive = self._alive()
+        self._is_over = not alive
         self._was_gone = self._was_gone or not alive
         newest = newest_session(self.study)
         if newest is None:
@@ -133,7 +137,9 @@ class LiveSession:
             self._open(newest)
         if self._journal is None or self._progress is None:
             return
-        for event in self._journal.poll():
+        events = self._journal.poll()
+        self._is_over = not alive and not events
+        for event in events:
             self._progress.take(event)
             self._follow_pause(event["event"])
             if event["event"] in _BEGINNINGS and alive:
@@ -197,7 +203,7 @@ class LiveSession:
         ``done``.
         """
         told = self._progress.state if self._progress else "idle"
-        alive = self._alive()
+        alive = not self._is_over
         if alive and self._was_gone:
             return "starting"  # taken up again, and has not written anything yet
         if told not in _UNDER_WAY:
@@ -205,10 +211,24 @@ class LiveSession:
         if not alive:
             if told in ("idle", "between") and (self.study / STUDY_FILE).exists():
                 return "done"
+            if told == "stopping" and self.unconfirmed:
+                return "failed"
             return {"idle": "idle", "stopping": "stopped"}.get(told, "failed")
         if told == "between":
             return "writing"
         return "starting" if told == "idle" else self._moving(told)
+
+    @property
+    def unconfirmed(self) -> str:
+        """The stretch that ended without a word that its devices stopped; empty where none did."""
+        progress = self._progress
+        if progress is None:
+            return ""
+        # One that was taken up again changes nothing before it starts.
+        if not (self._is_over or self._was_gone or progress.state in _AT_REST):
+            return ""
+        opening = progress.state == "starting"  # devices are opened; nothing tells how far it came
+        return progress.unconfirmed or (progress.condition if opening else "")
 
     def _moving(self, told: str) -> str:
         """Return the state of a session whose process lives, by what its loop writes."""
@@ -264,6 +284,7 @@ class LiveSession:
             "condition": progress.condition,
             "prompt": progress.prompt,
             "reason": progress.reason,
+            "unconfirmed": self.unconfirmed,
             "conditions": self._conditions(progress),
             "told": list(progress.told)[-40:],
             **self._of_trial(progress),

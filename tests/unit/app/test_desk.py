@@ -151,6 +151,17 @@ def test_a_stop_reaches_every_box_whatever_the_state(room, tmp_path):
     assert room.box.stop_asked
 
 
+@pytest.mark.parametrize(
+    ("lives", "asked", "why"),
+    [(True, 1, ""), (True, 0, "has not received the stop"), (False, 1, "nobody has received")],
+)
+def test_a_stop_that_nobody_receives_is_told(room, lives, asked, why):
+    room.process.lives = lives
+    told = room.desk.unheard(asked)
+    assert why in told
+    assert ("emergency stop" in told) == bool(why)
+
+
 def test_a_stop_without_a_session_does_nothing(tmp_path):
     assert Desk(tmp_path, Process(), dict).stop() == 0
 

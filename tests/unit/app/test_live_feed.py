@@ -119,30 +119,38 @@ def test_somebody_is_there_while_a_browser_answers(feed, monkeypatch):
 
     class Watching(Socket):
         async def receive(self):
+            monkeypatch.setattr(live_feed, "ALIVE_S", 60.0)
             seen.append(feed.somebody())
             monkeypatch.setattr(live_feed, "ALIVE_S", 0.0)
             seen.append(feed.somebody())
             return await super().receive()
 
-    asyncio.run(feed.answer(Watching()))
-    assert seen == [True, False]
+    asyncio.run(feed.answer(Watching(NEXT)))
+    assert seen == [False, False, True, False]  # only who asks for more is there
     assert not feed.somebody()
 
 
-def test_more_browsers_than_eight_are_refused(feed):
-    refused = []
+@pytest.mark.parametrize(("says", "refused"), [([NEXT], [1013]), ([], [])])
+def test_more_than_eight_browsers_are_refused_but_idle_ones_do_not_count(feed, says, refused):
+    closed = []
+
+    async def nobody_more():
+        last = Socket(NEXT)
+        await feed.answer(last)
+        closed.extend([last.closed] if last.closed else [])
 
     class Crowd(Socket):
-        async def receive(self):
-            if len(refused) < 1:
-                one = Crowd()
-                await feed.answer(one)
-                if one.closed:
-                    refused.append(one.closed)
-            return await super().receive()
+        left = 8
 
-    asyncio.run(feed.answer(Crowd()))
-    assert refused == [1013]
+        async def receive(self):
+            if self.says:
+                return await super().receive()
+            Crowd.left -= 1
+            await (feed.answer(Crowd(*says)) if Crowd.left else nobody_more())
+            return {"type": "websocket.disconnect"}
+
+    asyncio.run(feed.answer(Crowd(*says)))
+    assert closed == refused
 
 
 def test_a_damaged_file_is_told_and_the_page_goes_on(feed, live):

@@ -1,17 +1,21 @@
-"""Who is let in to a page: nobody but this machine, its own site, and who has the token."""
+"""Access to a page: only with the token, by its own names and from its own site."""
 
 import asyncio
 
 import pytest
 
-from jointz.app.security import Access, Guard, is_loopback
+from jointz.app.security import Access, Guard, Strangers, is_loopback
 
 PORT = 8700
 
 
 def call(access, *, kind="http", method="GET", path="/", query="", **headers):
-    """Send one request through the guard; return its status, headers, and whether it came in."""
+    """Send one request through the guard; return its status, headers, and whether it came in.
+
+    It shows the cookie, unless another is named.
+    """
     came, sent = [], []
+    headers.setdefault("cookie", access.set_cookie().split(";")[0])
 
     async def app(scope, receive, send):
         came.append(scope["path"])
@@ -32,6 +36,7 @@ def call(access, *, kind="http", method="GET", path="/", query="", **headers):
         "type": kind,
         "method": method,
         "path": path,
+        "client": ("127.0.0.1", 50000),
         "query_string": query.encode(),
         "headers": [
             (name.encode(), one.encode())
@@ -39,7 +44,7 @@ def call(access, *, kind="http", method="GET", path="/", query="", **headers):
             for one in ([value] if isinstance(value, str) else value)
         ],
     }
-    asyncio.run(Guard(app, access)(scope, receive, send))
+    asyncio.run(Guard(app, access, Strangers())(scope, receive, send))
     start = sent[0]
     found = {name.decode(): value.decode() for name, value in start.get("headers", [])}
     return start.get("status", start["type"]), found, bool(came)
@@ -110,25 +115,23 @@ def test_sockets_pass_the_same_guard(own):
         assert (kind, came) == ("websocket.close", False)
 
 
-def test_elsewhere_nobody_is_answered_without_the_token(net):
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+@pytest.mark.parametrize("cookie", ["", "jointz_8700=x"])
+def test_nobody_is_answered_without_the_token(host, cookie):
+    access = Access(host, PORT)
+    same = {"host": "127.0.0.1:8700", "origin": "http://127.0.0.1:8700", "cookie": cookie}
     for method in ("GET", "HEAD", "POST", "PUT", "OPTIONS"):
         for path in ("/", "/stop", "/live", "/_nicegui/x.js", "/console-files/console.js"):
-            status, _, came = call(
-                net,
-                method=method,
-                path=path,
-                host="192.168.1.5:8700",
-                origin="http://192.168.1.5:8700",
-            )
+            status, headers, came = call(access, method=method, path=path, **same)
             assert (status, came) == (403, False)
-    kind, _, came = call(
-        net, kind="websocket", host="192.168.1.5:8700", origin="http://192.168.1.5:8700"
-    )
+            assert headers["connection"] == "close"
+    kind, _, came = call(access, kind="websocket", **same)
     assert (kind, came) == ("websocket.close", False)
 
 
 def test_the_token_buys_a_cookie_that_only_this_site_gets(net):
-    status, headers, came = call(net, query=f"token={net.token}", host="192.168.1.5:8700")
+    shown = {"query": f"token={net.token}", "host": "192.168.1.5:8700"}
+    status, headers, came = call(net, cookie="", **shown)
     assert (status, came) == (303, False)  # the token leaves the address at once
     assert headers["location"] == "/"
     cookie = headers["set-cookie"]
@@ -146,7 +149,7 @@ def test_the_token_buys_a_cookie_that_only_this_site_gets(net):
     ["", "x", "token", "token=", "token=x", "token=%FF", "token=é".encode().decode("latin-1")],
 )
 def test_a_wrong_token_buys_nothing(net, shown):
-    status, headers, _ = call(net, query=shown, host="192.168.1.5:8700")
+    status, headers, _ = call(net, query=shown, host="192.168.1.5:8700", cookie="")
     assert status == 403
     assert "set-cookie" not in headers
 
@@ -157,8 +160,9 @@ def test_a_wrong_cookie_is_none(net, value):
 
 
 def test_no_two_pages_share_a_token():
-    assert Access("0.0.0.0", 1).token != Access("0.0.0.0", 1).token
-    assert Access("127.0.0.1", 1).token == ""
+    tokens = {Access(host, 1).token for host in ("0.0.0.0", "127.0.0.1") for _ in range(2)}
+    assert len(tokens) == 4
+    assert min(map(len, tokens)) == 43  # 256 bits
 
 
 def test_pages_cannot_be_framed_and_fetch_nothing_from_elsewhere(own):
@@ -170,3 +174,23 @@ def test_pages_cannot_be_framed_and_fetch_nothing_from_elsewhere(own):
 def test_loopback_is_told_from_the_rest():
     assert all(map(is_loopback, ("127.0.0.1", "127.1.2.3", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.0.1", "", "example.org")))
+
+
+class Connection:
+    """A connection that may be closed."""
+
+    closed = False
+
+    def abort(self):
+        self.closed = True
+
+
+def test_the_oldest_of_too_many_strangers_is_closed_and_nobody_who_was_let_in():
+    strangers = Strangers()
+    connections = [Connection() for _ in range(200)]
+    for port, connection in enumerate(connections):
+        strangers.add(("127.0.0.1", port), connection)
+        if port == 0:
+            strangers.forget(("127.0.0.1", port))
+    closed = [port for port, connection in enumerate(connections) if connection.closed]
+    assert closed == list(range(1, 200 - 64))

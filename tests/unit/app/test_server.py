@@ -41,8 +41,8 @@ def test_an_address_that_is_none_is_told(host):
 
 
 def test_the_address_that_is_told_can_be_opened():
-    assert _address("127.0.0.1", 80, "") == "http://127.0.0.1:80/"
-    assert _address("::1", 80, "") == "http://[::1]:80/"
+    assert _address("127.0.0.1", 80, "t") == "http://127.0.0.1:80/?token=t"
+    assert _address("::1", 80, "t") == "http://[::1]:80/?token=t"
     assert _address("0.0.0.0", 80, "t") == f"http://{socket.gethostname()}:80/?token=t"
 
 

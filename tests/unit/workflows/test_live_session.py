@@ -365,7 +365,6 @@ def test_pulses_of_an_earlier_stretch_still_count(study):
     [
         ([("tripped", {"reason": "safety: overrun: late"})], False, "tripped"),
         ([("stop_asked", {})], True, "stopping"),
-        ([("stop_asked", {})], False, "stopped"),  # before a condition: nothing more is written
         ([], False, "failed"),  # it was killed
         ([("condition_completed", {"segment": 0})], True, "writing"),
     ],
@@ -378,6 +377,65 @@ def test_a_state_needs_its_process(study, events, lives, state):
     status = study.status()
     assert status["state"] == state
     assert status["reason"] == (events[0][1].get("reason", "") if events else "")
+
+
+STOPPED = ("devices_stopped", {})
+ASKED = ("stop_asked", {})
+NEXT = ("prompted", {"text": "Walk."})
+
+
+@pytest.mark.parametrize(
+    ("events", "lives", "state", "unconfirmed"),
+    [
+        ([], True, "starting", ""),
+        ([], False, "failed", "perturbed-0"),  # killed, or ended with whatever exit code
+        ([ASKED], False, "failed", "perturbed-0"),
+        ([STOPPED], False, "failed", ""),
+        ([ASKED, STOPPED, ("stopped", {})], False, "stopped", ""),
+        ([("failed", {})], False, "failed", "perturbed-0"),  # an actuator that cannot be stopped
+        ([("tripped", {})], True, "tripped", "perturbed-0"),  # its process still closes devices
+        ([NEXT], True, "waiting", "perturbed-0"),  # taken up again: nothing says that it is off
+        ([NEXT, ("started", {})], False, "failed", "perturbed-0"),
+        ([STOPPED, NEXT], False, "failed", ""),
+        ([STOPPED, NEXT, ("started", {})], False, "failed", "perturbed"),  # as devices are opened
+        ([("condition_completed", {"segment": 0})], False, "failed", ""),
+    ],
+)
+def test_a_stretch_without_a_word_that_its_devices_stopped_is_told(
+    study, events, lives, state, unconfirmed
+):
+    begin(study)
+    for kind, details in events:
+        study.write(kind, **details)
+    study.lives = lives
+    status = study.status()
+    assert (status["state"], status["unconfirmed"]) == (state, unconfirmed)
+
+
+def test_the_last_words_of_a_session_that_ends_between_two_looks_are_heard(study):
+    begin(study)
+    study.status()
+
+    def ends():
+        if study.lives:
+            study.lives = False
+            study.write("devices_stopped")
+            study.write("stopped", reason="asked for")
+            return True
+        return False
+
+    study.live._alive = ends
+    for _ in range(3):
+        study.live.poll()
+        assert study.live.status()["unconfirmed"] == ""
+
+
+def test_a_stop_before_any_condition_needs_no_more_words(study):
+    study.write("prompted", text="Walk.")
+    study.write("stop_asked")
+    study.lives = False
+    status = study.status()
+    assert (status["state"], status["unconfirmed"]) == ("stopped", "")
 
 
 def test_a_study_that_is_written_is_done(study):
@@ -409,9 +467,13 @@ def test_a_session_that_is_taken_up_again_is_starting_until_it_prompts(study, mo
     monkeypatch.setattr(live_session, "SILENT_AFTER_S", 0.0)
     time.sleep(0.001)
     study.lives = True
-    assert study.status()["state"] == "starting"
+    assert (status := study.status())["state"] == "starting"
+    assert status["unconfirmed"] == "perturbed-0"
     study.write("prompted", text="Walk.")
-    assert study.status()["state"] == "waiting"
+    assert (status := study.status())["state"] == "waiting"
+    assert status["unconfirmed"] == "perturbed-0"
+    study.write("started")
+    assert study.status()["unconfirmed"] == ""
 
 
 def test_a_stop_for_want_of_a_page_says_so(study):

@@ -26,11 +26,9 @@ const jointzConsole = (() => {
 
   function sendStop(tries) {
     fetch("/stop", { method: "POST", keepalive: true, cache: "no-store" })
-      .then((answer) => { if (!answer.ok) throw new Error(String(answer.status)); return answer.json(); })
-      .then((answer) => {
-        if (!answer.asked && MOVES.has(status.state)) {
-          alarm("stop", "This session takes no stop from a page. Use the emergency stop.");
-        }
+      .then(async (answer) => {
+        if (answer.status === 409) unheard((await answer.json()).refused);
+        else if (!answer.ok) throw new Error(String(answer.status));
       })
       .catch(() => {
         alarm("stop", "The stop has not reached the session. Use the emergency stop.");
@@ -38,19 +36,32 @@ const jointzConsole = (() => {
       });
   }
 
+  // Nobody has received the stop: says so until the session's state changes.
+  let unheardIn = "";
+  function unheard(why) {
+    unheardIn = status.state;
+    endStop();
+    alarm("unheard", why);
+  }
+
+  function endStop() {
+    stopAskedAt = 0;
+    byId("jz-stop").classList.remove("asked");
+    alarm("stop", "");
+  }
+
   function watchStop() {
     if (!stopAskedAt) return;
     if (!MOVES.has(status.state) && status.state !== "waiting") {
-      stopAskedAt = 0;
-      byId("jz-stop").classList.remove("asked");
-      alarm("stop", "");
+      endStop();
     } else if (performance.now() - stopAskedAt > 1500 && status.state !== "stopping") {
       alarm("stop", "The session does not answer to the stop. Use the emergency stop.");
     }
   }
 
   byId("jz-stop").addEventListener("pointerdown", stop);
-  byId("jz-stop").addEventListener("click", stop);
+  // By key or assistive technology; the click of a pointer is a stop that was asked for already.
+  byId("jz-stop").addEventListener("click", (event) => { if (!event.detail) stop(); });
   window.addEventListener("keydown", (event) => {
     const writes = event.target && event.target.id === "jz-note";
     if (event.code !== "Escape" && (event.code !== "Space" || writes)) return;
@@ -114,6 +125,22 @@ const jointzConsole = (() => {
     box.hidden = !told;
     if (text && forMs) setTimeout(() => { if (alarms.get(of) === text) alarm(of, ""); }, forMs);
   }
+
+  // A session that ended without confirming that its devices stopped: stays until acknowledged,
+  // whatever comes next.
+  let danger = "", acknowledged = "";
+  function watchDevices() {
+    const unconfirmed = status.unconfirmed || "";
+    if (unconfirmed && unconfirmed !== acknowledged) danger = unconfirmed;
+    if (!unconfirmed) acknowledged = "";
+    set("jz-danger-of", danger && `${status.study}, ${status.participant}, ${danger}`);
+    byId("jz-danger").hidden = !danger;
+  }
+  byId("jz-acknowledge").addEventListener("click", () => {
+    acknowledged = danger;
+    danger = "";
+    watchDevices();
+  });
 
   // ---------------------------------------------------------------- the feed
   function connect() {
@@ -182,6 +209,8 @@ const jointzConsole = (() => {
     figures();
     safety();
     told();
+    watchDevices();
+    if (status.state !== unheardIn) alarm("unheard", "");
     alarm("problem", status.problem || "");
     alarm("silent", status.state === "silent"
       ? "The session writes no records: it has died or hangs. Use the emergency stop." : "");
