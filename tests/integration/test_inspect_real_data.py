@@ -68,7 +68,7 @@ CASES = {
     ),
     "gaitanalysistoolkit/refresults.mat": Case(
         edits=(
-            ("sample_rate_hz = 1000.0", "sample_rate_hz = 100.0"),
+            ("# sample_rate_hz = 1000.0", "sample_rate_hz = 100.0"),
             (ANGLE, '[channels.angle]\ncolumn = "refresults.2"\n'),
             (TORQUE, '[channels.torque]\ncolumn = "refresults.8"\n'),
         ),

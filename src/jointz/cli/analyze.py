@@ -135,6 +135,8 @@ def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
 
 
 def _print(analysis: "StudyAnalysis", report: Path) -> None:
+    for warning in analysis.statistics.get("warnings", []):
+        emit(f"WARNING: {warning}")
     rows = [
         [
             p.timing_point,

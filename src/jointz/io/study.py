@@ -26,6 +26,7 @@ from jointz.io.toml_problems import parse_toml, shape_problems
 from jointz.io.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
+_RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
 _ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)
 
@@ -65,7 +66,8 @@ def open_study(path: str | os.PathLike[str]) -> Study:
     raw = parse_toml(str(file), text, error=StudyError)
     spec, problems = _validate(raw)
     units, edges, unit_problems = _units(raw)
-    problems += unit_problems + list(_reference_problems(raw)) + _file_problems(raw, file.parent)
+    problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
+    problems += _file_problems(raw, file.parent)
     exclusions, exclusion_problems = _user_exclusions(file.parent)
     problems += exclusion_problems
     if spec is None or problems:
@@ -276,8 +278,6 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
 def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
     if "angle" not in channels:
         yield "channels.angle: missing; every study needs the joint's angle."
-    if "time" not in channels and "sample_rate_hz" not in raw:
-        yield "channels.time: missing; without a time column give sample_rate_hz."
     conditions = [_condition_of(r) for r in _entries(raw, "recordings")]
     # A bench that nothing perturbs may be a calibration: a hinge swung by hand has no torque.
     unmoved = raw.get("kind") == "bench" and set(conditions) <= {"unperturbed", "no_device"}
@@ -285,6 +285,18 @@ def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
     from_current = "current" in channels and "torque_model" in raw
     if need_torque and "torque" not in channels and not from_current:
         yield "channels.torque: missing; give it, or channels.current and [torque_model]."
+
+
+def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
+    """Ask for a rate where there is no time; a line that only proposes one is named."""
+    if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
+        return []
+    line = next((n for n, said in enumerate(text.splitlines(), 1) if _RATE_LINE.match(said)), None)
+    todo = f"correct line {line} and take its '#' away" if line else "give it"
+    return [
+        "channels.time: missing; without a time column sample_rate_hz is needed: "
+        f"{todo} (the rate of your recorder, no guess: it scales K, B and J)."
+    ]
 
 
 def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:

@@ -6,9 +6,10 @@ inspects a file, and :mod:`jointz.io.delimited` still refuses what does not fit 
 
 import csv
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,22 @@ DELIMITERS: Mapping[str, str] = {
     "|": "a bar",
     " ": "a blank",
 }
+#: What says a sampling rate, in lower case without accents, at the beginning of a line or cell.
+_RATE = re.compile(
+    r"""\W*(?:
+        (?:sampl\w*|sampel|data|frame|capture|abtast|mess|meet|bemonsterings)[ _-]?
+        (?:rate|freq\w*|hz|frequen[zt]\w*) | rate | sr | fs | f_s | sfreq | srate | abtastung
+        | (?:frequence|taux|cadence)[ ]d.?[ ]?echantillonnage
+        | (?:frecuencia|tasa|velocidad)[ ]de[ ]muestreo
+        | (?:frequenza|tasso|velocita)[ ]di[ ]campionamento
+    )(?![a-z]) [^a-z\d.+-]* (?P<before>k?hz)? [^a-z\d.+-]*
+    (?P<number>\d+(?:[.,]\d+)?) \s* (?P<after>k?hz|1/s|s\^?-1|samples\s?(?:/|per)\s?s\w*)?
+    \W*$""",
+    re.VERBOSE,
+)
+_PARTS = re.compile(r"[;\t|]|,\s")
+_THOUSANDS = re.compile(r"\d{1,3}[.,]\d{3}")
+_SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
 #: Words that stand in a row of units and nowhere else.
@@ -69,12 +86,15 @@ class TextLayout:
         A row of units under the names; empty where there is none.
     notes : tuple of str
         What had to be decided.
+    rate_hz : float or None
+        The sampling rate that a line above the table states.
     """
 
     files: FilesSpec
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    rate_hz: float | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -122,7 +142,30 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
             "its layout (--delimiter, --decimal, --no-header), or another file.",
             path=str(path),
         )
-    return _layout(best, known)
+    layout = _layout(best, known)
+    above = lines[: skipped + (best.start or 0)]
+    said = [part for line in above for part in (line, *_PARTS.split(line))]
+    rates = {rate for part in said if (rate := _stated_rate(part))}
+    if len(rates) > 1:
+        told = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        return replace(layout, notes=(*layout.notes, f"its first lines state {told} Hz: which?"))
+    return replace(layout, rate_hz=min(rates, default=None))
+
+
+def _stated_rate(line: str) -> float | None:
+    """Return the sampling rate in Hz that a line above a table states, None where it states none.
+
+    >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
+    (500.0, 1000.0, None)
+    """
+    plain = unicodedata.normalize("NFKD", line.casefold())
+    said = _RATE.fullmatch("".join(c for c in plain if not unicodedata.combining(c)))
+    if said is None:
+        return None
+    number = float(said["number"].replace(",", "."))
+    if number < _SLOWEST_HZ and "k" not in f"{said['before']}{said['after']}":
+        number *= 1000 if _THOUSANDS.fullmatch(said["number"]) else 1
+    return number * (1000 if "khz" in (said["before"], said["after"]) else 1) or None
 
 
 def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -135,6 +135,7 @@ def render_report(
         column_names=[parameter_name(c[0]) for c in columns],
         people=_people(analysis, columns),
         statuses=_statuses(analysis),
+        warnings=analysis.statistics.get("warnings", ()),
         notes=analysis.statistics.get("notes", ()),
         excluded=_excluded(analysis),
         names=_names(analysis.provenance),

@@ -22,6 +22,7 @@ from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
 from jointz.workflows.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
 from jointz.workflows.quasi_stiffness_rows import quasi_stiffness_rows
+from jointz.workflows.rate_checks import stride_warnings
 
 #: So many names are told; the tables hold the others.
 _TOLD = 3
@@ -60,6 +61,7 @@ def study_statistics(
         **_nuisance(cells),
         **_pulse_effects(single),
         **_quasi_stiffness(study, results),
+        "warnings": stride_warnings(strides) if study.spec.kind == "walking" else [],
         "notes": [
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),

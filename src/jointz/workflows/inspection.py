@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from jointz.core.inspection import Inspection, SeenChannel, SeenClock
 from jointz.core.places import seen_from
 from jointz.core.study import FilesSpec
+from jointz.gait.sample_rate import told_rates
 from jointz.io.losses import is_plain, plainly
 from jointz.workflows.inspection_content import Content, GroupClock, read_content
 from jointz.workflows.inspection_findings import (
@@ -20,9 +22,11 @@ from jointz.workflows.inspection_findings import (
     command_advice,
     find_pulses,
     follows_command,
+    likely_rates,
     missing_channels,
     not_a_recording,
     opposes,
+    stride_notes,
 )
 from jointz.workflows.inspection_guess import (
     Looked,
@@ -45,6 +49,7 @@ from jointz.workflows.inspection_study import (
 )
 
 _USUAL_JOINT = "knee"
+_SAME_RATE = 0.05
 
 
 def inspect_file(
@@ -82,8 +87,12 @@ def inspect_file(
     names = Words(names.found, names.joint, own.side)
     every, group = _groups(columns, content.clocks, names)
     given = every.get(group, {})
+    timed = content.files is not None and "time" in given  # stamps say more than a line above them
     clocks = tuple(
-        _clock(c, every[c.group] if c.group == group or c.time_s is not None else {})
+        _clock(
+            replace(c, rate_hz=None) if timed else c,
+            every[c.group] if c.group == group or c.time_s is not None else {},
+        )
         for c in content.clocks
     )
     clock = next((c for c in clocks if c.group == group), SeenClock(group, "", 0))
@@ -95,13 +104,19 @@ def inspect_file(
         _name_in(file, study_folder), in_group, given, names=names, clock=clock,
         obstacles=obstacles, files=content.files, overflow=overflow,
     )  # fmt: skip
+    walking = proposal.kind.value == "walking"
     return Inspection(
         file=plainly(file.name),
         layout=_layout(content.files),
         channels=_seen(columns, given, overflow),
         clocks=clocks,
         n_events=content.n_events,
-        notes=(*content.notes, *_group_notes(content, group, given)),
+        notes=(
+            *content.notes,
+            *_group_notes(content, group, given),
+            *_rate_notes(content, clock),
+            *stride_notes(given, clock, walking=walking),
+        ),
         obstacles=obstacles,
         advice=todo or _advice(plainly(file.name), proposal),
         toml=study_text(proposal),
@@ -156,6 +171,18 @@ def _clock(stated: GroupClock, given: Given) -> SeenClock:
         looked, taken = given["time"]
         return clock_of(stated.group, stated.n, str(looked.key), in_seconds(looked, taken))
     return SeenClock(stated.group, "", stated.n)
+
+
+def _rate_notes(content: Content, clock: SeenClock) -> list[str]:
+    """Return a note where a line above the table and its stamps state different rates."""
+    stated = next((c.rate_hz for c in content.clocks if content.files is not None), None)
+    found = clock.rate_hz
+    if stated is None or found is None or abs(found / stated - 1) < _SAME_RATE:
+        return []
+    return [
+        f"a line above the table states {stated:g} Hz, the column of time runs at {found:.6g} Hz: "
+        "which is right?"
+    ]
 
 
 def _overflows(given: Given) -> dict[str, str]:
@@ -216,10 +243,19 @@ def _proposal(
         pulses=pulses,
         files=files,
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
+        rate_guess=_rate_guess(given, clock),
         obstacles=obstacles,
         free=tuple(c for c in columns if id(c) not in taken_for(given)),
         levels=levels,
     )
+
+
+def _rate_guess(given: Given, clock: SeenClock) -> Guess:
+    """Return a rate to ask about: that of usual strides where there are strides."""
+    likely = {} if clock.rate_hz is not None else likely_rates(given, clock)
+    if not likely:
+        return Guess("1000.0", "nothing says the rate; give your own")
+    return Guess(repr(next(iter(likely))), f"by its strides: {told_rates(likely)}; give your own")
 
 
 def _kind(columns: Sequence[Looked], given: Given, names: Words) -> Guess:

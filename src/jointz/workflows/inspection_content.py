@@ -154,7 +154,7 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
         )
         for key, title, signal, stated in zip(keys, layout.names, signals, found, strict=True)
     )
-    clock = GroupClock("", len(columns[0].values) if columns else 0)
+    clock = GroupClock("", len(columns[0].values) if columns else 0, layout.rate_hz)
     strays = [c.stray for c in columns if c.stray]
     more = [f"({len(strays)} columns hold such cells.)"] if len(strays) > 1 else []
     told = f"taken for a log of {log}: units that it does not state are by its documentation."

@@ -5,10 +5,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
 from jointz.core.inspection import SeenClock
 from jointz.core.recording import build_recording
 from jointz.core.study import FilesSpec
+from jointz.gait.sample_rate import (
+    LONGEST_S,
+    SHORTEST_S,
+    is_walking_stride,
+    median_stride_s,
+    rates_of_strides,
+    told_rates,
+)
 from jointz.identify.preparation.pulses import pulses_from_angle
 from jointz.workflows.inspection_guess import Looked, Taken, in_seconds, si_of
 from jointz.workflows.inspection_names import channel_scores
@@ -74,6 +83,49 @@ def _steps(given: Given, clock: SeenClock) -> Pulses:
     recording = build_recording(time, {"angle": _si(given, "angle")})
     n = len(pulses_from_angle(recording, cutoff_hz=_CUTOFF_HZ))
     return Pulses("angle", n, f"the angle steps {n} time(s)") if n >= _FEWEST_PULSES else Pulses()
+
+
+def likely_rates(given: Given, clock: SeenClock) -> dict[float, float]:
+    """Return rates in Hz at which strides are usual, with their median stride in s."""
+    recording = _steps_of_feet(given, np.arange(clock.n, dtype=float))
+    return {} if recording is None else rates_of_strides(recording)
+
+
+def stride_notes(given: Given, clock: SeenClock, *, walking: bool) -> list[str]:
+    """Return a note where strides last longer or shorter than those of walking people.
+
+    Parameters
+    ----------
+    given : mapping
+        Channel -> column.
+    clock : SeenClock
+        Its clock.
+    walking : bool
+        Whether people walked.
+    """
+    time = _time(given, clock)
+    if not walking or time is None or clock.restarts or clock.n_back:
+        return []
+    recording = _steps_of_feet(given, time)
+    stride = None if recording is None else median_stride_s(recording)
+    if recording is None or stride is None or is_walking_stride(stride):
+        return []
+    likely = told_rates(rates_of_strides(recording))
+    return [
+        f"strides last {stride:.3g} s (median) at {clock.rate_hz:.6g} Hz; people walk with "
+        f"{SHORTEST_S:g} to {LONGEST_S:g} s. Likely rate: {likely or 'unknown'}."
+    ]
+
+
+def _steps_of_feet(given: Given, time: np.ndarray) -> xr.Dataset | None:
+    """Return the channels that show heel strikes, None where there are none."""
+    names = [name for name in ("contact", "ground_reaction_force") if name in given]
+    if not names or time.size < _FEWEST_SAMPLES or not np.isfinite(time).all():
+        return None
+    kind = "voltage" if "contact" in given and given["contact"][1].unit else "contact"
+    units = {name: si_of(given[name][1])[0] for name in names if given[name][1].unit}
+    channels = {name: _si(given, name) for name in names}
+    return build_recording(time, channels, units=units, contact_kind=kind)
 
 
 def follows_command(given: Given) -> float | None:

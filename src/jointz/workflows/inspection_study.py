@@ -52,7 +52,9 @@ class Proposal:
     files : FilesSpec or None
         Layout of a text file.
     rate_hz : float or None
-        Of a file that states a rate; without one and without time 1000 is written, to be edited.
+        Of a file that states a rate.
+    rate_guess : Guess
+        What to ask about where nothing states it; an analysis does not take it.
     obstacles : tuple of str
         Why it cannot run.
     free : tuple of Looked
@@ -71,6 +73,7 @@ class Proposal:
     pulses: Pulses = field(default_factory=Pulses)
     files: FilesSpec | None = None
     rate_hz: float | None = None
+    rate_guess: Guess = Guess("1000.0")
     obstacles: tuple[str, ...] = ()
     free: tuple[Looked, ...] = ()
     levels: Mapping[str, str] = field(default_factory=dict)
@@ -125,8 +128,7 @@ def _rate(proposal: Proposal) -> list[str]:
         return []
     if proposal.rate_hz is not None:
         return [f"sample_rate_hz = {proposal.rate_hz!r}"]
-    why = "no column holds time and nothing says the rate; give your own"
-    return [_line("sample_rate_hz", Guess("1000.0", why), raw=True)]
+    return [f"# {_line('sample_rate_hz', proposal.rate_guess, raw=True)}"]
 
 
 def _channel(proposal: Proposal, name: str) -> list[str]:

@@ -23,6 +23,7 @@ from jointz.io.registry import file_sha256
 from jointz.io.study import data_file
 from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.workflows.likelihood_pulses import likelihood_pulses
+from jointz.workflows.rate_checks import check_strides
 from jointz.workflows.study_pulses import pulse_tables
 from jointz.workflows.task_store import TaskStore, task_key
 
@@ -269,6 +270,7 @@ def read_participant(
             continue
         try:
             pieces = read_recording(study, entry)
+            check_strides(study, entry, pieces)
             tables = pulse_tables(study, entry, pieces)
         except DataError as exc:
             problems.append(str(exc))

@@ -16,6 +16,7 @@ from jointz.identify.preparation.pulses import (
     with_measured_amplitudes,
 )
 from jointz.io.recordings import read_pulse_table
+from jointz.workflows.rate_checks import check_onsets
 
 _MOST_SHOWN = 5
 #: Channels that have no direction.
@@ -39,11 +40,13 @@ def pulse_tables(
     Raises
     ------
     DataError
-        When the table cannot be read, or an onset could mean several pieces or none.
+        When the table cannot be read, fits at another rate only, or an onset could mean several
+        pieces or none.
     """
     table = read_pulse_table(study, entry)
     if table is None or study.spec.perturbations.source not in (None, "table"):
         return [None] * len(pieces)
+    check_onsets(study, entry, pieces, table)
     return share_table(table, pieces)
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, StudyError
 from jointz.core.inspection import SeenClock
 from jointz.io.formats import write_acquisition
 from jointz.io.recordings import read_recording
@@ -172,13 +172,63 @@ def test_the_side_of_the_torque_is_seen_from_what_it_does(sign, acts_on, tmp_pat
     assert found.channel("torque").unit == "N*m"
 
 
-def test_without_a_time_column_the_rate_is_asked_for(tmp_path):
+def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(tmp_path):
     found = inspected(tmp_path, walking().drop(columns="Time (s)"))
 
-    assert "sample_rate_hz = 1000.0  # guess: no column holds time" in found.toml
     (reason,) = found.obstacles
     assert reason.endswith("give the one that you know as sample_rate_hz.")
-    assert len(opened(tmp_path, found)[1]) == 1
+    guess = "# sample_rate_hz = 200.0  # guess: by its strides: 200 Hz (strides of 1.00 s)"
+    (line,) = (n for n, text in enumerate(found.toml.splitlines(), 1) if text.startswith(guess))
+    with pytest.raises(StudyError, match=f"correct line {line} and take its '#' away"):
+        opened(tmp_path, found)
+
+
+@pytest.mark.parametrize(
+    ("line", "rate_hz"),
+    [
+        ("Abtastrate: 500 Hz", 500.0),
+        ("Sampling rate: 1000 Hz;;;", 1000.0),
+        ("sample frequency = 500", 500.0),
+        ("# subject 3; fs: 1 kHz", 1000.0),
+        ("Abtastfrequenz [Hz];500,0", 500.0),
+        ("Messrate: 1.000 Hz", 1000.0),
+        ("Fréquence d'échantillonnage : 250 Hz", 250.0),
+        ("frecuencia de muestreo (Hz): 100", 100.0),
+        ("Frequenza di campionamento = 2 kHz", 2000.0),
+        ("Bemonsteringsfrequentie: 500 Hz", 500.0),
+        ("Cut-off frequency: 20 Hz", None),
+        ("heart rate: 70", None),
+        ("Abtastrate: 500 Hz\nSampling rate: 1000 Hz", None),
+    ],
+)
+def test_a_rate_that_a_header_line_states_is_written_as_stated(line, rate_hz, tmp_path):
+    body = walking().drop(columns="Time (s)").to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "S12.csv").write_text(f"{line}\n{body}")
+
+    found = inspect_file(tmp_path / "S12.csv")
+
+    stated = [line for line in found.toml.splitlines() if line.startswith("sample_rate_hz")]
+    assert stated == ([] if rate_hz is None else [f"sample_rate_hz = {rate_hz}"])
+    assert found.clocks[0].rate_hz == rate_hz
+
+
+def test_strides_at_which_nobody_walks_are_told_with_the_likely_rate(tmp_path):
+    body = walking().drop(columns="Time (s)").to_csv(index=False)
+    (tmp_path / "S12.csv").write_text(f"Sampling rate: 1000 Hz\n{body}")
+
+    notes = inspect_file(tmp_path / "S12.csv").notes
+
+    assert any("strides last 0.2 s (median) at 1000 Hz" in n and "200 Hz" in n for n in notes)
+    assert not any("strides last" in n for n in inspected(tmp_path, walking()).notes)
+
+
+def test_stamps_stand_over_a_header_line_that_states_another_rate(tmp_path):
+    (tmp_path / "S12.csv").write_text(f"fs: 1 kHz\n{walking().to_csv(index=False)}")
+
+    found = inspect_file(tmp_path / "S12.csv")
+
+    assert found.clocks[0].rate_hz == RATE_HZ
+    assert any("states 1000 Hz, the column of time runs at 200 Hz" in n for n in found.notes)
 
 
 def test_a_cell_that_is_no_number_is_named_and_stands_in_the_way(tmp_path):

@@ -1,0 +1,99 @@
+"""Sampling rates that strides and pulses make likely."""
+
+from contextlib import suppress
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import maximum_filter1d
+
+from jointz.core.errors import DataError, EstimationError
+from jointz.gait.heel_strikes import find_heel_strikes
+from jointz.gait.strides import find_strides
+
+#: Median strides of walking lie between these, s.
+SHORTEST_S, LONGEST_S = 0.7, 2.5
+_USUAL_S = 1.1
+_LIKELY_S = (0.85, 1.4)
+_FEWEST_STRIDES = 5
+_MOST_NAMED = 3
+#: Rates that instruments have, Hz; strides are looked for at every fourth.
+_USUAL_HZ = (
+    *(25, 50, 60, 100, 120, 125, 150, 200, 240, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500),
+    *(2000, 2400, 2500, 3000, 4000, 5000, 10000),
+)
+_FEWEST_ONSETS = 8
+_CURVED_S, _AROUND_S = 0.01, 0.03
+#: Mean rank of the torque's curvature at the onsets: chance gives 0.5, the right rate nearly 1.
+_DOUBTED, _CONVINCING = 0.75, 0.9
+
+
+def median_stride_s(recording: xr.Dataset) -> float | None:
+    """Return the median stride, None where there are too few or no channel shows them."""
+    with suppress(DataError, EstimationError):
+        strides = find_strides(find_heel_strikes(recording).time_s, np.empty((0, 2)))
+        if strides.accepted.sum() >= _FEWEST_STRIDES:
+            return float(np.median(strides.duration_s[strides.accepted]))
+    return None
+
+
+def rates_of_strides(recording: xr.Dataset) -> dict[float, float]:
+    """Return usual rates in Hz, likeliest first, each with the median stride in s that it gives."""
+    found = {
+        hz: stride for hz in _USUAL_HZ[::4] if (stride := median_stride_s(_at_rate(recording, hz)))
+    }
+    if not found:
+        return {}
+    best = min(found, key=lambda hz: _unusual(found[hz]))
+    strides = {float(hz): found[best] * best / hz for hz in _USUAL_HZ}
+    ordered = sorted(strides, key=lambda hz: _unusual(strides[hz]))
+    likely = [hz for hz in ordered if _LIKELY_S[0] <= strides[hz] <= _LIKELY_S[1]]
+    return {hz: strides[hz] for hz in likely[:_MOST_NAMED]}
+
+
+def told_rates(rates: dict[float, float]) -> str:
+    """Return rates with their strides in words."""
+    return " or ".join(f"{hz:g} Hz (strides of {stride:.2f} s)" for hz, stride in rates.items())
+
+
+def is_walking_stride(stride_s: float) -> bool:
+    """Tell whether people walk with such a median stride."""
+    return SHORTEST_S <= stride_s <= LONGEST_S
+
+
+def rate_of_pulses(recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float) -> float | None:
+    """Return the usual rate at which pulses begin at their onsets, None where the own rate fits.
+
+    Pulses bend the command, else the torque. Chance makes no rate convincing, and without a
+    convincing one there is no answer.
+    """
+    name = next((n for n in ("command", "torque", "current") if n in recording), None)
+    if name is None or onset_s.size < _FEWEST_ONSETS:
+        return None
+    signal = np.nan_to_num(recording[name].to_numpy())
+    start = float(recording["time"].to_numpy()[0]) * rate_hz
+    fits = {float(hz): _fit(signal, onset_s * hz - start, hz) for hz in {*_USUAL_HZ, rate_hz}}
+    best = max(fits, key=lambda hz: fits[hz])
+    return best if fits[rate_hz] < _DOUBTED and fits[best] >= _CONVINCING else None
+
+
+def _fit(signal: np.ndarray, onset: np.ndarray, rate_hz: float) -> float:
+    """Return the mean rank of the signal's curvature at the onsets, 0 where one lies outside."""
+    half = max(1, round(_CURVED_S * rate_hz))
+    at = np.round(onset).astype(int)
+    if signal.size <= 4 * half or at.min() < 0 or at.max() >= signal.size:
+        return 0.0
+    bend = np.zeros(signal.size)
+    bend[half:-half] = np.abs(signal[2 * half :] - 2 * signal[half:-half] + signal[: -2 * half])
+    near = maximum_filter1d(bend, 2 * max(1, round(_AROUND_S * rate_hz)) + 1)
+    ordered = np.sort(near)
+    below = np.searchsorted(ordered, near[at], side="left")
+    above = np.searchsorted(ordered, near[at], side="right")
+    return float((0.5 * (below + above) / signal.size).mean())
+
+
+def _at_rate(recording: xr.Dataset, rate_hz: float) -> xr.Dataset:
+    return recording.assign_coords(time=np.arange(recording.sizes["time"]) / rate_hz)
+
+
+def _unusual(stride_s: float) -> float:
+    return abs(float(np.log(stride_s / _USUAL_S)))

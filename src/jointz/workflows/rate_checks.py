@@ -1,0 +1,81 @@
+"""Checks of a recording's sampling rate against strides and pulses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from jointz.core.errors import DataError
+from jointz.core.events import StrideRecord
+from jointz.core.study import RecordingSpec, Study
+from jointz.gait.sample_rate import (
+    LONGEST_S,
+    SHORTEST_S,
+    is_walking_stride,
+    median_stride_s,
+    rate_of_pulses,
+    rates_of_strides,
+    told_rates,
+)
+from jointz.gait.timestamps import rate_hz
+
+_EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
+
+
+def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]) -> None:
+    """Refuse a rate that the study alone states where nobody walks with the strides it makes.
+
+    A wrong rate scales K, B and J without a sign in the fit, and nothing in the file vouches for
+    it: this stops an analysis. Stamps of the recorder are facts; for them ``stride_warnings``.
+    """
+    if study.spec.kind != "walking" or "time" in study.spec.channels:
+        return
+    longest = max(pieces, key=lambda piece: piece.sizes["time"])
+    stride = median_stride_s(longest)
+    if stride is None or is_walking_stride(stride):
+        return
+    likely = told_rates(rates_of_strides(longest))
+    raise DataError(
+        f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
+        f"{study.spec.sample_rate_hz:g}; {_EXPECTED}. "
+        f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. Where it is right, "
+        "as of very slow walking, give the recorder's time stamps instead: [channels.time].",
+        path=entry.file,
+    )
+
+
+def stride_warnings(strides: Sequence[StrideRecord]) -> list[str]:
+    """Return a warning for each recording whose accepted strides are not those of walking."""
+    lengths: dict[tuple[str, str], list[float]] = {}
+    for stride in strides:
+        if not stride.code:
+            lengths.setdefault((stride.participant, stride.recording), []).append(stride.duration_s)
+    return [
+        f"{person}, {file}: strides last {median:.3g} s (median); {_EXPECTED}. Is the unit of time "
+        "right, and the rate of the recorder? K, B, J and their status hold only if it is."
+        for (person, file), own in lengths.items()
+        if not is_walking_stride(median := float(np.median(own)))
+    ]
+
+
+def check_onsets(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset], table: pd.DataFrame
+) -> None:
+    """Refuse a pulse table whose onsets fit at another rate only."""
+    perturbed = [p for p in pieces if p.attrs["condition"] == "perturbed"]
+    if len(perturbed) != 1:
+        return
+    own_hz = rate_hz(perturbed[0]["time"].to_numpy())
+    onset_s = table["onset_s"].to_numpy(dtype=float)
+    likely = rate_of_pulses(perturbed[0], onset_s, rate_hz=own_hz)
+    if likely is None:
+        return
+    todo = "Correct the unit of time, or the table's onset_s."
+    if "time" not in study.spec.channels:
+        todo = f"Correct sample_rate_hz; likely {likely:g}."
+    raise DataError(
+        f"{entry.file}: no pulses begin at the onsets of {entry.perturbations} at {own_hz:.6g} Hz, "
+        f"but they do at {likely:g} Hz. {todo}",
+        path=entry.file,
+    )
