@@ -41,6 +41,7 @@ from jointz.core.errors import (
 )
 
 _EXIT_BUG = 70
+LIMIT_VARIABLE = "JOINTZ_MEMORY_LIMIT"  # read by jointz.io.memory_limit
 
 #: Wrong options; typer gives it no name of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -79,6 +80,14 @@ def _jointz(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
+    memory_limit: Annotated[
+        str,
+        typer.Option(
+            "--memory-limit",
+            help="Most memory that one packed file may take, such as 8GB; a quarter of this "
+            "machine's by default. Also: JOINTZ_MEMORY_LIMIT.",
+        ),
+    ] = "",
     debug: Annotated[
         bool, typer.Option("--debug", help="Show the traceback of an error, for a bug report.")
     ] = False,
@@ -88,6 +97,8 @@ def _jointz(
     Start with: jointz demo
     """
     del version, debug
+    if memory_limit:
+        os.environ[LIMIT_VARIABLE] = memory_limit  # workers inherit it
 
 
 def run() -> None:

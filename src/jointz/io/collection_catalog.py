@@ -14,6 +14,8 @@ from jointz.core.catalog_query import CatalogFilter
 from jointz.core.collection_tables import CATALOG_COLUMNS, CATALOG_SCHEMA
 from jointz.core.errors import DataError
 from jointz.core.whole_file import whole_file
+from jointz.io.columnar import declared_bytes
+from jointz.io.memory_limit import check_unpacked
 
 #: Name of the file in a collection's folder.
 CATALOG_FILE = "catalog.parquet"
@@ -106,10 +108,11 @@ def catalog_about(file: Path) -> dict[str, Any]:
             f"{file}: is not there. Make it: jointz collect build {file.parent}", path=str(file)
         )
     try:
-        schema = arrow.parquet.read_schema(file)
+        schema, metadata = arrow.parquet.read_schema(file), arrow.parquet.read_metadata(file)
         about = json.loads((schema.metadata or {})[_KEY])
     except (arrow.ArrowException, OSError, KeyError, ValueError) as exc:
         raise _no_catalog(file, "none, or damaged") from exc
+    check_unpacked(file, declared_bytes(metadata))
     if about.get("schema") != CATALOG_SCHEMA:
         raise _no_catalog(file, f"schema {about.get('schema')!r}")
     if lacking := [name for name in CATALOG_COLUMNS if name not in schema.names]:

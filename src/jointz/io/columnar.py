@@ -1,5 +1,6 @@
 """Parquet tables, through pyarrow (the extra ``jointz[parquet]``)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.memory_limit import NUMBER_BYTES, check_unpacked
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -42,14 +44,13 @@ class ParquetReader:
             When pyarrow is missing, the file is damaged, or a column is not there.
         """
         arrow = arrow_for(path)
+        names = [str(c) for c in request.columns]
+        available = self.list_columns(path, request.files) or []
+        missing = [name for name in names if name not in available]
+        if missing:
+            raise missing_columns(path, missing, available)
         try:
-            with arrow.parquet.ParquetFile(path) as file:
-                schema = file.schema_arrow
-                names = [str(c) for c in request.columns]
-                missing = [name for name in names if name not in schema.names]
-                if missing:
-                    raise missing_columns(path, missing, schema.names)
-                table = file.read(columns=names)
+            schema, table = read_columns(arrow, path, names)
         except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
         columns = {}
@@ -76,6 +77,74 @@ class ParquetReader:
             return list(arrow.parquet.read_schema(path).names)
         except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
+
+
+def read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> tuple[Any, Any]:
+    """Return the schema of a file, and a table of the named columns or of all that are flat.
+
+    Parameters
+    ----------
+    arrow : module
+        pyarrow.
+    path : pathlib.Path
+        The file.
+    names : sequence of str, optional
+        Columns that are there.
+
+    Raises
+    ------
+    DataError
+        When they take more memory than the limit.
+    """
+    kind = arrow.types
+    schema = arrow.parquet.read_schema(path)
+    if names is None:
+        names = [field.name for field in schema if not kind.is_nested(field.type)]
+    texts = [
+        field.name
+        for field in schema
+        if field.name in names and (kind.is_string(field.type) or kind.is_binary(field.type))
+    ]
+    # A text that a dictionary names a million times is held once until its size is known.
+    with arrow.parquet.ParquetFile(path, read_dictionary=texts) as file:
+        check_unpacked(path, declared_bytes(file.metadata, names))
+        total, batches = 0, []
+        for batch in file.iter_batches(columns=list(names)):
+            total += sum(_column_bytes(arrow, column) for column in batch.columns)
+            check_unpacked(path, total)
+            batches.append(batch)
+        coded = file.schema_arrow
+    wanted = arrow.schema([coded.field(n) for n in dict.fromkeys(names)], metadata=coded.metadata)
+    table = arrow.Table.from_batches(batches, schema=batches[0].schema if batches else wanted)
+    return schema, table.cast(arrow.schema([schema.field(n) for n in table.column_names]))
+
+
+def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:
+    """Return what columns take in memory by what a file says of itself.
+
+    Parameters
+    ----------
+    metadata : pyarrow.parquet.FileMetaData
+        Of the file.
+    names : sequence of str, optional
+        Which columns; all by default.
+    """
+    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+    columns = [group.column(k) for group in groups for k in range(group.num_columns)]
+    return sum(
+        max(NUMBER_BYTES * column.num_values, column.total_uncompressed_size)
+        for column in columns
+        if names is None or column.path_in_schema.partition(".")[0] in names
+    )
+
+
+def _column_bytes(arrow: Any, column: Any) -> int:
+    if not arrow.types.is_dictionary(column.type):
+        return int(column.nbytes)
+    import pyarrow.compute as compute
+
+    lengths = compute.binary_length(column.dictionary).take(column.indices)
+    return NUMBER_BYTES * len(column) + int(compute.sum(lengths).as_py() or 0)
 
 
 def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> bool:

@@ -26,6 +26,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.memory_limit import NUMBER_BYTES, check_unpacked
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -111,6 +112,8 @@ class DelimitedReader:
         labels = sorted({wanted[c] for c in request.labels})
         with ThreadPoolExecutor(max_workers=1) as pool:
             scanning = pool.submit(_scan, layout)
+            if _compressed(path):
+                scanning.result()  # refuses what unpacks to too much, before pandas holds it
             parsed = _parse(layout, numeric=numeric, labels=labels)
             scan = scanning.result()
         frame = _trusted(layout, numeric, parsed, scan)
@@ -417,6 +420,8 @@ def _scan(layout: _Layout) -> _Scan:
             expected = pattern[phase : phase + len(found)]
             broken_at = seen + next(i for i, b in enumerate(found) if b != expected[i])
         seen += len(found)
+        if _compressed(layout.path):
+            check_unpacked(layout.path, NUMBER_BYTES * seen)
         tail = body[-_TAIL_BYTES:] if len(body) >= _TAIL_BYTES else (tail + body)[-_TAIL_BYTES:]
     lines = tail.rstrip(b"\r\n")
     ends = tail[len(lines) :].count(b"\n")
@@ -439,8 +444,11 @@ def _blocks(path: Path, digest: Any) -> Iterator[bytes]:
                 digest.update(block)
                 yield block
             return
+        total = 0
         with _decompression_errors(path), gzip.open(_Hashed(file, digest)) as stream:
             while block := stream.read(_BLOCK_BYTES):
+                total += len(block)
+                check_unpacked(path, total)
                 yield block
 
 

@@ -1,11 +1,12 @@
 """MATLAB files, version 5 to 7.3, through pymatreader."""
 
+import io
 import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pymatreader
@@ -13,6 +14,8 @@ from scipy.io.matlab import MatReadError
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.hdf5_size import check_hdf5
+from jointz.io.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -27,7 +30,10 @@ from jointz.io.registry import (
 _MOST_COLUMNS = 64  # of a matrix that is wider than long, to be taken apart
 _HEADER_BYTES = 128
 _BLOCK_BYTES = 1 << 20
+_PACKED_BYTES = 1 << 16
 _MATRIX, _COMPRESSED = 14, 15  # types of the elements of a version 5 file
+#: Bytes of a number of each type in the file; letters of other types count as numbers of one byte.
+_NUMBER_SIZES = {3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
 
 #: What a damaged file makes scipy, h5py and pymatreader raise.
 _LIBRARY_ERRORS = (
@@ -106,13 +112,15 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
     Raises
     ------
     DataError
-        When the file is damaged.
+        When the file is damaged, or too large for memory.
     """
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             content = pymatreader.read_mat(path, variable_names=variables)
+    except DataError:
+        raise
     except _LIBRARY_ERRORS as exc:
         raise damaged(path, exc) from exc
     objects = any("pymatreader" in str(w.filename) for w in caught)
@@ -120,28 +128,63 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
 
 
 def _check_elements(path: Path) -> None:
-    """Walk a version 5 file and prove its checksums: scipy may crash on a damaged one."""
+    """Prove a file's checksums and bound its size: scipy may crash on a damaged one."""
+    import h5py
+
+    if h5py.is_hdf5(path):
+        with h5py.File(path, "r") as content:
+            check_hdf5(path, content, skip=("#refs#",))
+        return
+    total = 0
     with path.open("rb") as file:
         header = file.read(_HEADER_BYTES)
         order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(header[124:])
         if order is None:
-            return  # version 4 or 7.3
+            return  # version 4
         while tag := file.read(8):
             kind, size = struct.unpack(f"{order}2I", tag)
             content = file.read(size)
             if len(content) < size or kind not in (_MATRIX, _COMPRESSED):
                 raise EOFError("a variable is cut off")
-            if kind == _COMPRESSED:
-                _check_checksum(content)
+            packed = kind == _COMPRESSED
+            stream = io.BufferedReader(_Inflated(content)) if packed else io.BytesIO(content)
+            for n_bytes in _sizes(stream, order):
+                total += n_bytes
+                check_unpacked(path, total)
 
 
-def _check_checksum(content: bytes) -> None:
-    stream = zlib.decompressobj()
-    while not stream.eof:
-        piece = stream.decompress(content, _BLOCK_BYTES)
-        content = stream.unconsumed_tail
-        if not piece and not content and not stream.eof:
-            raise EOFError("a compressed variable is cut off")
+def _sizes(stream: IO[bytes], order: str) -> Iterator[int]:
+    """Yield the bytes that each array and each run of numbers takes once it is read."""
+    while len(tag := stream.read(8)) == 8:
+        kind, size = struct.unpack(f"{order}2I", tag)
+        if kind == _MATRIX:  # its parts follow
+            yield OBJECT_BYTES
+        elif not kind >> 16:  # else its few numbers stand in the tag
+            yield NUMBER_BYTES * size // _NUMBER_SIZES.get(kind, 1)
+            left = size + -size % 8
+            while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
+                left -= len(block)
+
+
+class _Inflated(io.RawIOBase):
+    """A compressed variable, unpacked piece by piece; a wrong checksum ends it with an error."""
+
+    def __init__(self, content: bytes) -> None:
+        self._file, self._unpacker, self._rest = io.BytesIO(content), zlib.decompressobj(), b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        piece = b""
+        while not piece and not self._unpacker.eof:
+            self._rest = self._rest or self._file.read(_PACKED_BYTES)
+            if not self._rest:
+                raise EOFError("a compressed variable is cut off")
+            piece = self._unpacker.decompress(self._rest, len(buffer))
+            self._rest = self._unpacker.unconsumed_tail
+        buffer[: len(piece)] = piece
+        return len(piece)
 
 
 def value_at(value: Any, parts: list[str]) -> Any:

@@ -13,6 +13,7 @@ from jointz.core.errors import DataError
 from jointz.core.recording import validate_recording
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
+from jointz.io.hdf5_size import check_hdf5
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -220,7 +221,7 @@ def opened_netcdf(path: Path) -> Iterator[Any]:
     Raises
     ------
     DataError
-        When it is damaged, or of the classic format.
+        When it is damaged, too large for memory, or of the classic format.
     """
     import h5netcdf
     import h5py
@@ -234,6 +235,7 @@ def opened_netcdf(path: Path) -> Iterator[Any]:
             )
     try:
         with h5py.File(path, "r") as content:
+            check_hdf5(path, content)
             content.attrs.get("_nc3_strict")  # where h5netcdf would fail half-open
             with h5netcdf.File(content, "r", decode_vlen_strings=True) as file:
                 yield file

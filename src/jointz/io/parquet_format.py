@@ -12,7 +12,7 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
 from jointz.io.column_names import READING, clock_column, unique_names, unit_in_name, with_clock
-from jointz.io.columnar import arrow_for, arrow_numbers, field_unit
+from jointz.io.columnar import arrow_for, arrow_numbers, field_unit, read_columns
 from jointz.io.formats import register_format
 from jointz.io.losses import (
     NOTE,
@@ -58,9 +58,7 @@ class ParquetFormat:
         """
         arrow = arrow_for(path)
         try:
-            with arrow.parquet.ParquetFile(path) as file:
-                table = file.read()
-            return _content(arrow, path, table)
+            return _content(arrow, path)
         except (arrow.ArrowException, OSError, ValueError) as exc:
             if isinstance(exc, DataError):
                 raise
@@ -120,8 +118,8 @@ class ParquetFormat:
             arrow.parquet.write_table(table, partial, compression="zstd")
 
 
-def _content(arrow: Any, path: Path, table: Any) -> Acquisition:
-    names = table.schema.names
+def _content(arrow: Any, path: Path) -> Acquisition:
+    names = arrow.parquet.read_schema(path).names
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise DataError(
@@ -129,14 +127,16 @@ def _content(arrow: Any, path: Path, table: Any) -> Acquisition:
             path=str(path),
             channel=twice[0],
         )
+    schema, table = read_columns(arrow, path)
     signals, left_out = [], []
     for name in names:
-        signal = _signal(arrow, table.column(name), table.schema.field(name))
+        flat = name in table.column_names
+        signal = _signal(arrow, table.column(name), schema.field(name)) if flat else None
         if signal is None:
-            left_out.append(f"{name} ({table.schema.field(name).type})")
+            left_out.append(f"{name} ({schema.field(name).type})")
         else:
             signals.append(signal)
-    metadata = table.schema.metadata or {}
+    metadata = schema.metadata or {}
     changed = ""
     if _SIDE in metadata:
         told = read_beside(metadata[_SIDE].decode())
@@ -184,9 +184,7 @@ def _signal(arrow: Any, column: Any, field: Any) -> Signal | None:
         return Signal(field.name, texts, unit, description)
     if kind.is_null(column.type):
         return Signal(field.name, np.full(len(column), np.nan), unit, description)
-    values = (
-        arrow_numbers(arrow, column) if not kind.is_nested(column.type) else np.empty(0, object)
-    )
+    values = arrow_numbers(arrow, column)
     if values.dtype.kind != "f":
         return None
     return Signal(field.name, values.astype(np.float64), unit, description)

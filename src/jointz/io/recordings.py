@@ -18,7 +18,7 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec
-from jointz.io.registry import RawTable, read_table
+from jointz.io.registry import LARGEST_SAMPLE, RawTable, check_samples, read_table
 from jointz.io.study import channel_unit, data_file, needed_channels
 from jointz.io.units import conversion
 
@@ -63,6 +63,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
         files=spec.files,
         from_zero=_counts_from_zero(spec),
     )
+    check_samples(path, table)
     converted = {n: _in_si(study, entry, n, table) for n in numeric}
     channels = {n: values for n, (values, _) in converted.items()}
     units = {n: unit for n, (_, unit) in converted.items()}
@@ -153,7 +154,7 @@ def _text_table(path: Path) -> pd.DataFrame:
 def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> np.ndarray:
     text = table[name]
     values = pd.to_numeric(text.where(text != "", "nan"), errors="coerce").to_numpy(dtype=float)
-    bad = ~np.isfinite(values) & (required | (text != "").to_numpy())
+    bad = ~(np.abs(values) <= LARGEST_SAMPLE) & (required | (text != "").to_numpy())
     if bad.any():
         row = int(text.index[bad][0])
         raise DataError(

@@ -30,6 +30,8 @@ _HOMES: Mapping[str, str] = {
     **dict.fromkeys((".c3d", ".xdf", ".mot", ".sto", ".xlsx"), "jointz.io.acquisition_tables"),
 }
 _MOST_NAMES = 40
+#: Of a sample: far above nanoseconds since 1970; its eighth power still fits into a float.
+LARGEST_SAMPLE = 1e30
 _FLOAT_TEXT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?")
 
 
@@ -190,6 +192,36 @@ def read_table(
             path=str(path),
         )
     return table
+
+
+def check_samples(path: Path, table: RawTable) -> None:
+    """Refuse a finite number whose powers no longer fit into a float.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, for the message.
+    table : RawTable
+        What was read of it.
+
+    Raises
+    ------
+    DataError
+        Naming the first such row of the first such column.
+    """
+    for name, values in table.columns.items():
+        if values.dtype.kind != "f":
+            continue
+        absurd = np.isfinite(values) & (np.abs(values) > LARGEST_SAMPLE)
+        if absurd.any():
+            at = int(np.argmax(absurd))
+            raise DataError(
+                f"{path.name}, row {table.first_row + at}, column '{name}': {values[at]:.4g} is no "
+                f"possible reading ({int(absurd.sum())} such). Correct the cell or leave it empty.",
+                path=str(path),
+                channel=name,
+                row=table.first_row + at,
+            )
 
 
 def list_columns(path: Path, files: FilesSpec) -> list[str] | None:

@@ -9,8 +9,10 @@ import struct
 import warnings
 import zipfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from xml.parsers import expat
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from jointz.core.whole_file import whole_file
 from jointz.io.column_names import READING
 from jointz.io.formats import register_format
 from jointz.io.losses import has_infinity, has_text, listed, lost_signals, words_of
+from jointz.io.memory_limit import check_unpacked
 from jointz.io.registry import damaged
 from jointz.io.workbook_layout import MOST_ROWS, OWN_SHEET, fits, own_acquisition, put_acquisition
 from jointz.io.workbook_tables import Sheet, groups_of, letters
@@ -31,6 +34,8 @@ _LIBRARY_ERRORS = (
     *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError, AssertionError),
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
 )
+_BLOCK_BYTES = 1 << 16
+_CELL_BYTES = 1000  # of one cell in memory, values and formulas together
 _MOST_COLUMNS = 16_384
 _MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
 
@@ -169,13 +174,54 @@ def _check_parts(path: Path) -> None:
 
     Raises
     ------
-    ValueError
+    zipfile.BadZipFile
         When a part is not what its checksum or its name says.
+    DataError
+        When its parts, or its cells, take more memory than the limit.
     """
+    total = 0
     with zipfile.ZipFile(path) as parts:
-        wrong = parts.testzip()
-    if wrong is not None:
-        raise ValueError(f"the part {wrong} is damaged")
+        # What a part holds beyond its declared size is never read: its checksum is then wrong.
+        check_unpacked(path, sum(part.file_size for part in parts.infolist()))
+        for part in parts.infolist():
+            with parts.open(part) as stream:
+                for n_cells in _counted_cells(stream):
+                    total += n_cells
+                    check_unpacked(path, _CELL_BYTES * total)
+
+
+def _counted_cells(stream: IO[bytes]) -> Iterator[int]:
+    """Yield how many cells openpyxl makes of a part, block by block; merged ranges are full."""
+    found = [0]
+
+    def count(tag: str, attributes: dict[str, str]) -> None:
+        name = tag.rpartition(":")[2]
+        if name == "c":
+            found[0] += 1
+        elif name in ("mergeCell", "hyperlink"):
+            found[0] += _cells_of(attributes.get("ref", ""))
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = count
+    is_xml = True
+    while block := stream.read(_BLOCK_BYTES):
+        try:
+            parser.Parse(block if is_xml else b"")
+        except expat.ExpatError:  # an image; what is wrong with a sheet openpyxl says
+            is_xml = False
+        yield found[0]
+        found[0] = 0
+
+
+def _cells_of(ref: str) -> int:
+    from openpyxl.utils import range_boundaries
+
+    try:
+        left, top, right, bottom = range_boundaries(ref)
+    except (ValueError, TypeError):
+        return 1
+    last = right or _MOST_COLUMNS, bottom or MOST_ROWS
+    return (last[0] - (left or 1) + 1) * (last[1] - (top or 1) + 1)
 
 
 def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.registry import RawTable, list_columns, read_table
+from jointz.io.registry import RawTable, check_samples, list_columns, read_table
 
 _DELIMITERS = (",", ";", "\t")
 _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
@@ -65,7 +65,9 @@ def read_responses(
 def _read(
     file: Path, responses: Sequence[str], labels: Sequence[str], files: FilesSpec
 ) -> RawTable:
-    return read_table(file, numeric=responses, labels=labels, files=files, as_written=True)
+    table = read_table(file, numeric=responses, labels=labels, files=files, as_written=True)
+    check_samples(file, table)
+    return table
 
 
 def _delimiter(file: Path, names: Sequence[str]) -> str | None:

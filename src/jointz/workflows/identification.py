@@ -21,7 +21,7 @@ from jointz.core.study import FilesSpec
 from jointz.identify.actuators.actuator import identify_actuator
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.series.joint import identify_joint
-from jointz.io.registry import list_columns, read_table
+from jointz.io.registry import check_samples, list_columns, read_table
 from jointz.io.units import conversion
 
 #: SI units of the columns; an acceleration is no channel of a study.
@@ -271,6 +271,7 @@ def _read(
     parsed = {name: parse_column(text, name, there) for name, text in columns.items()}
     wanted = [_key(column, layout) for column in parsed.values()]
     table = read_table(file, numeric=wanted, files=layout)
+    check_samples(file, table)
     signals = {}
     for name, column in parsed.items():
         factor, offset = conversion(column.unit, _SI_UNITS[name])

@@ -1,0 +1,178 @@
+"""Files that unpack to more than memory may hold are refused by name, before they are read."""
+
+import gzip
+import os
+import zipfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+from scipy.io import savemat
+
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.formats import read_acquisition
+from jointz.io.memory_limit import memory_limit
+from jointz.io.registry import read_table
+
+MB = 1_000_000
+N = 4 * MB
+
+
+def packed_text(path: Path) -> None:
+    with gzip.open(path, "wt") as file:
+        file.write("t,angle\n" + "1,2\n" * N)
+
+
+def mat_numbers(path: Path) -> None:
+    savemat(path, {"angle": np.zeros(N)}, do_compression=True)
+
+
+def mat_small_numbers(path: Path) -> None:
+    """One byte a number in the file, inside a struct; eight in memory."""
+    savemat(path, {"data": {"angle": np.zeros(N, np.uint8)}}, do_compression=True)
+
+
+def mat_many_pieces(path: Path) -> None:
+    savemat(path, {"angle": np.full(90_000, np.zeros(1), object)}, do_compression=True)
+
+
+def hdf5(path: Path, **kinds) -> None:
+    with h5py.File(path, "w", userblock_size=512 if path.suffix == ".mat" else 0) as file:
+        file.create_dataset("angle", shape=(100 * MB,), dtype="f8", chunks=(1000,), **kinds)
+
+
+def hdf5_chunk(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset(
+            "angle",
+            (10,),
+            "f8",
+            chunks=(N,),
+            maxshape=(None,),
+            compression="gzip",
+            data=np.ones(10),
+        )
+
+
+def hdf5_links(path: Path) -> None:
+    """A thousand million paths to eight numbers."""
+    with h5py.File(path, "w") as file:
+        inner = file.create_group("g0")
+        inner["angle"] = np.ones(8)
+        for depth in range(1, 10):
+            outer = file.create_group(f"g{depth}")
+            for k in range(10):
+                outer[f"x{k}"] = inner
+            inner = outer
+
+
+def hdf5_references(path: Path) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        target = file.create_dataset("#refs#/a", data=np.ones(1000))
+        links = np.full(5000, target.ref, dtype=h5py.ref_dtype)
+        file.create_dataset("angle", data=links, dtype=h5py.ref_dtype, compression="gzip")
+
+
+def hdf5_texts(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
+
+
+def parquet_numbers(path: Path) -> None:
+    pa.parquet.write_table(pa.table({"angle": np.zeros(N)}), path, compression="zstd")
+
+
+def parquet_texts(path: Path) -> None:
+    pa.parquet.write_table(pa.table({"angle": ["x" * 100_000] * 1000}), path)
+
+
+def workbook(path: Path, rows: str, more: str = "") -> None:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["angle"])
+    book.save(path)
+    with zipfile.ZipFile(path) as book:
+        parts = {name: book.read(name) for name in book.namelist()}
+    sheet = parts["xl/worksheets/sheet1.xml"].decode()
+    sheet = sheet.replace("</sheetData>", f"{rows}</sheetData>{more}")
+    parts["xl/worksheets/sheet1.xml"] = sheet.encode()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as book:
+        for name, content in parts.items():
+            book.writestr(name, content)
+
+
+def workbook_cells(path: Path) -> None:
+    workbook(path, "<row>" + "<c/>" * 30_000 + "</row>")
+
+
+def workbook_merged(path: Path) -> None:
+    workbook(path, "", '<mergeCells><mergeCell ref="A1:XFD1048576"/></mergeCells>')
+
+
+def workbook_part(path: Path) -> None:
+    workbook(path, "<!--" + " " * (25 * MB) + "-->")
+
+
+BOMBS = [
+    ("a.csv.gz", packed_text),
+    ("a.mat", mat_numbers),
+    ("a.mat", mat_small_numbers),
+    ("a.mat", mat_many_pieces),
+    ("a.mat", hdf5),
+    ("a.mat", hdf5_references),
+    ("a.nc", hdf5),
+    ("a.nc", hdf5_chunk),
+    ("a.nc", hdf5_links),
+    ("a.nc", hdf5_texts),
+    ("a.parquet", parquet_numbers),
+    ("a.parquet", parquet_texts),
+    ("a.xlsx", workbook_cells),
+    ("a.xlsx", workbook_merged),
+    ("a.xlsx", workbook_part),
+]
+
+
+@pytest.mark.parametrize(("name", "make"), BOMBS, ids=[f"{n}-{m.__name__}" for n, m in BOMBS])
+def test_a_file_that_unpacks_to_more_than_the_limit_is_refused_by_name(
+    name, make, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "20MB")
+    path = tmp_path / name
+    make(path)
+
+    with pytest.raises(DataError, match=rf"{name}: unpacks to more than 0.02 GB.*--memory-limit"):
+        read_table(path, numeric=["angle"], files=FilesSpec())
+    with pytest.raises(DataError, match=rf"{name}: unpacks to more than 0.02 GB"):
+        read_acquisition(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [("a.csv.gz", packed_text), ("a.mat", mat_small_numbers), ("a.parquet", parquet_numbers)],
+)
+def test_a_raised_limit_takes_the_file(name, make, tmp_path, monkeypatch):
+    monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "500 MB")
+    path = tmp_path / name
+    make(path)
+    column = "data.angle" if make is mat_small_numbers else "angle"
+
+    assert len(read_table(path, numeric=[column], files=FilesSpec()).columns[column]) == N
+
+
+def test_the_limit_is_a_quarter_of_memory_unless_another_is_given(jointz, tmp_path, monkeypatch):
+    monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
+    assert memory_limit() == os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 4
+
+    monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "1kB")
+    path = tmp_path / "a.parquet"
+    pa.parquet.write_table(pa.table({"angle": np.zeros(1000)}), path)
+    assert jointz("inspect", path).code == 2
+    assert jointz("--memory-limit", "1GB", "inspect", path).code == 0
+    wrong = jointz("--memory-limit", "much", "inspect", path)
+    assert wrong.code == 2
+    assert "expected a size such as 8GB or 500MB, got 'much'" in wrong.err
