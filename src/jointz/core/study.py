@@ -4,17 +4,20 @@ Only shape and vocabulary are checked here; units, files and columns are
 checked where they are read (:mod:`jointz.io.study`).
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
 from jointz.core.gait_phases import ALL_POINTS
 
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+_FORMULA = re.compile(r"(?:^|;)\s*([=+\-@])")  # a semicolon parts cells where a comma is decimal
 # Lengths beyond these were written in cm or mm.
 _TALLEST_PERSON_M = 3.0
 _LONGEST_LIMB_M = 2.0
@@ -31,6 +34,39 @@ def _condition(value: Any) -> Any:
 
 def _text(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def name_problem(name: str) -> str:
+    """Return why a name may not stand in a table, "" where it may.
+
+    Parameters
+    ----------
+    name : str
+        Of a participant, session, timing point, file or the like.
+
+    Examples
+    --------
+    >>> name_problem("S01"), name_problem("=1+1")
+    ('', "must not begin with '=' (spreadsheets run it as a formula)")
+    """
+    if _CONTROL.search(name):
+        return "must not hold control characters"
+    formula = _FORMULA.search(name)
+    return (
+        f"must not begin with '{formula[1]}' (spreadsheets run it as a formula)" if formula else ""
+    )
+
+
+def _safe(name: str) -> str:
+    if problem := name_problem(name):
+        raise ValueError(problem)
+    return name
+
+
+def _safe_file(name: str) -> str:
+    if problem := name_problem(name):
+        raise ValueError(f"{problem}; rename the file, or put ./ in front")
+    return name
 
 
 def _direction(value: Any) -> Any:
@@ -52,7 +88,8 @@ def _version(value: Any) -> Any:
 
 
 ConditionField = Annotated[Condition, BeforeValidator(_condition)]
-Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
+Name = Annotated[str, BeforeValidator(_text), Field(min_length=1), AfterValidator(_safe)]
+FileName = Annotated[str, Field(min_length=1), AfterValidator(_safe_file)]
 Direction = Annotated[str, BeforeValidator(_direction)]
 Column = Annotated[str | int, BeforeValidator(_column)]
 #: Of a file that people write: the first, and so far only one.
@@ -71,7 +108,7 @@ class ChannelSpec(_Model):
     unit: str | None = None
     kind: Literal["contact", "voltage", "pulse"] | None = None
     positive: Direction | None = None
-    values: dict[str, str] | None = None
+    values: dict[str, Annotated[str, AfterValidator(_safe)]] | None = None
 
 
 class Calibrated(_Model):
@@ -216,9 +253,9 @@ class RecordingSpec(_Model):
     """One file, or the part of a file that belongs to one participant."""
 
     participant: Name
-    file: str = Field(min_length=1)
+    file: FileName
     condition: ConditionField | None = None
-    perturbations: str | None = None
+    perturbations: FileName | None = None
     session: Name | None = None
     side: Literal["left", "right"] | None = None
     calibration: CalibrationSpec | None = None
@@ -274,13 +311,13 @@ class StudySpec(_Model):
     """
 
     jointz: SchemaVersion
-    joint: str = Field(min_length=1)
+    joint: Annotated[str, Field(min_length=1), AfterValidator(_safe)]
     kind: Literal["walking", "bench"]
     subjects: Literal["people", "loads"] | None = None
     positive: Direction = "flexion"
     torque_acts_on: Literal["joint", "device"] = "joint"
     sample_rate_hz: float | None = Field(default=None, gt=0)
-    channels: dict[str, ChannelSpec]
+    channels: dict[Annotated[str, AfterValidator(_safe)], ChannelSpec]
     participants: tuple[ParticipantSpec, ...] = Field(min_length=1, strict=False)
     recordings: tuple[RecordingSpec, ...] = Field(min_length=1, strict=False)
     perturbations: PerturbationsSpec = PerturbationsSpec()

@@ -1,6 +1,6 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,9 +17,10 @@ from jointz.core.channels import (
 )
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
-from jointz.core.study import RecordingSpec, Study, StudySpec
+from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
+from jointz.io.delimited import is_number
 from jointz.io.registry import LARGEST_SAMPLE, RawTable, check_samples, read_table
-from jointz.io.study import channel_unit, data_file, needed_channels
+from jointz.io.study import channel_unit, named_as_written, needed_channels
 from jointz.io.units import conversion
 
 Unit = tuple[str, float, float]
@@ -51,19 +52,20 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
         When the file cannot be trusted; names file, row or channel.
     """
     spec = study.spec
-    path = data_file(study.root, entry.file)
     columns = {name: channel.column for name, channel in spec.channels.items()}
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
-    table = read_table(
-        path,
-        numeric=[columns[n] for n in numeric],
-        labels=[columns[n] for n in labels],
-        files=spec.files,
-        from_zero=_counts_from_zero(spec),
-    )
-    check_samples(path, table)
+    with named_as_written(study.root, entry.file) as path:
+        table = read_table(
+            path,
+            numeric=[columns[n] for n in numeric],
+            labels=[columns[n] for n in labels],
+            files=spec.files,
+            from_zero=_counts_from_zero(spec),
+        )
+        check_samples(path, table)
+        _check_labels(path, table, columns, labels)
     converted = {n: _in_si(study, entry, n, table) for n in numeric}
     channels = {n: values for n, (values, _) in converted.items()}
     units = {n: unit for n, (_, unit) in converted.items()}
@@ -95,7 +97,11 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     """
     if entry.perturbations is None:
         return None
-    path = data_file(study.root, entry.perturbations)
+    with named_as_written(study.root, entry.perturbations) as path:
+        return _pulse_table(path)
+
+
+def _pulse_table(path: Path) -> pd.DataFrame:
     table = _text_table(path)
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
@@ -112,7 +118,27 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
         )
     named = "timing_point" in table.columns
     pulses["timing_point"] = table["timing_point"].to_numpy() if named else ""
+    for row, name in zip(table.index, pulses["timing_point"], strict=True):
+        _check_name(path, "timing_point", str(name), row=int(row))
     return pulses
+
+
+def _check_labels(
+    path: Path, table: RawTable, columns: Mapping[str, str | int], labels: Sequence[str]
+) -> None:
+    """Refuse labels that cannot stand in a table; a number, however signed, can."""
+    for name in labels:
+        for label in dict.fromkeys(table.columns[str(columns[name])].tolist()):
+            if not is_number(label):
+                _check_name(path, str(columns[name]), label)
+
+
+def _check_name(path: Path, column: str, name: str, *, row: int | None = None) -> None:
+    if problem := name_problem(name):
+        where = f"{path.name}{f', row {row}' if row else ''}, column '{column}'"
+        raise DataError(
+            f"{where}: {name!r} {problem}. Rename it.", path=str(path), channel=column, row=row
+        )
 
 
 def _todo(table: pd.DataFrame, usual: str) -> str:

@@ -6,6 +6,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from jointz.core.channels import (
     OPPOSITE_DIRECTION,
 )
 from jointz.core.errors import DataError, StudyError, UnitError
-from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion
+from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
 from jointz.io.registry import list_columns
 from jointz.io.toml_problems import parse_toml, shape_problems
 from jointz.io.units import conversion, si_unit_of
@@ -106,6 +107,53 @@ def data_file(root: Path, file: str) -> Path:
         return found
 
     return root / _VARIABLE.sub(value, file)
+
+
+def shown_file(file: str) -> str:
+    """Return the name people know a file by: what stands behind the folders of variables.
+
+    Parameters
+    ----------
+    file : str
+        As the study names it.
+
+    Examples
+    --------
+    >>> shown_file("${LAB_DISK:-../disk}/ewp.csv"), shown_file("${SECRET}.csv")
+    ('ewp.csv', '${SECRET}.csv')
+    """
+    own = _VARIABLE.sub("$", file).rpartition("/")[2]
+    return file if "$" in own or "$" not in file else own
+
+
+@contextmanager
+def named_as_written(root: Path, file: str) -> Iterator[Path]:
+    """Give the path of a file named in a study; what its variables hold is not told in errors.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        The study's folder.
+    file : str
+        The name.
+
+    Yields
+    ------
+    pathlib.Path
+        As :func:`data_file` finds it.
+    """
+    path = data_file(root, file)
+    if "$" not in file:
+        yield path
+        return
+    try:
+        yield path
+    except DataError as exc:
+        written = {str(path): file, path.name: shown_file(file)}
+        places = re.compile("|".join(map(re.escape, written)))
+        exc.args = (places.sub(lambda found: written[found[0]], str(exc)), *exc.args[1:])
+        exc.path = file
+        raise exc from None
 
 
 def needed_channels(
@@ -373,14 +421,15 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
             elif key == "file":
                 checked.add((name, *needed))
                 wanted = {n: columns[n] for n in needed}
-                problems += _column_problems(place, data_file(root, name), wanted, files)
+                problems += _column_problems(place, root, name, wanted, files)
     return problems
 
 
 def _existing(root: Path, name: str) -> None:
     path = data_file(root, name)
     if not os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
-        raise DataError(f"file '{path}' does not exist. Correct the name or bring the file.")
+        shown = name if "$" in name else path
+        raise DataError(f"file '{shown}' does not exist. Correct the name or bring the file.")
 
 
 def _problem_of(check: Callable[[], object]) -> str | None:
@@ -392,10 +441,11 @@ def _problem_of(check: Callable[[], object]) -> str | None:
 
 
 def _column_problems(
-    place: str, path: Path, columns: Mapping[str, str | int], files: FilesSpec
+    place: str, root: Path, file: str, columns: Mapping[str, str | int], files: FilesSpec
 ) -> Problems:
     try:
-        there = list_columns(path, files)
+        with named_as_written(root, file) as path:
+            there = list_columns(path, files)
     except DataError as exc:
         return [f"{place}: {exc}"]
     if there is None or not files.header:
@@ -403,13 +453,14 @@ def _column_problems(
     missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in there}
     if not missing:
         return []
+    shown = shown_file(file) if "$" in file else path.name
     wanted = []
     for channel, column in missing.items():
         close = difflib.get_close_matches(column, there, n=1)
         hint = f" (did you mean '{close[0]}'?)" if close else ""
         wanted.append(f"'{column}' for channel '{channel}'{hint}")
     return [
-        f"{place}: {path.name} has no column {', no column '.join(wanted)}. It has: "
+        f"{place}: {shown} has no column {', no column '.join(wanted)}. It has: "
         f"{', '.join(there)}.{_layout_hint(there)}"
     ]
 
@@ -443,6 +494,12 @@ def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
     ]
     bad = sorted(set(table["action"]) - {"exclude", "restore"})
     problems += [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
+    reasons = table["reason"] if "reason" in table.columns else []
+    problems += [
+        f"exclusions.csv, row {row}, column 'reason': {wrong}."
+        for row, text in enumerate(reasons, 2)
+        if (wrong := name_problem(text))
+    ]
     rows = tuple(
         UserExclusion(
             participant=str(row["participant"]),

@@ -19,8 +19,8 @@ from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.io.recordings import read_recording
-from jointz.io.registry import file_sha256
-from jointz.io.study import data_file
+from jointz.io.registry import damaged, file_sha256
+from jointz.io.study import named_as_written, shown_file
 from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.workflows.likelihood_pulses import likelihood_pulses
 from jointz.workflows.rate_checks import check_strides
@@ -281,7 +281,7 @@ def read_participant(
         found += [RecordingInput(p, calibration, t) for p, t in zip(pieces, tables, strict=True)]
         inputs[entry.file] = {
             "file": entry.file,
-            "name": _shown(study, entry.file),
+            "name": shown_file(entry.file),
             "sha256": pieces[0].attrs["sha256"],
             "history": history_of(pieces[0]),
         }
@@ -330,10 +330,9 @@ def hashed(study: Study, file: str) -> dict[str, Any]:
     file : str
         As the study names it.
     """
-    sha256 = file_sha256(data_file(study.root, file))
-    return {"file": file, "name": _shown(study, file), "sha256": sha256}
-
-
-def _shown(study: Study, file: str) -> str:
-    """Return the name people know a file by: without variables, and where they lead."""
-    return data_file(study.root, file).name if "$" in file else file
+    with named_as_written(study.root, file) as path:
+        try:
+            sha256 = file_sha256(path)
+        except OSError as exc:
+            raise damaged(path, exc) from exc
+    return {"file": file, "name": shown_file(file), "sha256": sha256}
