@@ -51,6 +51,18 @@ def test_json_holds_parameters_with_units_and_intervals_and_echoes_columns(joint
     assert found["columns"]["torque"] == {"column": "tau", "unit": "N*m"}
 
 
+@pytest.mark.parametrize("value", ["1e160", "-1e308"])
+def test_a_sample_that_no_sensor_gives_is_bad_input_with_row_and_column(jointz, file, value):
+    table = pd.read_csv(file).astype({"tau": object})
+    table.loc[100, "tau"] = value
+    table.to_csv(file, index=False)
+
+    outcome = jointz("identify", "joint", file, *ARGUMENTS, "--time", "t")
+
+    assert outcome.code == 2
+    assert "r.csv, row 102, column 'tau'" in outcome.err
+
+
 def test_a_person_reads_a_table_and_quiet_prints_nothing(jointz, file):
     arguments = ("identify", "joint", file, *ARGUMENTS, *FLIPPED, "--rate", 500)
     assert "stiffness\t80" in jointz(*arguments).out
