@@ -88,7 +88,9 @@ def _version(value: Any) -> Any:
 
 
 ConditionField = Annotated[Condition, BeforeValidator(_condition)]
-Name = Annotated[str, BeforeValidator(_text), Field(min_length=1), AfterValidator(_safe)]
+Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
+#: Names that others wrote and that stand in tables; a protocol has stricter rules of its own.
+TableName = Annotated[Name, AfterValidator(_safe)]
 FileName = Annotated[str, Field(min_length=1), AfterValidator(_safe_file)]
 Direction = Annotated[str, BeforeValidator(_direction)]
 Column = Annotated[str | int, BeforeValidator(_column)]
@@ -230,12 +232,12 @@ class ParticipantSpec(_Model):
     shank and foot), ``limb_centre_m`` the distance of its centre from the joint.
     """
 
-    id: Name
+    id: TableName
     mass_kg: float | None = Field(default=None, gt=0)
     height_m: float | None = Field(default=None, gt=0, lt=_TALLEST_PERSON_M)
     limb_mass_kg: float | None = Field(default=None, gt=0)
     limb_centre_m: float | None = Field(default=None, gt=0, lt=_LONGEST_LIMB_M)
-    group: Name | None = None
+    group: TableName | None = None
     calibration: CalibrationSpec | None = None
 
     @model_validator(mode="after")
@@ -252,11 +254,11 @@ class ParticipantSpec(_Model):
 class RecordingSpec(_Model):
     """One file, or the part of a file that belongs to one participant."""
 
-    participant: Name
+    participant: TableName
     file: FileName
     condition: ConditionField | None = None
     perturbations: FileName | None = None
-    session: Name | None = None
+    session: TableName | None = None
     side: Literal["left", "right"] | None = None
     calibration: CalibrationSpec | None = None
 
@@ -278,7 +280,7 @@ class GroupSpec(_Model):
 class PerturbationsSpec(_Model):
     """How pulses are found, grouped and compared with an unperturbed baseline."""
 
-    timing_points: dict[Name, float] | None = None
+    timing_points: dict[TableName, float] | None = None
     source: Literal["command", "table", "reference", "angle"] | None = None
     baseline: Baseline | None = None
     window_s: float = Field(default=0.1, ge=0.001, le=10)

@@ -7,6 +7,8 @@ from typing import Any
 
 from jointz.io.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked, memory_limit
 
+_NEGLIGIBLE = 0.01  # of the limit: texts of any length are not looked at
+
 
 def check_hdf5(path: Path, file: Any, *, skip: Collection[str] = ()) -> None:
     """Refuse a file that takes more memory than the limit.
@@ -58,12 +60,11 @@ def _size_of_samples(path: Path, samples: Any, known: dict[Any, float]) -> float
     check_unpacked(path, declared)
     if h5py.check_ref_dtype(samples.dtype) is h5py.Reference:
         check_unpacked(path, n * OBJECT_BYTES)
-        return declared + sum(
-            _size(path, samples, link, known) for link in samples[()].ravel() if link
-        )
+        links = samples[()].ravel() if samples.shape else [samples[()]]
+        return float(declared + sum(_size(path, samples, link, known) for link in links if link))
     if h5py.check_vlen_dtype(samples.dtype) or _is_long_text(samples):
         check_unpacked(path, n * OBJECT_BYTES)
-        return declared + _size_of_texts(path, samples)
+        return float(declared + _size_of_texts(path, samples))
     return float(declared)
 
 
@@ -76,9 +77,10 @@ def _is_long_text(samples: Any) -> bool:
 
 def _size_of_texts(path: Path, samples: Any) -> float:
     """Return the bytes of texts of any length, read a few at a time: each may be the whole file."""
-    most = max(1, memory_limit() // max(path.stat().st_size, 1))
-    if samples.size <= most:
-        return 0.0  # so few that they fit, however long
+    longest = max(path.stat().st_size, 1)
+    if samples.size * longest <= _NEGLIGIBLE * memory_limit():
+        return float(samples.size * longest)
+    most = max(1, memory_limit() // longest)
     total = 0.0
     for k in range(0, len(samples), most):
         total += sum(len(text) for text in samples[k : k + most].ravel())

@@ -200,7 +200,7 @@ def test_a_missing_file_is_named(study):
     assert problems[1].startswith("recordings[2].perturbations: file '")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "S01_enp.csv/x", ".", "\\u0000"])
+@pytest.mark.parametrize("name", ["x" * 300, "S01_enp.csv/x", "."])
 def test_a_name_no_file_can_have_is_a_missing_file(study, name):
     study.edit('file = "S01_enp.csv"', f'file = "{name}"')
 
