@@ -60,7 +60,7 @@ def _size_of_samples(path: Path, samples: Any, known: dict[Any, float]) -> float
     check_unpacked(path, declared)
     if h5py.check_ref_dtype(samples.dtype) is h5py.Reference:
         check_unpacked(path, n * OBJECT_BYTES)
-        links = samples[()].ravel() if samples.shape else [samples[()]]
+        links = samples[()].ravel() if samples.shape else ([samples[()]] if samples.size else [])
         return float(declared + sum(_size(path, samples, link, known) for link in links if link))
     if h5py.check_vlen_dtype(samples.dtype) or _is_long_text(samples):
         check_unpacked(path, n * OBJECT_BYTES)
@@ -78,8 +78,9 @@ def _is_long_text(samples: Any) -> bool:
 def _size_of_texts(path: Path, samples: Any) -> float:
     """Return the bytes of texts of any length, read a few at a time: each may be the whole file."""
     longest = max(path.stat().st_size, 1)
-    if samples.size * longest <= _NEGLIGIBLE * memory_limit():
-        return float(samples.size * longest)
+    n = samples.size or 0
+    if not samples.shape or n * longest <= _NEGLIGIBLE * memory_limit():
+        return float(n * longest)
     most = max(1, memory_limit() // longest)
     total = 0.0
     for k in range(0, len(samples), most):
