@@ -17,7 +17,7 @@ _LIKELY_S = (0.85, 1.4)
 _FEWEST_STRIDES = 5
 _MOST_NAMED = 3
 #: Rates that instruments have, Hz; strides are looked for at every fourth.
-_USUAL_HZ = (
+USUAL_HZ = (
     *(25, 50, 60, 100, 120, 125, 150, 200, 240, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500),
     *(2000, 2400, 2500, 3000, 4000, 5000, 10000),
 )
@@ -39,12 +39,12 @@ def median_stride_s(recording: xr.Dataset) -> float | None:
 def rates_of_strides(recording: xr.Dataset) -> dict[float, float]:
     """Return usual rates in Hz, likeliest first, each with the median stride in s that it gives."""
     found = {
-        hz: stride for hz in _USUAL_HZ[::4] if (stride := median_stride_s(_at_rate(recording, hz)))
+        hz: stride for hz in USUAL_HZ[::4] if (stride := median_stride_s(_at_rate(recording, hz)))
     }
     if not found:
         return {}
     best = min(found, key=lambda hz: _unusual(found[hz]))
-    strides = {float(hz): found[best] * best / hz for hz in _USUAL_HZ}
+    strides = {float(hz): found[best] * best / hz for hz in USUAL_HZ}
     ordered = sorted(strides, key=lambda hz: _unusual(strides[hz]))
     likely = [hz for hz in ordered if _LIKELY_S[0] <= strides[hz] <= _LIKELY_S[1]]
     return {hz: strides[hz] for hz in likely[:_MOST_NAMED]}
@@ -71,7 +71,7 @@ def rate_of_pulses(recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float
         return None
     signal = np.nan_to_num(recording[name].to_numpy())
     start = float(recording["time"].to_numpy()[0]) * rate_hz
-    fits = {float(hz): _fit(signal, onset_s * hz - start, hz) for hz in {*_USUAL_HZ, rate_hz}}
+    fits = {float(hz): _fit(signal, onset_s * hz - start, hz) for hz in {*USUAL_HZ, rate_hz}}
     best = max(fits, key=lambda hz: fits[hz])
     return best if fits[rate_hz] < _DOUBTED and fits[best] >= _CONVINCING else None
 

@@ -12,6 +12,7 @@ from jointz.core.study import RecordingSpec, Study
 from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
+    USUAL_HZ,
     is_walking_stride,
     median_stride_s,
     rate_of_pulses,
@@ -20,6 +21,7 @@ from jointz.gait.sample_rate import (
 )
 from jointz.gait.timestamps import rate_hz
 
+_MOST_BEYOND = 0.2  # share of onsets that a recording may have lost with its end
 _EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
 
 
@@ -70,6 +72,7 @@ def check_onsets(
     onset_s = table["onset_s"].to_numpy(dtype=float)
     likely = rate_of_pulses(perturbed[0], onset_s, rate_hz=own_hz)
     if likely is None:
+        _check_ends(study, entry, perturbed[0], onset_s)
         return
     todo = "Correct the unit of time, or the table's onset_s."
     if "time" not in study.spec.channels:
@@ -77,5 +80,23 @@ def check_onsets(
     raise DataError(
         f"{entry.file}: no pulses begin at the onsets of {entry.perturbations} at {own_hz:.6g} Hz, "
         f"but they do at {likely:g} Hz. {todo}",
+        path=entry.file,
+    )
+
+
+def _check_ends(
+    study: Study, entry: RecordingSpec, recording: xr.Dataset, onset_s: np.ndarray
+) -> None:
+    """Refuse many onsets beyond the end of a recording whose rate the study alone states."""
+    own_hz, end_s = study.spec.sample_rate_hz or 1.0, float(recording["time"][-1])
+    beyond = onset_s > end_s
+    if "time" in study.spec.channels or beyond.sum() <= _MOST_BEYOND * beyond.size:
+        return
+    most_hz = own_hz * end_s / onset_s.max()
+    likely = max((hz for hz in USUAL_HZ if hz <= most_hz), default=most_hz)
+    raise DataError(
+        f"{entry.file}: {beyond.sum()} of {beyond.size} onsets of {entry.perturbations} lie beyond "
+        f"its end, {end_s:.6g} s at sample_rate_hz = {own_hz:g}. At {likely:g} Hz "
+        "or less all lie within it: correct the rate, or remove these lines where it is right.",
         path=entry.file,
     )

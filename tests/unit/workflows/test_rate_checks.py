@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jointz.core.errors import StudyError
@@ -88,3 +89,18 @@ def test_pulses_that_cannot_be_seen_make_no_rate_likely(small_study):
         small_study.edit_table(file.name, lambda t: t.assign(torque=noise.standard_normal(len(t))))
 
     assert not problem_of(small_study)
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_onsets_beyond_the_end_are_told_with_a_rate_at_which_they_fit(small_study, refused):
+    """Too few to tell the rate by what they do to the torque."""
+    with_tables(small_study, 1.0)
+    without_time(small_study, 500.0)
+    for file in small_study.root.glob("*_pulses.csv"):
+        onset = pd.read_csv(file)["onset_s"].to_numpy()[:5]
+        onset[-2:] *= 20 if refused else 1
+        pd.DataFrame({"onset_s": onset}).to_csv(file, index=False)
+
+    problem = problem_of(small_study)
+
+    assert ("2 of 5 onsets" in problem and "or less all lie within it" in problem) == refused
