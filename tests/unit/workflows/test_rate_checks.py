@@ -97,7 +97,7 @@ def test_onsets_beyond_the_end_are_told_with_a_rate_at_which_they_fit(small_stud
     with_tables(small_study, 1.0)
     without_time(small_study, 500.0)
     for file in small_study.root.glob("*_pulses.csv"):
-        onset = pd.read_csv(file)["onset_s"].to_numpy()[:5]
+        onset = pd.read_csv(file)["onset_s"].to_numpy(copy=True)[:5]
         onset[-2:] *= 20 if refused else 1
         pd.DataFrame({"onset_s": onset}).to_csv(file, index=False)
 
