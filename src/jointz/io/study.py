@@ -494,7 +494,7 @@ def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
     ]
     bad = sorted(set(table["action"]) - {"exclude", "restore"})
     problems += [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
-    reasons = table["reason"] if "reason" in table.columns else []
+    reasons = table["reason"].tolist() if "reason" in table.columns else []
     problems += [
         f"exclusions.csv, row {row}, column 'reason': {wrong}."
         for row, text in enumerate(reasons, 2)
