@@ -92,7 +92,11 @@ def analyze(
 
         store = TaskStore(out)  # a run that ends early goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
-        with progress_bar(shown=not (quiet or as_json)) as progress, store.told_with_errors(), _salvage_advised(study):
+        with (
+            progress_bar(shown=not (quiet or as_json)) as progress,
+            store.told_with_errors(),
+            _salvage_advised(study),
+        ):
             analysis = analyze_study(
                 opened,
                 method=method,

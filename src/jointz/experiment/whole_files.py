@@ -197,7 +197,9 @@ def read_twice(file: Path) -> tuple[dict[str, Any], str]:
     if text is None:
         return read_object(file), f"{copy.name}: damaged; {file.name} was taken."
     damaged = not file.exists() or _bytes(file) != text
-    note = f"{file.name}: damaged or altered; {copy.name} is intact and was taken." if damaged else ""
+    note = (
+        f"{file.name}: damaged or altered; {copy.name} is intact and was taken." if damaged else ""
+    )
     return dict(json.loads(text)), note
 
 

@@ -102,9 +102,7 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
     left_out = begins - ends[:-1]
     return SessionLog(
         header.values,
-        np.frombuffer(
-            b"".join(body[at : at + size] for at in begins), dtype=header.layout.dtype
-        ),
+        np.frombuffer(b"".join(body[at : at + size] for at in begins), dtype=header.layout.dtype),
         header.size_bytes + int(ends[-1]),
         len(body) - int(ends[-1]),
         tuple(Damage(int(at), int(left_out[at])) for at in np.flatnonzero(left_out)),
@@ -115,8 +113,9 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
 def _fitting(body: memoryview, size: int) -> np.ndarray:
     """Tell which records fit their checksum, if none was shifted."""
     count, crc32 = len(body) // size, zlib.crc32
-    checks = np.frombuffer(body, dtype=np.dtype([("body", f"V{size - 4}"), ("crc", "<u4")]),
-                           count=count)["crc"]
+    checks = np.frombuffer(
+        body, dtype=np.dtype([("body", f"V{size - 4}"), ("crc", "<u4")]), count=count
+    )["crc"]
     found = np.fromiter(
         (crc32(body[at : at + size - 4]) for at in range(0, count * size, size)),
         dtype=np.uint32,
@@ -126,7 +125,7 @@ def _fitting(body: memoryview, size: int) -> np.ndarray:
 
 
 def _further_records(body: memoryview, at: int, size: int) -> Iterator[int]:
-    """Yield where intact records begin from a damaged one on: at any byte, before the last zeros."""
+    """Yield where intact records begin behind a damaged one, at any byte; not in zeros at the end."""
     last = min(len(bytes(body).rstrip(b"\0")), len(body) - size + 1)
     while at < last:
         check = int.from_bytes(body[at + size - 4 : at + size], "little")

@@ -130,9 +130,7 @@ def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
 # --- notes: what the user should know and would otherwise not see --------------------------------
 
 
-def damage_notes(
-    inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseRecord]
-) -> list[str]:
+def damage_notes(inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseRecord]) -> list[str]:
     """Say which seconds and pulses damaged logs cost.
 
     Parameters

@@ -68,9 +68,7 @@ def write_down_losses(folder: Path, protocol: Protocol, *, salvage: bool = False
                 journal.write(**lost)
 
 
-def missing_events(
-    folder: Path, protocol: Protocol, events: list[Event]
-) -> list[dict[str, Any]]:
+def missing_events(folder: Path, protocol: Protocol, events: list[Event]) -> list[dict[str, Any]]:
     """Return the events that the logs show and a damaged journal lacks.
 
     Parameters
@@ -87,9 +85,12 @@ def missing_events(
     for condition in protocol.conditions:
         for name in condition.trial_names:
             for segment in _segments_on_disk(folder, name):
-                for event in _shown(folder, condition, name, segment, [*events, *missing]):
-                    if tuple(event.get(key) for key in _SAME) not in known:
-                        missing.append({**event, "from": "log"})
+                shown = _shown(folder, condition, name, segment, [*events, *missing])
+                missing += [
+                    {**event, "from": "log"}
+                    for event in shown
+                    if tuple(event.get(key) for key in _SAME) not in known
+                ]
     return missing
 
 
@@ -168,14 +169,14 @@ def _damage_texts(logs: list[tuple[Path, SessionLog | None]], events: list[Event
 def _damage_text(file: Path, log: SessionLog, events: list[Event]) -> str:
     slot, hz = log.records["slot"].astype(int), log.header["control_hz"]
     seconds = [
-        f"{(slot[at - 1] if at else -1) / hz:.3f} to {slot[at] / hz:.3f} s" for at, _ in log.damage
+        f"{(slot[at - 1] if at else 0) / hz:.3f} to {slot[at] / hz:.3f} s" for at, _ in log.damage
     ]
     n_records = sum(-(-n // log.header["record_bytes"]) for _, n in log.damage)
     touched = [str(number) for number in _touched(log, events)]
-    pulses = f"pulses {', '.join(touched)} are lost" if touched else "no pulse is lost"
+    cost = f"pulses {', '.join(touched)} are lost" if touched else "no pulse is lost"
     return (
-        f"{file.name}: {n_records} damaged records left out, from {', '.join(seconds)} after its start; "
-        f"{pulses}."
+        f"{file.name}: {n_records} damaged records left out, from {', '.join(seconds)} after its "
+        f"start; {cost}."
     )
 
 

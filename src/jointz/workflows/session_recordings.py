@@ -255,9 +255,7 @@ def ticks_of(records: np.ndarray) -> np.ndarray:
     return np.asarray(records[np.append(True, slots[1:] != slots[:-1])[: slots.size]])
 
 
-def _times_of(
-    slots: np.ndarray, log: SessionLog, time_s: np.ndarray, *, worn: bool
-) -> np.ndarray:
+def _times_of(slots: np.ndarray, log: SessionLog, time_s: np.ndarray, *, worn: bool) -> np.ndarray:
     """Return when ticks were, by the time of the newest sample read by then, s."""
     records = log.records
     sampled = records["slot"][fresh(records, _master(worn=worn))].astype(np.int64)

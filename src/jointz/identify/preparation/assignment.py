@@ -151,9 +151,7 @@ def _of_source(
     return found
 
 
-def _reach(
-    pulse: Pulse, source: Source, settings: ParticipantSettings
-) -> tuple[float, float]:
+def _reach(pulse: Pulse, source: Source, settings: ParticipantSettings) -> tuple[float, float]:
     """Return from when to when a pulse or its filtered window needs the recording, s."""
     last_s = max(settings.perturbations.window_s, _known(pulse.duration_s) or 0.0)
     guard_s = source.signals.guard_s
