@@ -247,8 +247,9 @@ def segments_begun(events: Iterable[Event], condition: str) -> int:
     condition : str
         Name of the condition.
     """
-    segments = [e["segment"] for e in events if e["condition"] == condition and "segment" in e]
-    return max(segments, default=-1) + 1
+    own = [event for event in events if event["condition"] == condition]
+    highest = max((event.get("segment", -1) for event in own), default=-1)  # lines may be lost
+    return max(highest + 1, sum(event["event"] == "segment_started" for event in own))
 
 
 def is_completed(events: Iterable[Event], condition: str) -> bool:
