@@ -248,7 +248,8 @@ def segments_begun(events: Iterable[Event], condition: str) -> int:
         Name of the condition.
     """
     own = [event for event in events if event["condition"] == condition]
-    highest = max((event.get("segment", -1) for event in own), default=-1)  # lines may be lost
+    highest = max((int(event.get("segment", -1)) for event in own), default=-1)
+    # Lines may be damaged and left out: the highest number tells more than their count.
     return max(highest + 1, sum(event["event"] == "segment_started" for event in own))
 
 
