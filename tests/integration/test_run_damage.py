@@ -273,28 +273,34 @@ def lose_journal(session):
     (session / "journal.jsonl").unlink()
 
 
+def write_alone(session, name, text):
+    """Write a file that has no copy, as earlier versions did."""
+    (session / name).write_text(text)
+    (session / f"{name}.copy").unlink()
+
+
 def empty_plan(session):
-    (session / "plan.json").write_text("{}")
+    write_alone(session, "plan.json", "{}")
 
 
 def stronger_pulse(session):
     plan = json.loads((session / "plan.json").read_text())
     plan["perturbed"][-1]["amplitude_nm"] = 24.0
-    (session / "plan.json").write_text(json.dumps(plan))
+    write_alone(session, "plan.json", json.dumps(plan))
 
 
 def cut_plan(session):
-    (session / "plan.json").write_text("[")
+    write_alone(session, "plan.json", "[")
 
 
 def empty_description(session):
-    (session / "session.json").write_text("")
+    write_alone(session, "session.json", "")
 
 
 def other_wearer(session):
     about = json.loads((session / "session.json").read_text())
     about["wearer"]["mass_kg"] = 140.0
-    (session / "session.json").write_text(json.dumps(about))
+    write_alone(session, "session.json", json.dumps(about))
 
 
 def binary_run(session):
@@ -322,7 +328,7 @@ def twice_completed(session):
 @pytest.mark.parametrize(
     ("harm", "told"),
     [
-        (damage_middle, r"perturbed-0.jzlog: record \d+ of \d+ is damaged.*from a copy"),
+        (damage_middle, r"perturbed-0.jzlog: record \d+ of \d+ is damaged.*from a copy.*--salvage"),
         (lose_journal, r"-0.jzlog: a log that the journal knows nothing of \(2 in all\)"),
         (empty_plan, r"plan.json: altered, it is not the plan of this protocol and seed"),
         (stronger_pulse, r"plan.json: altered"),

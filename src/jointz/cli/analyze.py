@@ -1,5 +1,7 @@
 """``jointz analyze``: recordings to impedance, figures and report."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,6 +47,14 @@ def analyze(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a results folder that exists.")
     ] = False,
+    salvage: Annotated[
+        bool,
+        typer.Option(
+            "--salvage",
+            help="Make damaged recordings again from the session's logs, less what is damaged "
+            "there.",
+        ),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -64,7 +74,13 @@ def analyze(
         from jointz.workflows.analysis import check_method
 
         _usage(check_method, method)
-    opened = open_study(study)
+    if salvage:
+        from jointz.workflows.salvage import salvage_recordings
+
+        for sentence in salvage_recordings(study):
+            typer.echo(sentence, err=True)
+    with _salvage_advised(study):
+        opened = open_study(study)
     people = len(opened.spec.participants)
     # Processes import while this one does.
     with open_engine(
@@ -76,7 +92,11 @@ def analyze(
 
         store = TaskStore(out)  # a run that ends early goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
-        with progress_bar(shown=not (quiet or as_json)) as progress, store.told_with_errors():
+        with (
+            progress_bar(shown=not (quiet or as_json)) as progress,
+            store.told_with_errors(),
+            _salvage_advised(study),
+        ):
             analysis = analyze_study(
                 opened,
                 method=method,
@@ -102,6 +122,22 @@ def analyze(
     elif not quiet:
         _print(analysis, report)
     raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NOTHING_STANDS)
+
+
+@contextmanager
+def _salvage_advised(study: Path) -> Iterator[None]:
+    """Say how to go on where the sessions of an unreadable study are there."""
+    from jointz.core.errors import DataError
+
+    try:
+        yield
+    except DataError as exc:
+        from jointz.workflows.salvage import salvage_advice
+
+        advice = salvage_advice(study)
+        if advice:
+            exc.add_note(advice)
+        raise
 
 
 def _broke(analysis: "StudyAnalysis") -> bool:

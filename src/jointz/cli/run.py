@@ -117,6 +117,12 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run that was interrupted.")
     ] = False,
+    salvage: Annotated[
+        bool,
+        typer.Option(
+            "--salvage", help="With --resume: leave out what is damaged, and say what it cost."
+        ),
+    ] = False,
     attended: Annotated[
         bool,
         typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
@@ -150,6 +156,7 @@ def run(
             workers=workers or (1 if real or attended else os.cpu_count() or 1),
             scheduler=scheduler,
             resume=resume,
+            salvage=salvage,
             attended=attended,
             calibration=calibration,
             operator=_Prompting(bars.paused) if real else None,
@@ -187,6 +194,7 @@ def _numbers(made: "StudyRun") -> dict[str, Any]:
         "onsets": made.report.onset_rows(),
         "gaps": [dict(row) for row in made.report.gaps],
         "timing": [dict(row) for row in made.report.timing],
+        "salvaged": list(made.report.salvaged),
     }
 
 
@@ -207,5 +215,8 @@ def _print(made: "StudyRun") -> None:
     if rows:
         emit_table(rows, header, title="Pulses, and where in the gait cycle they fired")
     for line in made.report.summary().splitlines()[:2]:
-        emit(line)
+        if line not in made.report.salvaged:
+            emit(line)
+    for text in made.report.salvaged:
+        emit(f"salvaged: {text}")
     emit(f"Study: {made.study / 'study.toml'}")

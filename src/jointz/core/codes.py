@@ -11,6 +11,7 @@ class Exclusion(StrEnum):
     """Why a stride or a pulse was left out of the analysis."""
 
     GAP = "gap"
+    DAMAGED_LOG = "damaged_log"
     NOT_FINITE = "not_finite"
     MISSING_STRIKE = "missing_strike"
     SPURIOUS_STRIKE = "spurious_strike"
@@ -112,6 +113,7 @@ class Doubt(StrEnum):
 
 _EXCLUSION_MEANING = {
     Exclusion.GAP: "a gap in the time stamps lies inside it",
+    Exclusion.DAMAGED_LOG: "damaged records of the session's log were left out inside it",
     Exclusion.NOT_FINITE: "samples without a number lie inside it",
     Exclusion.MISSING_STRIKE: "no heel strike where one was due: longer than the accepted band",
     Exclusion.SPURIOUS_STRIKE: "a heel strike too soon after the last: shorter than the band",

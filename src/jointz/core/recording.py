@@ -158,6 +158,50 @@ def deflection(recording: xr.Dataset) -> np.ndarray:
     return np.asarray(angle - recording["position"].to_numpy())
 
 
+def damage_of(recording: xr.Dataset) -> np.ndarray:
+    """Return the stretches whose records were damaged and left out, by the recording's history.
+
+    Parameters
+    ----------
+    recording : xarray.Dataset
+        The recording.
+
+    Returns
+    -------
+    (k, 2) float, s
+        The last sample before each stretch and the first after it.
+
+    Raises
+    ------
+    DataError
+        When the history holds something else there.
+    """
+    holes = [hole for step in history_of(recording) for hole in step.get("damaged_s", ())]
+    try:
+        return np.array(holes, dtype=float).reshape(-1, 2)
+    except (ValueError, TypeError) as exc:
+        where = str(recording.attrs.get("file"))
+        raise DataError(
+            f"{where}: its history is damaged: expected begin and end of each stretch that was "
+            f"left out under damaged_s, got {holes}. Make the recording again.",
+            path=where,
+        ) from exc
+
+
+def damage_near(damage_s: np.ndarray, begin_s: float, end_s: float) -> str:
+    """Return which damaged stretch reaches into a time, in words; "" for none.
+
+    Parameters
+    ----------
+    damage_s : (k, 2) float, s
+        Of :func:`damage_of`.
+    begin_s, end_s : float, s
+        The time.
+    """
+    near = damage_s[(damage_s[:, 0] <= end_s) & (damage_s[:, 1] >= begin_s)]
+    return f"damaged from {near[0, 0]:.3f} to {near[0, 1]:.3f} s" if near.size else ""
+
+
 def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Dataset:
     """Return the recording with one more entry in its history.
 

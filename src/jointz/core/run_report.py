@@ -57,6 +57,8 @@ class RunReport:
         between pulses.
     timing : tuple of dict
         ``participant, condition, segment`` and the loop's timing.
+    salvaged : tuple of str
+        Sentences about damaged files, what they cost included.
     """
 
     protocol: str
@@ -64,6 +66,7 @@ class RunReport:
     onsets: tuple[Mapping[str, Any], ...]
     gaps: tuple[Mapping[str, Any], ...]
     timing: tuple[Mapping[str, Any], ...]
+    salvaged: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the onsets as a table, one row a participant, condition and timing point."""
@@ -82,7 +85,7 @@ class RunReport:
         count = len({row["participant"] for row in self.timing})
         lines = [f"{self.protocol}, seed {self.seed}: {count} session{'s' if count != 1 else ''}"]
         if table.empty:
-            return lines[0]
+            return "\n".join([*lines, *self.salvaged])
         again = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
         told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
@@ -92,7 +95,7 @@ class RunReport:
                 f"{name}: onset error {row['error_mean_pct']:+.2f} % of the cycle, "
                 f"SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.salvaged])
 
     def pooled_onsets(self) -> pd.DataFrame:
         """Return mean and SD of the onset error over the pulses of all participants.
@@ -169,6 +172,7 @@ class RunReport:
             onsets=tuple(values["onsets"]),
             gaps=tuple(values["gaps"]),
             timing=tuple(values["timing"]),
+            salvaged=tuple(values.get("salvaged", ())),
         )
 
 

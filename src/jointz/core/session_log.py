@@ -1,8 +1,9 @@
 """The crash-safe log of a session: its records, byte by byte.
 
-A log is one line of JSON, the header, and then records of one size, each with a
-CRC-32 of itself, written one tick at a time. What was written before a crash
-can be read; a record that was cut off is recognised by its length or checksum.
+A log is a header and then records of one size, each with a CRC-32 of itself,
+written one tick at a time. What was written before a crash can be read; a record
+that was cut off is recognised by its length or checksum. The header is a line of
+JSON with its CRC-32, and stands there twice (once and without one in version 1).
 
 A tick writes one record for each sample that an actuator or sensor had queued,
 at least one. The fields of the tick itself stand in all of them; ``part``
@@ -10,6 +11,7 @@ counts them. Where a device had no sample left its time is :data:`NO_SAMPLE`.
 """
 
 import json
+import re
 import struct
 import zlib
 from collections.abc import Mapping
@@ -18,7 +20,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-VERSION = 1
+from jointz.core.checked_lines import checked_line, checked_text
+
+VERSION = 2
+#: The header of this one stands there once and has no checksum.
+_FIRST_VERSION = 1
 NO_SAMPLE = -1
 
 
@@ -77,7 +83,7 @@ class Layout:
         return body + _CHECK.pack(zlib.crc32(body))
 
     def encode_header(self, header: Mapping[str, Any]) -> bytes:
-        """Return the first line of a log.
+        """Return both copies of a log's header.
 
         Parameters
         ----------
@@ -91,7 +97,7 @@ class Layout:
             "record_bytes": self.record_bytes,
             "fields": [field._asdict() for field in self.fields],
         }
-        return json.dumps(full, ensure_ascii=True).encode("ascii") + b"\n"
+        return 2 * checked_line(json.dumps(full, ensure_ascii=True).encode("ascii"))
 
 
 _MOTOR = (
@@ -170,34 +176,76 @@ BENCH_CONTACT = Layout(
 LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH, BENCH_CONTACT)}
 
 
-def decode_header(line: bytes) -> tuple[dict[str, Any], Layout]:
-    """Return the header of a log and the layout of its records.
+class LogHeader(NamedTuple):
+    """The header of a log.
 
     Parameters
     ----------
-    line : bytes
-        The first line of a file.
+    values : dict
+        What stands in it.
+    layout : Layout
+        Of the records.
+    size_bytes : int
+        Of all copies: the records begin behind them.
+    damaged_copy : str
+        ``first`` or ``second`` where that copy is damaged, "" where none is.
+    """
+
+    values: dict[str, Any]
+    layout: Layout
+    size_bytes: int
+    damaged_copy: str
+
+
+_HEADER_BEGINS = re.compile(rb'\{"jointz_log"')
+_LONGEST_HEADER_BYTES = 1_000_000
+
+
+def decode_header(content: bytes) -> LogHeader:
+    """Return the header of a log, from the copy whose checksum fits.
+
+    Parameters
+    ----------
+    content : bytes
+        A file, or its beginning.
 
     Raises
     ------
     ValueError
         When it is no log's, or of a version that is not read here.
     """
+    text, size_bytes, damaged = _intact_copy(content)
     try:
-        header = json.loads(line)
-        version, size = header["jointz_log"], header["record_bytes"]
-        layout = LAYOUTS[header.get("layout", "walking")]  # early logs name none
+        values = json.loads(text)
+        version, record_bytes = values["jointz_log"], values["record_bytes"]
+        layout = LAYOUTS[values.get("layout", "walking")]  # early logs name none
     except (ValueError, KeyError, TypeError) as exc:
         raise ValueError(
             "expected a log of jointz, whose first line is JSON with 'jointz_log'. Give a .jzlog "
-            "file of a session."
+            "file of a session, or a copy of it: its header cannot be read."
         ) from exc
-    if (version, size) != (VERSION, layout.record_bytes):
+    if version not in (_FIRST_VERSION, VERSION) or record_bytes != layout.record_bytes:
         raise ValueError(
-            f"a log of version {version} with records of {size} bytes; this jointz reads version "
-            f"{VERSION} with {layout.record_bytes}. Read it with the jointz that wrote it."
+            f"a log of version {version} with records of {record_bytes} bytes; this jointz reads "
+            f"version {VERSION} with {layout.record_bytes}. Read it with the jointz that wrote it."
         )
-    return dict(header), layout
+    return LogHeader(dict(values), layout, size_bytes, damaged)
+
+
+def _intact_copy(content: bytes) -> tuple[bytes, int, str]:
+    """Return the header's text, where the records begin, and which copy is damaged."""
+    for found in _HEADER_BEGINS.finditer(content, 0, _LONGEST_HEADER_BYTES):
+        line, end, _ = content[found.start() : _LONGEST_HEADER_BYTES].partition(b"\n")
+        text = checked_text(line)
+        if text is None:
+            continue
+        size = len(line + end)
+        if found.start() > 0:
+            return text, found.start() + size, "first"
+        second = content[size : 2 * size]
+        return text, min(2 * size, len(content)), "second" if second != line + end else ""
+    line, end, _ = content[:_LONGEST_HEADER_BYTES].partition(b"\n")
+    return line, len(line + end), ""
 
 
 class Flag(IntFlag):

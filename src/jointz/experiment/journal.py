@@ -8,20 +8,24 @@ here and not in the log was lost, and is written down as that.
 
 import json
 import os
-import zlib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError, WriteError
 from jointz.experiment import file_lock
-from jointz.experiment.whole_files import append_whole, open_to_append
+from jointz.experiment.whole_files import append_whole, kept_beside, open_to_append, write_whole
 
 Event = dict[str, Any]
 
 #: What says whether a condition is done; the last one counts.
 _ENDS = ("condition_completed", "pulse_lost", "records_lost")
+#: What happens once, unless it was lost in between.
+_LOSSES = {"pulse_completed": "pulse_lost", "condition_completed": "records_lost"}
+_ANY_LINE = re.compile(rb'\{"event".*?\} [0-9a-f]{8}')
 
 
 class Journal:
@@ -34,6 +38,8 @@ class Journal:
 
     Raises
     ------
+    DataError
+        When the end of its last line is damaged.
     OutputError
         When another process is at it: both would count its pulses.
     WriteError
@@ -42,13 +48,9 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._fd = _locked(path)
         try:
-            self._fd = open_to_append(path)
-        except OSError as exc:
-            raise WriteError(str(path), exc) from exc
-        try:
-            file_lock.hold(self._fd, path)
-            _cut_off_torn_line(self._fd, path)
+            _mend_torn_line(self._fd, path)
         except BaseException:
             os.close(self._fd)
             raise
@@ -79,17 +81,82 @@ class Journal:
         WriteError
             When the line could not be written whole.
         """
-        text = json.dumps({"event": event, **details}).encode()
-        append_whole(self._fd, text + b" %08x\n" % zlib.crc32(text), self._path)
+        append_whole(self._fd, _line({"event": event, **details}), self._path)
 
 
-def read_journal(path: Path) -> list[Event]:
+def salvage_journal(path: Path) -> None:
+    """Leave damaged lines out of a journal; the damaged file is kept beside it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file; one that does not exist is not made.
+
+    Raises
+    ------
+    OutputError
+        When another process is at it.
+    WriteError
+        When it cannot be written.
+    """
+    if not path.exists():
+        return
+    fd = _locked(path)
+    try:
+        content = path.read_bytes()
+        intact = _intact_lines(content)
+        if content == b"".join(line + b"\n" for line in intact):
+            return
+        lines = content.split(b"\n")
+        numbers = [str(n) for n, line in enumerate(lines, 1) if line and checked_text(line) is None]
+        text = (
+            f"{path.name}: line {', '.join(numbers)} damaged and left out; the file as it was is "
+            f"{kept_beside(path).name}."
+        )
+        events = [*_salvaged(intact), {"event": "salvaged", "condition": "", "text": text}]
+        write_whole(path, b"".join(map(_line, events)).decode("ascii"))
+    finally:
+        os.close(fd)
+
+
+def write_salvaged(journal: Journal, events: Iterable[Event], texts: Iterable[str]) -> None:
+    """Write down what is damaged, unless it stands there already.
+
+    Parameters
+    ----------
+    journal : Journal
+        The session's.
+    events : iterable of Event
+        What stands in it.
+    texts : iterable of str
+        Sentences about damaged files.
+    """
+    told = set(salvaged_texts(events))
+    for text in texts:
+        if text not in told:
+            journal.write("salvaged", condition="", text=text)
+
+
+def salvaged_texts(events: Iterable[Event]) -> list[str]:
+    """Return the sentences about damaged files that stand in a journal.
+
+    Parameters
+    ----------
+    events : iterable of Event
+        Of the journal.
+    """
+    return [event["text"] for event in events if event["event"] == "salvaged"]
+
+
+def read_journal(path: Path, *, salvage: bool = False) -> list[Event]:
     """Return the events of a journal, the oldest first.
 
     Parameters
     ----------
     path : pathlib.Path
         The file; one that does not exist has no events.
+    salvage : bool
+        Whether to leave damaged lines out instead of refusing the journal.
 
     Raises
     ------
@@ -98,17 +165,14 @@ def read_journal(path: Path) -> list[Event]:
     """
     if not path.exists():
         return []
-    lines = path.read_bytes().split(b"\n")
+    content = path.read_bytes()
+    if salvage:
+        return _salvaged(_intact_lines(content))
     events = []
-    for number, line in enumerate(lines[:-1], start=1):
+    for number, line in enumerate(content.split(b"\n")[:-1], start=1):
         event = decode_event(line)
         if event is None:
-            raise DataError(
-                f"{path}: line {number} was altered or damaged: its checksum does not fit. "
-                "Restore the file from a copy.",
-                path=str(path),
-                row=number,
-            )
+            raise _damaged_line(path, number)
         events.append(event)
     return events
 
@@ -121,11 +185,8 @@ def decode_event(line: bytes) -> Event | None:
     line : bytes
         Of a journal, without its end.
     """
-    text, _, check = line.rpartition(b" ")
-    if check != b"%08x" % zlib.crc32(text):
-        return None
-    event: Event = json.loads(text)
-    return event
+    text = checked_text(line)
+    return None if text is None else dict(json.loads(text))
 
 
 def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
@@ -154,7 +215,7 @@ def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
                     "once. The session was run by two programs at a time: leave it out."
                 )
             done[event["pulse"]] = event
-        elif event["event"] == "pulse_lost":
+        elif event["event"] in ("pulse_lost", "pulse_damaged"):
             done.pop(event["pulse"], None)
     return done
 
@@ -186,9 +247,10 @@ def segments_begun(events: Iterable[Event], condition: str) -> int:
     condition : str
         Name of the condition.
     """
-    return sum(
-        event["event"] == "segment_started" and event["condition"] == condition for event in events
-    )
+    own = [event for event in events if event["condition"] == condition]
+    highest = max((int(event.get("segment", -1)) for event in own), default=-1)
+    # Lines may be damaged and left out: the highest number tells more than their count.
+    return max(highest + 1, sum(event["event"] == "segment_started" for event in own))
 
 
 def is_completed(events: Iterable[Event], condition: str) -> bool:
@@ -208,9 +270,63 @@ def is_completed(events: Iterable[Event], condition: str) -> bool:
     return completed
 
 
-def _cut_off_torn_line(fd: int, path: Path) -> None:
+def _line(event: Event) -> bytes:
+    return checked_line(json.dumps(event).encode())
+
+
+def _locked(path: Path) -> int:
+    """Return the descriptor of a journal that no other process is at."""
+    try:
+        fd = open_to_append(path)
+    except OSError as exc:
+        raise WriteError(str(path), exc) from exc
+    try:
+        file_lock.hold(fd, path)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd
+
+
+def _mend_torn_line(fd: int, path: Path) -> None:
     """Remove what a crash left of a last line, so that the next one stands alone."""
     content = path.read_bytes()
     whole = content.rfind(b"\n") + 1
-    if whole < len(content):
+    torn = content[whole:]
+    if torn and decode_event(torn) is not None:  # all but its end
+        append_whole(fd, b"\n", path)
+    elif torn and decode_event(torn[:-1]) is not None:  # no crash wrote another end
+        raise _damaged_line(path, content.count(b"\n") + 1)
+    elif torn:
         os.ftruncate(fd, whole)
+
+
+def _damaged_line(path: Path, number: int) -> DataError:
+    return DataError(
+        f"{path}: line {number} was altered or damaged: its checksum does not fit. "
+        "Restore the file from a copy, or add --salvage, which leaves damaged lines out.",
+        path=str(path),
+        row=number,
+    )
+
+
+def _intact_lines(content: bytes) -> list[bytes]:
+    """Return the lines whose checksum fits, also where the end of the one before is damaged."""
+    return [line for line in _ANY_LINE.findall(content) if checked_text(line) is not None]
+
+
+def _salvaged(lines: Iterable[bytes]) -> list[Event]:
+    """Return events between which some are missing: what happened twice was lost in between."""
+    events: list[Event] = []
+    happened: set[tuple[Any, ...]] = set()
+    for line in lines:
+        event = json.loads(line.rpartition(b" ")[0])
+        what = (event["condition"], event.get("pulse"))
+        if event["event"] in _LOSSES.values():
+            happened.discard(what)
+        elif event["event"] in _LOSSES:
+            if what in happened:
+                events.append({**event, "event": _LOSSES[event["event"]], "reason": "damaged line"})
+            happened.add(what)
+        events.append(event)
+    return events

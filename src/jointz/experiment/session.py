@@ -4,6 +4,7 @@ The folder of a session holds what was planned and what was done::
 
     session.json     protocol, wearer, devices, calibration, seed, software
     plan.json        the pulses of every condition, in order
+    *.copy           of both, with a checksum
     journal.jsonl    what happened, one line an event
     logs/            the records, a file for every uninterrupted stretch
 
@@ -43,6 +44,7 @@ from jointz.experiment.journal import (
     pulses_done,
     read_journal,
     segments_begun,
+    write_salvaged,
 )
 from jointz.experiment.loop import ControlLoop, undisturbed
 from jointz.experiment.plan import PlannedPulse, make_plan
@@ -187,7 +189,7 @@ class Session:
         make_folder(folder / "logs")
         with Journal(folder / JOURNAL_FILE) as journal, self._linked(journal):
             with drivers_answer_for({"rig": self._rig}):
-                self._write_down_once()
+                self._write_down_once(journal)
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
                 left = [name for name in condition.trial_names if not is_completed(events, name)]
@@ -213,10 +215,10 @@ class Session:
             )
             yield
 
-    def _write_down_once(self) -> None:
+    def _write_down_once(self, journal: Journal) -> None:
         """Write the plan and what the session is of; an interrupted session has them already."""
         folder, protocol, wearer = self._plan.folder, self._plan.protocol, self._rig.wearer
-        keep_plan(folder, self._make_plans())
+        damage = [keep_plan(folder, self._make_plans())]
         about = {
             "wearer": {"id": wearer.id, "mass_kg": wearer.mass_kg, "height_m": wearer.height_m},
             "protocol": protocol.model_dump(mode="json"),
@@ -225,7 +227,8 @@ class Session:
             "rig": dict(self._rig.notes()),
             "software": software(),
         }
-        keep_description(folder, about)
+        damage.append(keep_description(folder, about))
+        write_salvaged(journal, read_journal(folder / JOURNAL_FILE), filter(None, damage))
 
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""

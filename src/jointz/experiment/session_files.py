@@ -8,12 +8,12 @@ from typing import Any
 from jointz.core.errors import DataError
 from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.plan import PlannedPulse
-from jointz.experiment.whole_files import read_object, write_whole
+from jointz.experiment.whole_files import read_twice, write_twice
 
 JOURNAL_FILE = "journal.jsonl"
 #: Where the operator's page leaves its commands, while there is one.
 CONTROL_FILE = "control"
-_SESSION_FILE, _PLAN_FILE = "session.json", "plan.json"
+SESSION_FILE, PLAN_FILE = "session.json", "plan.json"
 
 
 def log_path(folder: Path, condition: str, segment: int) -> Path:
@@ -32,14 +32,17 @@ def log_path(folder: Path, condition: str, segment: int) -> Path:
 
 
 def has_content(log: Path) -> bool:
-    """Tell whether a log is there and not empty, as a power cut may leave it.
+    """Tell whether a log is there and not empty or cut in its header, as a power cut may leave it.
 
     Parameters
     ----------
     log : pathlib.Path
         Its path.
     """
-    return log.exists() and log.stat().st_size > 0
+    if not log.exists():
+        return False
+    with log.open("rb") as stream:
+        return stream.readline().endswith(b"\n")
 
 
 def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
@@ -52,7 +55,7 @@ def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
     """
     return {
         name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in read_object(folder / _PLAN_FILE).items()
+        for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
     }
 
 
@@ -66,12 +69,14 @@ def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
     """
     return {
         name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in read_object(folder / _PLAN_FILE).items()
+        for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
     }
 
 
-def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """Write the plan down, or see that the one that stands there is the same.
+
+    Returns which of its two copies is damaged, "" where none is.
 
     Parameters
     ----------
@@ -85,20 +90,25 @@ def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     DataError
         When another plan stands there: pulses are counted by their number in it.
     """
-    file = folder / _PLAN_FILE
+    file = folder / PLAN_FILE
     text = json.dumps(plan, indent=1)
     if not file.exists():
-        write_whole(file, text)
-    elif read_object(file) != json.loads(text):
+        write_twice(file, text)
+        return ""
+    content, damage = read_twice(file)
+    if content != json.loads(text):
         raise DataError(
             f"{file}: altered, it is not the plan of this protocol and seed. Restore it from a "
             "copy, or go on with the jointz that wrote it.",
             path=str(file),
         )
+    return damage
 
 
-def keep_description(folder: Path, about: Mapping[str, Any]) -> None:
+def keep_description(folder: Path, about: Mapping[str, Any]) -> str:
     """Write down what the session is of, or see that the one there is of the same wearer.
+
+    Returns which of its two copies is damaged, "" where none is.
 
     Parameters
     ----------
@@ -112,14 +122,16 @@ def keep_description(folder: Path, about: Mapping[str, Any]) -> None:
     DataError
         When the file is damaged or of somebody else.
     """
-    file = folder / _SESSION_FILE
+    file = folder / SESSION_FILE
     if not file.exists():
-        write_whole(file, json.dumps(about, indent=1))
-        return
-    wearer, now = read_object(file).get("wearer"), json.loads(json.dumps(about["wearer"]))
+        write_twice(file, json.dumps(about, indent=1))
+        return ""
+    content, damage = read_twice(file)
+    wearer, now = content.get("wearer"), json.loads(json.dumps(about["wearer"]))
     if wearer != now:
         raise DataError(
             f"{file}: of another wearer: {wearer}, now {now}. Give the arguments the run was "
             "started with.",
             path=str(file),
         )
+    return damage

@@ -18,7 +18,8 @@ from jointz.experiment.torque import AppliedTorque, ZeroTorque
 
 _NAN = float("nan")
 _STEADY, _SHAM, _OVERRUN = int(Flag.STEADY), int(Flag.SHAM), int(Flag.OVERRUN)
-_COOL_DOWN_STRIDES = 5
+#: Accepted strides after the last pulse.
+COOL_DOWN_STRIDES = 5
 #: No accepted stride for so long: the participant stands, or the footswitch is lost.
 _NO_STRIDE_NS = 20_000_000_000
 
@@ -238,7 +239,7 @@ class Trial:
         pulses.stride()
         self._progress(strides, pulses.completed)
         if not pulses.done:
-            self._last_needed = strides + _COOL_DOWN_STRIDES
+            self._last_needed = strides + COOL_DOWN_STRIDES
         return strides < self._last_needed
 
     def _check_walking(self, slot_ns: int) -> None:

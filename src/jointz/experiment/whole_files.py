@@ -2,11 +2,14 @@
 
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from errno import ENOSPC
+from itertools import count
 from pathlib import Path
 from typing import Any
 
+from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError, WriteError
 from jointz.core.whole_file import whole_file
 
@@ -126,3 +129,83 @@ def read_object(file: Path, *, otherwise: str = "Restore it from a copy.") -> di
             path=str(file),
         )
     return dict(content)
+
+
+def kept_beside(file: Path) -> Path:
+    """Return a copy of a damaged file, made beside it under a name that was free.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be written.
+    """
+    names = (file.with_name(f"{file.name}.damaged{n or ''}") for n in count())
+    kept = next(name for name in names if not name.exists())
+    with whole_file(kept) as partial:
+        shutil.copy2(file, partial)
+    return kept
+
+
+def write_twice(file: Path, text: str) -> None:
+    """Write a file and a copy with a checksum beside it.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file; one that exists is replaced.
+    text : str
+        What is to stand in it, ASCII.
+
+    Raises
+    ------
+    WriteError
+        When the system does not let it be written.
+    """
+    write_whole(_copy_of(file), checked_line(text.encode("ascii")).decode("ascii"))
+    write_whole(file, text)
+
+
+def read_twice(file: Path) -> tuple[dict[str, Any], str]:
+    """Return the object of a JSON file that has a copy, and which of the two is damaged.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file; one of an earlier version has no copy.
+
+    Returns
+    -------
+    content : dict
+        From the one that is intact.
+    damage : str
+        A sentence about the one that is not, "" where both are.
+
+    Raises
+    ------
+    DataError
+        When neither is intact.
+    """
+    copy = _copy_of(file)
+    if not copy.exists():
+        return read_object(file), ""
+    text = checked_text(_bytes(copy)[:-1])
+    if text is None:
+        return read_object(file), f"{copy.name}: damaged; {file.name} was taken."
+    damaged = not file.exists() or _bytes(file) != text
+    note = (
+        f"{file.name}: damaged or altered; {copy.name} is intact and was taken." if damaged else ""
+    )
+    return dict(json.loads(text)), note
+
+
+def _bytes(file: Path) -> bytes:
+    return file.read_bytes().replace(b"\r\n", b"\n")  # as Windows ends lines
+
+
+def _copy_of(file: Path) -> Path:
+    return file.with_name(f"{file.name}.copy")

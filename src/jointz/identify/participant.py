@@ -13,6 +13,7 @@ from jointz.core.events import (
     StrideRecord,
 )
 from jointz.core.participant_model import ParticipantModel
+from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
@@ -153,6 +154,7 @@ def _stride_records(
         strides = source.strides
         if strides is None:
             continue
+        damage_s = damage_of(source.given.recording)
         for k in range(strides.start_s.size):
             start_s = float(strides.start_s[k])
             code, detail = strides.code[k], strides.detail[k]
@@ -160,6 +162,9 @@ def _stride_records(
                 undisturbed = bool(source.undisturbed[k])
                 code, own = _own_code(source, start_s, undisturbed=undisturbed, settings=settings)
                 detail = own or detail
+            elif code == Exclusion.GAP:
+                spoilt = damage_near(damage_s, start_s, start_s + float(strides.duration_s[k]))
+                code, detail = (Exclusion.DAMAGED_LOG.value, spoilt) if spoilt else (code, detail)
             records.append(
                 StrideRecord(
                     participant=participant,

@@ -1,5 +1,6 @@
 """netCDF-4: recordings of other programs in, recordings of jointz in and out."""
 
+import json
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -66,7 +67,7 @@ class NetcdfReader:
             str(c): label_column(path, str(c), variables[str(c)].values) for c in request.labels
         }
         units = {n: str(v.attrs["units"]) for n, v in variables.items() if "units" in v.attrs}
-        return RawTable(columns, units, file_sha256(path))
+        return RawTable(columns, units, file_sha256(path), history=_history(path))
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
         """Return the variables of all groups.
@@ -147,6 +148,17 @@ def read_recording(path: Path) -> xr.Dataset:
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in recording.attrs.items()}
     recording.attrs = plain
     return validate_recording(recording.drop_encoding())
+
+
+def _history(path: Path) -> tuple[dict[str, Any], ...]:
+    """Return the history of a recording of jointz; that of other programs is plain text."""
+    with opened_netcdf(path) as file:
+        text = file.attrs.get("history", "")
+    try:
+        steps = json.loads(text)
+    except (ValueError, TypeError):
+        return ()
+    return tuple(s for s in steps if isinstance(s, dict)) if isinstance(steps, list) else ()
 
 
 def _walk(group: Any, prefix: str) -> list[str]:

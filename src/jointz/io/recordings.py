@@ -276,7 +276,7 @@ def _piece(
         data,
         units={name: units[name] for name in data if name in units},
         first_row=table.first_row + rows.start,
-        history=(_reading_step(study, entry, table, units),),
+        history=(*table.history, _reading_step(study, entry, table, units)),
         participant=entry.participant,
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,

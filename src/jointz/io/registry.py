@@ -80,12 +80,15 @@ class RawTable:
     first_row : int
         Row of a text file that holds the first sample, counted from 1 with
         header and skipped rows; 1 for other formats.
+    history : tuple of dict
+        What was done before, as a recording of jointz says.
     """
 
     columns: Mapping[str, np.ndarray]
     units: Mapping[str, str]
     sha256: str
     first_row: int = 1
+    history: tuple[dict[str, Any], ...] = ()
 
 
 class Reader(Protocol):

@@ -25,7 +25,7 @@ from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
-from jointz.workflows.analysis_statistics import study_statistics
+from jointz.workflows.analysis_statistics import damage_notes, study_statistics
 from jointz.workflows.engine import Engine, Serial
 from jointz.workflows.participants import Asked, Outcome, hashed, outcomes
 from jointz.workflows.task_store import TaskStore
@@ -47,6 +47,7 @@ def analyze(
     method: str = "recommended",
     resamples: int = DEFAULT_RESAMPLES,
     seed: int = 0,
+    salvage: bool = False,
     engine: Engine | None = None,
     store: TaskStore | None = None,
     progress: Progress | None = None,
@@ -66,6 +67,9 @@ def analyze(
         Bootstrap resamples a cell.
     seed : int
         Of the bootstrap.
+    salvage : bool
+        Whether to make damaged recordings again first, from the logs of their sessions
+        (:func:`jointz.workflows.salvage.salvage_recordings`).
     engine : Engine, optional
         Does several participants at once (:func:`jointz.workflows.engine.open_engine`); results
         do not depend on it.
@@ -90,6 +94,10 @@ def analyze(
     ValueError
         For an unknown method or fewer than 2 resamples.
     """
+    if salvage:
+        from jointz.workflows.salvage import salvage_recordings
+
+        salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
     name = _chosen(opened, check_method(method))
     if resamples < 2:
@@ -247,8 +255,8 @@ def _assembled(
         for cell in _completed(study, name, results, broken)
     ]
     statistics = study_statistics(study, method, cells, results.values())
-    statistics["notes"] += broken.values()
     pulses = tuple(p for r in results.values() for p in r.pulses)
+    statistics["notes"] += [*broken.values(), *damage_notes(found.inputs.values(), pulses)]
     strides = tuple(s for r in results.values() for s in r.strides)
     gaps = tuple(g for r in results.values() for g in r.gaps)
     single = tuple(p for r in results.values() for p in r.single)

@@ -1,6 +1,6 @@
 """What an analysis says beside its estimates: description, effects of pulses, and notes."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from statistics import median
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.analysis import NO_MEANS_ON_A_BENCH
-from jointz.core.codes import Doubt, Failure
+from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
@@ -26,6 +26,7 @@ from jointz.workflows.rate_checks import stride_warnings
 
 #: So many names are told; the tables hold the others.
 _TOLD = 3
+_DAMAGED = Exclusion.DAMAGED_LOG.value
 #: A model this probable is called likely, its contrary unlikely.
 _LIKELY = 0.9
 
@@ -129,6 +130,29 @@ def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
 
 
 # --- notes: what the user should know and would otherwise not see --------------------------------
+
+
+def damage_notes(inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseRecord]) -> list[str]:
+    """Say which seconds and pulses damaged logs cost.
+
+    Parameters
+    ----------
+    inputs : iterable of mapping
+        Of the recordings read: ``file`` and ``history``.
+    pulses : sequence of PulseRecord
+        All of them.
+    """
+    notes = []
+    for one in inputs:
+        steps = one.get("history", ())
+        holes = [f"{a:.3f} to {b:.3f} s" for s in steps for a, b in s.get("damaged_s", ())]
+        lost = [p for p in pulses if p.recording == one["file"] and p.code == _DAMAGED]
+        if holes:
+            notes.append(
+                f"{one['file']}: the session's log is damaged from {', '.join(holes)}; these "
+                f"records and {len(lost)} pulse{'s' * (len(lost) != 1)} are left out."
+            )
+    return notes
 
 
 def _exclusion_notes(

@@ -15,7 +15,12 @@ from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.journal import Event, segments_begun
 from jointz.experiment.session_files import log_path
 from jointz.io.session_log import SessionLog, read_log
-from jointz.workflows.session_recordings import PAUSE_S, command_at_samples
+from jointz.workflows.session_recordings import (
+    PAUSE_S,
+    command_at_samples,
+    damage_step,
+    damaged_s,
+)
 from jointz.workflows.stream_alignment import clock_notes, fresh, onto
 
 _CLOCKS = {
@@ -51,6 +56,7 @@ def bench_record(
     file: str,
     participant: str,
     protocol: Protocol,
+    salvage: bool = False,
 ) -> tuple[xr.Dataset, tuple[SessionLog, ...]]:
     """Put the trials of a condition together, one after the other.
 
@@ -68,6 +74,8 @@ def bench_record(
         The load.
     protocol : Protocol
         For joint and positive direction.
+    salvage : bool
+        Whether to leave damaged records out.
 
     Returns
     -------
@@ -80,12 +88,15 @@ def bench_record(
     paths = [
         log_path(folder, name, segments_begun(events, name) - 1) for name in condition.trial_names
     ]
-    logs = tuple(read_log(path) for path in paths)
+    logs = tuple(read_log(path, salvage=salvage) for path in paths)
     repeated = any(one.trials > 1 for one in protocol.conditions)
     pieces, end_s = [], -PAUSE_S
+    damage_s: list[tuple[float, float]] = []
     for number, log in enumerate(logs, start=1):
-        time, channels = _trial(log)
-        time = time + (end_s + PAUSE_S - time[0])
+        time, channels, holes_s = _trial(log)
+        offset_s = end_s + PAUSE_S - time[0]
+        time = time + offset_s
+        damage_s += [(begin + offset_s, end + offset_s) for begin, end in holes_s]
         if repeated:
             channels["trial"] = np.full(time.size, float(number))
         pieces.append((time, channels))
@@ -104,6 +115,7 @@ def bench_record(
                 "sha256": [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths],
                 "clocks": [clock_notes(log.records, _clocks(log)) for log in logs],
             },
+            *damage_step(damage_s),
         ),
         participant=participant,
         joint=protocol.joint,
@@ -148,8 +160,10 @@ def _clocks(log: SessionLog) -> dict[str, str]:
     return {device: clock for device, clock in _CLOCKS.items() if clock in fields}
 
 
-def _trial(log: SessionLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return time and channels of a trial, while its reference was followed."""
+def _trial(
+    log: SessionLog,
+) -> tuple[np.ndarray, dict[str, np.ndarray], list[tuple[float, float]]]:
+    """Return time, channels and damage of a trial, while its reference was followed."""
     records, devices = log.records, log.header["devices"]
     new = fresh(records, _MASTER)
     rows = records[new]
@@ -173,4 +187,5 @@ def _trial(log: SessionLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         )
     counts = (rows["flags"] & Flag.LEAD) == 0
     time_s = rows[_MASTER] * 1e-9
-    return time_s[counts], {name: values[counts] for name, values in channels.items()}
+    holes_s = damaged_s(log, time_s, _MASTER)
+    return time_s[counts], {name: v[counts] for name, v in channels.items()}, holes_s

@@ -13,6 +13,7 @@ from jointz.experiment.whole_files import write_whole
 from jointz.io.netcdf import write_recording
 from jointz.workflows.bench_recordings import bench_record, pulse_table
 from jointz.workflows.run_settings import RunSettings, pulses_name, recording_name, timing_rows
+from jointz.workflows.study_file import pulses_csv
 
 
 def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
@@ -33,13 +34,19 @@ def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]
     for condition in protocol.conditions:
         name = recording_name(load, condition.name)
         recording, logs = bench_record(
-            folder, condition, events=events, file=name, participant=load, protocol=protocol
+            folder,
+            condition,
+            events=events,
+            file=name,
+            participant=load,
+            protocol=protocol,
+            salvage=settings.salvage,
         )
         write_recording(recording, settings.study / name)
         if condition.perturbations is not None and protocol.kind == "calibration":
             table = pulse_table(recording, plans.get(condition.name, ()))
             file = settings.study / pulses_name(load, condition.name)
-            write_whole(file, table.to_csv(index=False, float_format="%.9g"))
+            write_whole(file, pulses_csv(table))
         report["onsets"] += _pulses(load, condition, plans)
         report["timing"] += timing_rows(load, condition.name, logs, settings)
         report["devices"] = logs[0].header["devices"]

@@ -15,7 +15,7 @@ from jointz.core.errors import DataError, StudyError
 from jointz.core.protocol import LoadSpec, Protocol
 from jointz.core.protocol_calibration_checks import STEP_RULES
 from jointz.core.study import Calibrated, CalibrationSpec, Study
-from jointz.experiment.whole_files import read_object
+from jointz.experiment.whole_files import read_twice
 from jointz.io.calibration_file import (
     calibration_toml,
     file_text,
@@ -179,7 +179,7 @@ def _loads(
 
 
 def _run_loads(file: Path) -> list[Any]:
-    protocol = read_object(file).get("protocol")
+    protocol = read_twice(file)[0].get("protocol")
     loads = protocol.get("loads") if isinstance(protocol, Mapping) else None
     return loads if isinstance(loads, list) else []
 

@@ -80,7 +80,7 @@ class TrialProgress:
         if kind == "pulse_completed":
             self.done.add(number)
             return
-        if kind == "pulse_lost":
+        if kind in ("pulse_lost", "pulse_damaged"):
             self.done.discard(number)
             return
         if number in self.queue:

@@ -12,8 +12,14 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import phase_difference
-from jointz.experiment.session_files import CONTROL_FILE, JOURNAL_FILE, log_path
-from jointz.experiment.whole_files import read_object
+from jointz.experiment.session_files import (
+    CONTROL_FILE,
+    JOURNAL_FILE,
+    PLAN_FILE,
+    SESSION_FILE,
+    log_path,
+)
+from jointz.experiment.whole_files import read_twice
 from jointz.workflows.live_motion import Motion
 from jointz.workflows.live_progress import SessionProgress
 from jointz.workflows.live_tail import JournalTail, LogTail
@@ -149,7 +155,7 @@ class LiveSession:
     def _open(self, folder: Path) -> None:
         """Begin with another participant, when what was planned is written down."""
         try:
-            plan, about = read_object(folder / "plan.json"), read_object(folder / "session.json")
+            plan, about = read_twice(folder / PLAN_FILE)[0], read_twice(folder / SESSION_FILE)[0]
         except DataError:  # not yet; both are written before anybody is prompted
             return
         self._folder, self._protocol = folder, about["protocol"]

@@ -125,18 +125,18 @@ class LogTail:
         return count
 
     def _read_header(self) -> Layout | None:
-        line, end, _ = _read(self._path, 0, _LONGEST_HEADER_BYTES).partition(b"\n")
-        if not end:
+        content = _read(self._path, 0, _LONGEST_HEADER_BYTES)
+        if b"\n" not in content:
             return None
         try:
-            header, layout = decode_header(line)
+            header = decode_header(content)
         except ValueError as exc:
             raise DataError(
                 f"{self._path}: not a log of this jointz. Follow it with the one that writes it.",
                 path=str(self._path),
             ) from exc
-        self.header, self._at = header, len(line) + 1
-        return layout
+        self.header, self._at = header.values, header.size_bytes
+        return header.layout
 
 
 def _read(path: Path, at: int, most: int) -> bytes:

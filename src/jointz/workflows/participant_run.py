@@ -12,7 +12,9 @@ from typing import Any
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DataError
 from jointz.devices.interface import Rig
+from jointz.experiment.journal import read_journal, salvaged_texts
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
+from jointz.experiment.session_files import JOURNAL_FILE
 from jointz.experiment.stop_signals import STOP_SIGNALS
 from jointz.experiment.whole_files import read_object, write_whole
 from jointz.workflows.bench_report import write_bench
@@ -44,7 +46,8 @@ def run_participant(
     dict
         The participant's part of the report: ``onsets``, ``gaps``, ``timing``,
         ``aborted`` (pulses that the study leaves out), ``torque_model`` of the
-        actuator, ``calibration`` and ``truth`` (of a simulated rig).
+        actuator, ``calibration``, ``truth`` (of a simulated rig) and ``salvaged``
+        (sentences about damaged files).
 
     Raises
     ------
@@ -72,12 +75,14 @@ def run_participant(
         attended=settings.attended,
     )
     with _stopped_by_signals(session):
-        write_down_losses(folder, settings.protocol)
+        write_down_losses(folder, settings.protocol, salvage=settings.salvage)
         session.run()
     write = write_walking if settings.protocol.kind == "walking" else write_bench
     report = write(rig, settings, folder)
     # As of today: a device file may say something else when the last participant is measured.
     report["calibration"] = rig.calibration.model_dump(exclude_none=True)
+    texts = salvaged_texts(read_journal(folder / JOURNAL_FILE))
+    report["salvaged"] = [f"{rig.wearer.id}: {text}" for text in texts]
     write_whole(report_file, json.dumps(report))
     return report
 

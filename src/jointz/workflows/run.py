@@ -55,6 +55,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     workers: int = 1,
     scheduler: str | None = None,
     resume: bool = False,
+    salvage: bool = False,
     attended: bool = False,
     calibration: str | os.PathLike[str] | None = None,
     operator: Operator | None = None,
@@ -89,6 +90,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         must see the study's folder under the same path.
     resume : bool
         Go on with a run that was interrupted; starts where nothing is there.
+    salvage : bool
+        With ``resume``: leave damaged records and lines out instead of refusing their file. The
+        damaged files are kept.
     attended : bool
         Whether an operator's page starts, pauses and stops (``jointz console``).
     calibration : path, optional
@@ -116,6 +120,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     DeviceError
         When a device failed or the safety gate tripped.
     """
+    if salvage and not resume:
+        raise DataError("salvage: goes with resume, as a new run has nothing to salvage. Add it.")
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
     chosen = spec.seed if seed is None else seed
     count = _count(spec, participants)
@@ -136,7 +142,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     pace = clock or ("fast" if config is None else "real")
     if known is not None:
         rig = with_calibration(rig, known, count)
-    settings = RunSettings(spec, rig.seed, pace, Path(out), attended)
+    settings = RunSettings(spec, rig.seed, pace, Path(out), attended, salvage)
     check = partial(_refuse_beyond_limits, settings, rig)
     with claimed(settings, rig, count, resume=resume, check=check):
         reports = run_people(
@@ -213,6 +219,7 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         onsets=tuple(row for r in reports for row in r["onsets"]),
         gaps=tuple(row for r in reports for row in r["gaps"]),
         timing=tuple(row for r in reports for row in r["timing"]),
+        salvaged=tuple(text for r in reports for text in r.get("salvaged", ())),
     )
     write_whole(study / REPORT_FILE, json.dumps(report.to_dict(), indent=1))
     truth = {p.id: r["truth"] for p, r in zip(people, reports, strict=True) if r["truth"]}

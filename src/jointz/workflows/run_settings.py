@@ -29,6 +29,8 @@ class RunSettings:
         The study's folder.
     attended : bool
         Whether an operator's page starts, pauses and stops.
+    salvage : bool
+        Whether damaged parts of what was recorded are left out instead of refused.
     """
 
     protocol: Protocol
@@ -36,6 +38,7 @@ class RunSettings:
     clock: Literal["fast", "real"]
     study: Path
     attended: bool = False
+    salvage: bool = False
 
     def session_folder(self, participant: str) -> Path:
         """Return where a participant's session is kept.

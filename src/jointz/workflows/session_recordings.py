@@ -23,6 +23,15 @@ from jointz.workflows.stream_alignment import clock_notes, fresh, onto
 #: Channel of the recording -> field of the log; the same name and unit in both.
 _MOTOR_FIELDS = ("motor_angle", "motor_velocity", "current", "applied_torque")
 _MOTOR_UNITS = {"applied_torque": "N*m"}
+_PULSE_COLUMNS = (
+    "pulse",
+    "onset_s",
+    "duration_s",
+    "amplitude_nm",
+    "timing_point",
+    "completed",
+    "damaged",
+)
 #: Between two stretches of a recording: a hole that nobody takes for walking.
 PAUSE_S = 10.0
 _CLOCKS = {
@@ -41,8 +50,8 @@ class ConditionRecord:
     recording : xarray.Dataset
         The recording.
     pulses : pandas.DataFrame
-        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``, one row
-        a pulse that began, shams left out.
+        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed, damaged``, one
+        row a pulse that began, shams left out.
     stretches : tuple of Stretch
         Number, offset and end of each log.
     logs : tuple of SessionLog
@@ -64,6 +73,7 @@ def condition_record(
     file: str,
     participant: str,
     protocol: Protocol,
+    salvage: bool = False,
 ) -> ConditionRecord:
     """Put the logs of a condition together.
 
@@ -83,6 +93,8 @@ def condition_record(
         Whose.
     protocol : Protocol
         For joint and positive direction.
+    salvage : bool
+        Whether to leave damaged records out.
 
     Returns
     -------
@@ -94,18 +106,21 @@ def condition_record(
         for segment in range(segments_begun(events, condition.name))
         if has_content(path := log_path(folder, condition.name, segment))
     ]
-    logs = [read_log(path) for path in paths]
+    logs = [read_log(path, salvage=salvage) for path in paths]
     worn = condition.worn
     pieces, tables, stretches, end_s = [], [], [], -PAUSE_S
-    done = pulses_done(events, condition.name)
+    damage_s: list[tuple[float, float]] = []
     for log in logs:
         time, channels = _aligned(log.records, worn=worn)
         if time.size == 0:
             continue
-        offset_s = end_s + PAUSE_S - float(time[0])
+        holes_s = damaged_s(log, time, _master(worn=worn))
+        begin_s = min([float(time[0]), *(begin for begin, _ in holes_s)])
+        offset_s = end_s + PAUSE_S - begin_s
+        damage_s += [(begin + offset_s, end + offset_s) for begin, end in holes_s]
         pieces.append((time + offset_s, channels))
         stretches.append(Stretch(int(log.header["segment"]), offset_s, float(time[-1])))
-        tables.append(_pulses(log, time + offset_s, plan, done, worn=worn))
+        tables.append(_pulses(log, time + offset_s, plan, events, worn=worn))
         end_s = float(time[-1]) + offset_s
     hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
     volts = gives_volts(logs[0].header.get("devices", {}))
@@ -123,6 +138,7 @@ def condition_record(
                 "sha256": hashes,
                 "clocks": [clock_notes(log.records, _CLOCKS) for log in logs],
             },
+            *damage_step(damage_s),
         ),
         participant=participant,
         joint=protocol.joint,
@@ -169,6 +185,43 @@ def _master(*, worn: bool) -> str:
     return _CLOCKS["actuator" if worn else "angle"]
 
 
+def damaged_s(log: SessionLog, time_s: np.ndarray, master: str) -> list[tuple[float, float]]:
+    """Return the stretches of a log that were left out, from intact sample to intact sample, s.
+
+    Parameters
+    ----------
+    log : SessionLog
+        The log.
+    time_s : (n,) float, s
+        Of the samples of its master.
+    master : str
+        Field of the master's times (ns).
+    """
+    records = log.records
+    before = np.concatenate([[0], np.cumsum(fresh(records, master))])
+    holes = []
+    for at in (damage.at for damage in log.damage):
+        first = before[at] == 0  # how long it was is told by the ticks alone
+        lost_s = float(records["slot"][at]) / log.header["control_hz"] if first else 0.0
+        begin = time_s[0] - lost_s if first else time_s[before[at] - 1]
+        holes.append((float(begin), float(time_s[min(before[at], time_s.size - 1)])))
+    return holes
+
+
+def damage_step(damage_s: Sequence[tuple[float, float]]) -> tuple[dict[str, Any], ...]:
+    """Return what the history of a recording says of damaged stretches; nothing without one.
+
+    Parameters
+    ----------
+    damage_s : sequence of tuple of float, s
+        Begin and end of each by the recording's time.
+    """
+    if not damage_s:
+        return ()
+    step = "left out damaged records of the session's logs"
+    return ({"step": step, "damaged_s": [list(hole) for hole in damage_s]},)
+
+
 def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Return the pulse torque that was asked for when each sample was taken, N*m.
 
@@ -182,7 +235,7 @@ def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
     new : (n,) bool
         Which records hold a sample of the actuator.
     """
-    ticks = records[records["part"] == 0]
+    ticks = ticks_of(records)
     before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
     rows = records[new]
     last = np.append(rows["slot"][1:] != rows["slot"][:-1], True)[: rows.size]
@@ -190,51 +243,160 @@ def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(last, rows["command"].astype(float), before[tick]))
 
 
-def _tick_times(log: SessionLog, time_s: np.ndarray, *, worn: bool) -> np.ndarray:
-    """Return when each tick was, by the time of the newest sample read by then, s."""
+def ticks_of(records: np.ndarray) -> np.ndarray:
+    """Return the first record of every tick that there is.
+
+    Parameters
+    ----------
+    records : (n,) structured array
+        Of a log.
+    """
+    slots = records["slot"]
+    return np.asarray(records[np.append(True, slots[1:] != slots[:-1])[: slots.size]])
+
+
+def _times_of(slots: np.ndarray, log: SessionLog, time_s: np.ndarray, *, worn: bool) -> np.ndarray:
+    """Return when ticks were, by the time of the newest sample read by then, s."""
     records = log.records
-    ticks = records[records["part"] == 0]["slot"].astype(np.int64)
     sampled = records["slot"][fresh(records, _master(worn=worn))].astype(np.int64)
-    newest = (np.searchsorted(sampled, ticks, side="right") - 1).clip(0)
-    late = (ticks - sampled[newest]) / float(log.header["control_hz"])
+    newest = (np.searchsorted(sampled, slots, side="right") - 1).clip(0)
+    late = (slots - sampled[newest]) / float(log.header["control_hz"])
     return np.asarray(time_s[newest] + late)
+
+
+@dataclass(frozen=True, slots=True)
+class PulseOfLog:
+    """A pulse that began in a log.
+
+    Parameters
+    ----------
+    number : int
+        In the plan.
+    onset_slot : int
+        Its first tick.
+    end_slot : int or None
+        The first tick without it; None where the log ends with it or does not tell.
+    touched : bool
+        Whether damaged records lie in it, or next to it.
+    faded : bool
+        Whether the safety gate broke it off.
+    """
+
+    number: int
+    onset_slot: int
+    end_slot: int | None
+    touched: bool
+    faded: bool
+
+
+def begun_pulses(events: Sequence[Event], condition: str, segment: int) -> dict[int, int]:
+    """Return the pulses that began in a log by the journal: first tick -> number.
+
+    Parameters
+    ----------
+    events : sequence of Event
+        Of the journal.
+    condition : str
+        Name of the condition.
+    segment : int
+        Number of the stretch.
+    """
+    return {
+        event["slot"]: event["pulse"]
+        for event in events
+        if event["event"] == "pulse_started"
+        and (event["condition"], event["segment"]) == (condition, segment)
+    }
+
+
+def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]:
+    """Return the pulses of a log, shams too, in order; also those that damage hides.
+
+    Parameters
+    ----------
+    log : SessionLog
+        The log.
+    begun : mapping of int to int
+        By the journal: first tick -> number of the pulse.
+    """
+    ticks = ticks_of(log.records)
+    number, slot = ticks["pulse"].astype(int), ticks["slot"].astype(int)
+    holes = _holes(log)
+    onsets = {}
+    for at in np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0)):
+        onsets[int(slot[at])] = int(number[at])
+    for before, after in holes:  # one that began in it shows later, or never
+        hidden = {s: n for s, n in begun.items() if before <= s <= after}
+        if onsets.get(after) in hidden.values():
+            del onsets[after]
+        onsets |= hidden
+    changes = np.flatnonzero(np.diff(number)) + 1
+    found = []
+    for onset_slot, pulse in sorted(onsets.items()):
+        first = int(np.searchsorted(slot, onset_slot))
+        end = first  # it began and ended in the damage
+        if number[first] == pulse:
+            end = int(min(changes[changes > first], default=number.size))
+        last = int(slot[min(end, number.size - 1)])
+        found.append(
+            PulseOfLog(
+                pulse,
+                onset_slot,
+                end_slot=int(slot[end]) if end < number.size else None,
+                touched=any(before <= last and after >= onset_slot for before, after in holes),
+                faded=bool(np.any(ticks["flags"][first:end] & Flag.FADING)),
+            )
+        )
+    return found
+
+
+def _holes(log: SessionLog) -> list[tuple[int, int]]:
+    """Return the ticks before and after every stretch that was left out."""
+    slot = log.records["slot"].astype(int)
+    at = [damage.at for damage in log.damage]
+    return [(int(slot[k - 1]) if k else -1, int(slot[k])) for k in at]
 
 
 def _pulses(
     log: SessionLog,
     time_s: np.ndarray,
     plan: Sequence[PlannedPulse],
-    done: Mapping[int, Event],
+    events: Sequence[Event],
     *,
     worn: bool,
 ) -> pd.DataFrame:
-    """Return the pulses of a stretch as the log shows them."""
-    records, segment = log.records, log.header["segment"]
-    ticks = records[records["part"] == 0]
-    number = np.where(ticks["flags"] & Flag.SHAM, 0, ticks["pulse"]).astype(int)
-    begins = np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0))
-    changes = np.flatnonzero(np.diff(number)) + 1
-    at_s = _tick_times(log, time_s, worn=worn)
+    """Return the pulses of a stretch as the log shows them, shams left out."""
+    name, segment = log.header["condition"], log.header["segment"]
+    done = pulses_done(events, name)
+    ended = {
+        event["onset_slot"]: event["slot"]
+        for event in events
+        if event["event"] == "pulse_completed"
+        and (event["condition"], event["segment"]) == (name, segment)
+    }
     table = []
-    for start in begins:
-        pulse = plan[number[start] - 1]
-        stop = min(changes[changes > start], default=number.size - 1)
-        event = done.get(pulse.number)
+    for shown in pulses_of_log(log, begun_pulses(events, name, segment)):
+        pulse, event = plan[shown.number - 1], done.get(shown.number)
+        if pulse.sham:
+            continue
         completed = (
             event is not None
             and event["segment"] == segment
-            and event["onset_slot"] == int(ticks["slot"][start])
+            and event["onset_slot"] == shown.onset_slot
         )
-        onset_s = at_s[start]
+        end_slot = ended.get(shown.onset_slot) if shown.touched else None
+        last_slot = int(log.records["slot"][-1])
+        slots = np.array([shown.onset_slot, end_slot or shown.end_slot or last_slot])
+        onset_s, end_s = _times_of(slots, log, time_s, worn=worn)
         table.append(
             {
                 "pulse": pulse.number,
                 "onset_s": onset_s,
-                "duration_s": at_s[stop] - onset_s,
+                "duration_s": end_s - onset_s,
                 "amplitude_nm": pulse.amplitude_nm,
                 "timing_point": pulse.timing_point,
                 "completed": completed,
+                "damaged": shown.touched,
             }
         )
-    columns = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point", "completed"]
-    return pd.DataFrame(table, columns=columns)
+    return pd.DataFrame(table, columns=list(_PULSE_COLUMNS))

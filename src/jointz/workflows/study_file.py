@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import pandas as pd
+
 from jointz.core.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
@@ -33,6 +35,7 @@ _BENCH_UNITS = {
 }
 #: Chapter II states no filter; this one takes away encoder noise and leaves loads alone.
 _BENCH_CUTOFF_HZ = 100.0
+_PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason", "time")
 
 
@@ -92,6 +95,18 @@ def study_toml(
     for person in people:
         lines += _recordings(person.id, protocol)
     return "\n".join(lines) + "\n"
+
+
+def pulses_csv(table: pd.DataFrame) -> str:
+    """Return the text of the pulse table of a recording.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        With all or some of its columns, and any others.
+    """
+    columns = [name for name in _PULSE_COLUMNS if name in table]
+    return str(table[columns].to_csv(index=False, float_format="%.9g"))
 
 
 def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:

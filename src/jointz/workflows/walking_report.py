@@ -20,8 +20,7 @@ from jointz.gait.timestamps import find_gaps
 from jointz.io.netcdf import write_recording
 from jointz.workflows.run_settings import RunSettings, pulses_name, recording_name, timing_rows
 from jointz.workflows.session_recordings import ConditionRecord, condition_record
-
-PULSE_COLUMNS = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
+from jointz.workflows.study_file import pulses_csv
 
 
 def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
@@ -51,6 +50,7 @@ def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, An
             file=name,
             participant=wearer,
             protocol=protocol,
+            salvage=settings.salvage,
         )
         write_recording(record.recording, settings.study / name)
         report["devices"] = record.logs[0].header["devices"]
@@ -58,7 +58,9 @@ def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, An
         report["torque_model"] = actuator["torque_model"] if actuator else report["torque_model"]
         report["timing"] += timing_rows(wearer, condition.name, record.logs, settings)
         if condition.perturbations is not None:
-            _write_pulses(record, settings.study / pulses_name(wearer, condition.name))
+            write_whole(
+                settings.study / pulses_name(wearer, condition.name), pulses_csv(record.pulses)
+            )
             levels_v = rig.calibration.contact_levels_v
             report["onsets"] += _onsets(
                 wearer, protocol, condition, plan, record, events, levels_v=levels_v
@@ -71,13 +73,9 @@ def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, An
     return report
 
 
-def _write_pulses(record: ConditionRecord, file: Path) -> None:
-    table = record.pulses[PULSE_COLUMNS]
-    write_whole(file, table.to_csv(index=False, float_format="%.9g"))
-
-
 def _aborted(wearer: str, file: str, record: ConditionRecord) -> list[dict[str, Any]]:
-    rows = record.pulses[~record.pulses["completed"].astype(bool)]
+    pulses = record.pulses  # those that are damaged have a code of their own
+    rows = pulses[~(pulses["completed"] | pulses["damaged"]).astype(bool)]
     return [
         {"participant": wearer, "recording": file, "onset_s": float(onset)}
         for onset in rows["onset_s"]

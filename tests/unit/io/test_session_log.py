@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError
 from jointz.core.session_log import VERSION, WALKING
 from jointz.experiment.recorder import Recorder
@@ -136,12 +137,85 @@ def test_another_file_is_no_log(path, content):
     "change", [{"jointz_log": VERSION + 1}, {"record_bytes": WALKING.record_bytes + 8}]
 )
 def test_a_log_of_another_version_names_both_versions(path, change):
-    header = json.loads(WALKING.encode_header(HEADER)) | change
-    path.write_bytes(json.dumps(header).encode() + b"\n")
+    header = json.loads(checked_text(WALKING.encode_header(HEADER).splitlines()[0])) | change
+    path.write_bytes(2 * checked_line(json.dumps(header).encode()))
     with pytest.raises(
         DataError, match=rf"this jointz reads version {VERSION} with {WALKING.record_bytes}"
     ):
         read_log(path)
+
+
+def test_a_log_of_the_first_version_is_read(path):
+    rows = records(3)
+    header = json.loads(checked_text(WALKING.encode_header(HEADER).splitlines()[0]))
+    first = json.dumps(header | {"jointz_log": 1}).encode() + b"\n"
+    path.write_bytes(first + b"".join(WALKING.pack(row) for row in rows))
+    log = read_log(path)
+    assert [tuple(found)[:-1] for found in log.records.tolist()] == rows
+    assert (log.header["jointz_log"], log.whole_bytes) == (1, path.stat().st_size)
+
+
+@pytest.mark.parametrize("place", ["first", "second"])
+def test_a_header_with_a_flipped_bit_is_read_from_its_other_copy(path, place):
+    whole = log_bytes(records(2))
+    length = whole.index(b"\n") + 1
+    header = read_header(path, whole)
+    begin = length * (place == "second")
+    for at in (*range(begin, begin + length, 7), begin + length - 1):
+        spoilt = bytearray(whole)
+        spoilt[at] ^= 1 << at % 8
+        path.write_bytes(spoilt)
+        log = read_log(path)
+        assert (log.header, log.damaged_copy, log.records.size) == (header, place, 2)
+
+
+def read_header(path, whole):
+    path.write_bytes(whole)
+    return read_log(path).header
+
+
+def flipped(content, rng):
+    spoilt = bytearray(content)
+    spoilt[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+    return bytes(spoilt)
+
+
+def put_in(content, rng):
+    at = int(rng.integers(len(content)))
+    return content[:at] + rng.bytes(int(rng.integers(1, 300))) + content[at:]
+
+
+def taken_out(content, rng):
+    at = int(rng.integers(len(content)))
+    return content[:at] + content[at + int(rng.integers(1, 300)) :]
+
+
+def cut_off(content, rng):
+    return content[: int(rng.integers(len(content)))]
+
+
+@pytest.mark.parametrize("harm", [flipped, put_in, taken_out, cut_off])
+def test_every_intact_record_of_a_damaged_log_is_salvaged(path, harm):
+    packed = [WALKING.pack(row) for row in records(300)]
+    start = len(log_bytes([]))
+    rng = np.random.default_rng(12)
+    for _ in range(100):
+        body = harm(b"".join(packed), rng)
+        path.write_bytes(log_bytes([]) + body)
+        log = read_log(path, salvage=True)
+        assert [r.tobytes() for r in log.records] == [p for p in packed if p in body]
+        left_out = sum(damage.n_bytes for damage in log.damage)
+        assert log.records.nbytes + left_out + log.torn_bytes == len(body)
+        assert log.whole_bytes + log.torn_bytes == start + len(body)
+
+
+def test_damage_is_left_out_where_it_is(path):
+    spoilt = bytearray(log_bytes(records(10)))
+    for record in (1, 4, 5):
+        spoilt[len(spoilt) - (11 - record) * WALKING.record_bytes] ^= 1
+    path.write_bytes(spoilt)
+    size = WALKING.record_bytes
+    assert read_log(path, salvage=True).damage == ((0, size), (2, 2 * size))
 
 
 def test_reading_eight_hundred_thousand_records_takes_a_few_seconds(path):

@@ -10,7 +10,7 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
-from jointz.core.recording import deflection
+from jointz.core.recording import damage_near, damage_of, deflection
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
@@ -164,6 +164,8 @@ class FullRecordEstimator:
             return user
         if time.size < FEWEST_SAMPLES:
             return Exclusion.EDGE_OF_RECORD.value
+        if damage_near(damage_of(recording), time[0], time[-1]):
+            return Exclusion.DAMAGED_LOG.value
         if find_gaps(time).size:
             return Exclusion.GAP.value
         signals = [deflection(recording), recording["torque"].to_numpy()]

@@ -10,6 +10,7 @@ from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS, nearest_timing_point
+from jointz.core.recording import damage_near, damage_of
 from jointz.core.study import GroupSpec, PerturbationsSpec
 from jointz.gait.phase import gait_phase, measured_phase
 from jointz.identify.preparation.pulses import Pulse
@@ -118,6 +119,8 @@ def _of_source(
     _, window_codes = source.signals.cut(
         onsets, before_s=0.0, after_s=settings.perturbations.window_s
     )
+    damage_s = damage_of(source.given.recording)
+    damage = [damage_near(damage_s, *_reach(p, source, settings)) for p in source.pulses]
     grouped = settings.perturbations.group is not None
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     outside = is_outside(onsets, source)
@@ -129,8 +132,9 @@ def _of_source(
         user = settings.left_out_by(source.given.file, pulse.onset_s)
         edge = Exclusion.EDGE_OF_RECORD.value if outside[k] else ""
         no_group = "" if labels[k] else nameless.value
-        codes = (edge, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
-        detail = "its onset lies outside the perturbed samples" if outside[k] else ""
+        spoilt = Exclusion.DAMAGED_LOG.value if damage[k] else ""
+        codes = (edge, spoilt, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
+        detail = "its onset lies outside the perturbed samples" if outside[k] else damage[k]
         record = PulseRecord(
             participant=participant,
             recording=source.given.file,
@@ -145,6 +149,13 @@ def _of_source(
         )
         found.append(Candidate(index, pulse, record, float(elapsed_s[k]), _known(phase_pct[k])))
     return found
+
+
+def _reach(pulse: Pulse, source: Source, settings: ParticipantSettings) -> tuple[float, float]:
+    """Return from when to when a pulse or its filtered window needs the recording, s."""
+    last_s = max(settings.perturbations.window_s, _known(pulse.duration_s) or 0.0)
+    guard_s = source.signals.guard_s
+    return pulse.onset_s - guard_s, pulse.onset_s + last_s + guard_s
 
 
 def _known(value: float) -> float | None:

@@ -1,0 +1,261 @@
+"""Nothing intact is lost to damaged files: flipped bits and cut ends in log, journal and plan."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+import jointz
+from jointz.core.errors import DataError
+from jointz.core.recording import damage_of
+from jointz.experiment.journal import decode_event, is_completed, pulses_done, read_journal
+from jointz.experiment.session_files import keep_plan, plan_of
+from jointz.io.netcdf import read_recording
+from jointz.io.protocols import load_protocol
+from jointz.io.session_log import read_log
+from jointz.workflows.salvage import salvage_advice, salvage_recordings
+from jointz.workflows.session_check import missing_events, write_down_losses
+from jointz.workflows.session_recordings import condition_record
+
+TRIES = 100
+CONDITION = "perturbed"
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    """A few strides, then one pulse a point, at three points."""
+    whole = load_protocol("walking")
+    few = whole.conditions[-1].perturbations.model_copy(
+        update={"count_per_point": 1, "timing_points": {"LRE": 7.0, "TST": 40.5, "ISW": 68.5}}
+    )
+    conditions = (
+        whole.conditions[1].model_copy(update={"strides": 6}),
+        whole.conditions[-1].model_copy(update={"perturbations": few}),
+    )
+    return whole.model_copy(update={"conditions": conditions, "participants": 1})
+
+
+def run(protocol, out, **options):
+    return jointz.run(protocol, out=out, seed=5, **options)
+
+
+@pytest.fixture(scope="module")
+def complete(protocol, tmp_path_factory):
+    out = tmp_path_factory.mktemp("complete") / "study"
+    run(protocol, out)
+    return out
+
+
+@pytest.fixture
+def out(complete, tmp_path):
+    """A run that was killed when all was recorded and nothing converted."""
+    out = shutil.copytree(complete, tmp_path / "study")
+    made = [*out.glob("*.nc"), *out.glob("*.csv"), *out.glob("sessions/*/report.json")]
+    for file in [*made, out / "study.toml", out / "run_report.json"]:
+        file.unlink()
+    return out
+
+
+@pytest.fixture
+def session(out):
+    return out / "sessions" / "S01"
+
+
+def flipped(content, rng):
+    spoilt = bytearray(content)
+    spoilt[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+    return bytes(spoilt)
+
+
+def cut_off(content, rng):
+    return content[: int(rng.integers(len(content)))]
+
+
+def flip_record(log, slot):
+    """Flip a bit in the record of a tick."""
+    read = read_log(log)
+    at = int(np.flatnonzero(read.records["slot"] == slot)[0]) - read.records.size
+    content = bytearray(log.read_bytes())
+    content[at * read.records.itemsize] ^= 4
+    log.write_bytes(content)
+
+
+def events_of(session):
+    return read_journal(session / "journal.jsonl")
+
+
+def recorded(session, protocol):
+    return condition_record(
+        session,
+        protocol.conditions[-1],
+        events=events_of(session),
+        plan=plan_of(session)[CONDITION],
+        file="S01_perturbed.nc",
+        participant="S01",
+        protocol=protocol,
+        salvage=True,
+    )
+
+
+def assert_equal_outside(found, whole):
+    """Every sample that is there is the undamaged one; what is not there lies in the damage."""
+    time, truth = found.recording["time"].to_numpy(), whole.recording["time"].to_numpy()
+    place = np.searchsorted(truth, time - 1e-9).clip(max=truth.size - 1)
+    np.testing.assert_allclose(time, truth[place], rtol=0, atol=1e-9)
+    for name in whole.recording:
+        np.testing.assert_allclose(
+            found.recording[name].to_numpy(), whole.recording[name].to_numpy()[place], rtol=1e-12
+        )
+    gone = np.setdiff1d(np.arange(truth.size), place)
+    damage_s = damage_of(found.recording)
+    lost_end = truth[gone] > time[-1]
+    inside = [any(a < t < b + 1e-9 for a, b in damage_s) for t in truth[gone][~lost_end]]
+    assert all(inside)
+    assert len(found.logs[0].damage) == len(damage_s)
+    return damage_s, time[-1]
+
+
+@pytest.mark.parametrize("harm", [flipped, cut_off])
+def test_a_damaged_log_costs_what_is_damaged(protocol, session, harm):
+    log, journal = session / "logs" / f"{CONDITION}-0.jzlog", session / "journal.jsonl"
+    content, lines, whole = log.read_bytes(), journal.read_bytes(), recorded(session, protocol)
+    rng, n_lost = np.random.default_rng(3), 0
+    for _ in range(TRIES):
+        spoilt = harm(content, rng)
+        log.write_bytes(spoilt)
+        journal.write_bytes(lines)
+        write_down_losses(session, protocol, salvage=True)
+        assert log.read_bytes() == spoilt
+        assert journal.read_bytes().startswith(lines)
+        done = pulses_done(events_of(session), CONDITION)
+        if len(spoilt) < 20_000:  # little more than a header
+            assert not done
+            continue
+        found = recorded(session, protocol)
+        damage_s, end_s = assert_equal_outside(found, whole)
+        columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
+        table, shown = whole.pulses.set_index("pulse"), found.pulses.set_index("pulse")
+        for number, pulse in table.iterrows():
+            pulse_end_s = pulse["onset_s"] + pulse["duration_s"]
+            touched = any(a <= pulse_end_s and b >= pulse["onset_s"] for a, b in damage_s)
+            assert (number in done) == (not touched and pulse_end_s <= end_s)
+            n_lost += touched
+            if number in done or touched:
+                assert shown.loc[number, "damaged"] == touched
+                assert shown.loc[number, columns].tolist() == pytest.approx(pulse[columns].tolist())
+    assert n_lost > 0 or harm is cut_off
+
+
+@pytest.mark.parametrize("harm", [flipped, cut_off])
+def test_a_damaged_journal_costs_no_pulse(protocol, session, harm):
+    journal, logs = session / "journal.jsonl", sorted(session.glob("logs/*"))
+    content, before = journal.read_bytes(), events_of(session)
+    contents, rng = [log.read_bytes() for log in logs], np.random.default_rng(4)
+    for _ in range(TRIES):
+        for kept in session.glob("journal.jsonl.damaged*"):
+            kept.unlink()
+        spoilt = harm(content, rng)
+        journal.write_bytes(spoilt)
+        write_down_losses(session, protocol, salvage=True)
+        after = events_of(session)
+        intact = [e for e in map(decode_event, spoilt.split(b"\n")) if e is not None]
+        assert [e for e in after if e in intact] == intact
+        for condition in ("unperturbed", CONDITION):
+            done, truth = pulses_done(after, condition), pulses_done(before, condition)
+            places = {n: (e["segment"], e["onset_slot"], e["slot"]) for n, e in done.items()}
+            assert places == {
+                n: (e["segment"], e["onset_slot"], e["slot"]) for n, e in truth.items()
+            }
+            assert is_completed(after, condition)
+        assert [log.read_bytes() for log in logs] == contents
+        whole_lines = spoilt.endswith(b"\n") and content.startswith(spoilt)
+        kept = list(session.glob("journal.jsonl.damaged*"))
+        assert [file.read_bytes() for file in kept] == (
+            [] if whole_lines or not spoilt else [spoilt]
+        )
+        told = [e["text"] for e in after if e["event"] == "salvaged"]
+        assert ("damaged and left out" in "".join(told)) == bool(kept)
+
+
+@pytest.mark.parametrize("name", ["plan.json", "plan.json.copy"])
+@pytest.mark.parametrize("harm", [flipped, cut_off])
+def test_a_damaged_plan_is_read_from_its_other_copy(session, name, harm):
+    file, whole = session / name, plan_of(session)
+    content, rng = file.read_bytes(), np.random.default_rng(5)
+    plan = {trial: [pulse.to_dict() for pulse in pulses] for trial, pulses in whole.items()}
+    assert keep_plan(session, plan) == ""
+    for _ in range(TRIES):
+        spoilt = harm(content, rng)
+        file.write_bytes(spoilt)
+        assert plan_of(session) == whole
+        assert keep_plan(session, plan).startswith(f"{name}: damaged")
+        assert file.read_bytes() == spoilt
+
+
+def test_an_undamaged_journal_lacks_nothing_that_the_logs_show(protocol, session):
+    assert missing_events(session, protocol, events_of(session)) == []
+
+
+def test_a_session_with_a_flipped_bit_ends_and_says_what_it_cost(protocol, out, session):
+    (pulse,) = [
+        e for e in events_of(session) if e["event"] == "pulse_completed" and e["pulse"] == 2
+    ]
+    log = session / "logs" / f"{CONDITION}-0.jzlog"
+    flip_record(log, pulse["onset_slot"])
+    plan = bytearray((session / "plan.json").read_bytes())
+    plan[100] ^= 1
+    (session / "plan.json").write_bytes(plan)
+    with pytest.raises(DataError, match=r"record \d+ of \d+ is damaged.*--salvage"):
+        run(protocol, out, resume=True)
+    made = run(protocol, out, resume=True, salvage=True)
+    assert not (session / "logs" / f"{CONDITION}-1.jzlog").exists()
+    told = "\n".join(made.report.salvaged)
+    at_s = pulse["onset_slot"] / protocol.rates.control_hz
+    assert f"from {at_s - 0.002:.3f} to {at_s + 0.002:.3f} s" in told
+    assert "pulses 2 are lost" in told
+    assert "S01: plan.json: damaged" in told
+    assert told in made.report.summary()
+    assert not (out / "exclusions.csv").exists()
+
+    analysis = jointz.analyze(out, resamples=2)
+    (lost,) = [p for p in analysis.pulses if p.code == "damaged_log"]
+    (numbered,) = [p for p in plan_of(session)[CONDITION] if p.number == 2]
+    assert lost.timing_point == numbered.timing_point
+    assert "damaged from" in lost.detail
+    assert len(analysis.pulses) == 3
+    (note,) = [n for n in analysis.statistics["notes"] if "log is damaged" in n]
+    assert note.endswith("these records and 1 pulse are left out.")
+
+
+def test_a_damaged_recording_is_made_again_from_the_logs(complete, tmp_path):
+    out = shutil.copytree(complete, tmp_path / "study")
+    file = out / "S01_perturbed.nc"
+    whole, table = read_recording(file), (out / "S01_perturbed_pulses.csv").read_bytes()
+    assert salvage_recordings(out) == []
+    assert salvage_advice(out) == ""
+    spoilt = bytearray(file.read_bytes())
+    spoilt[len(spoilt) // 2] ^= 1
+    file.write_bytes(spoilt)
+    assert "--salvage" in salvage_advice(out)
+    (told,) = salvage_recordings(out)
+    assert "S01_perturbed.nc" in told
+    assert read_recording(file).identical(whole)
+    assert (out / "S01_perturbed_pulses.csv").read_bytes() == table
+    assert (out / "S01_perturbed.nc.damaged").read_bytes() == bytes(spoilt)
+
+
+def test_a_trial_of_a_bench_with_a_flipped_bit_is_coded(tmp_path):
+    whole = load_protocol("sea-mass-spring")
+    conditions = tuple(c.model_copy(update={"trials": 2}) for c in whole.conditions[:2])
+    short = whole.model_copy(update={"conditions": conditions, "loads": whole.loads[:1]})
+    out = tmp_path / "study"
+    run(short, out)
+    for name in ("study.toml", "run_report.json", "sessions/case-1/report.json"):
+        (out / name).unlink()
+    flip_record(out / "sessions" / "case-1" / "logs" / "A-perturbed-1-0.jzlog", 3000)
+    made = run(short, out, resume=True, salvage=True)
+    assert "1 damaged records left out" in "\n".join(made.report.salvaged)
+    analysis = jointz.analyze(out, resamples=2)
+    codes = [p.code for p in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s)]
+    half = len(codes) // 2
+    assert codes == ["damaged_log"] * half + [""] * half
