@@ -84,7 +84,8 @@ class ActuatorFit:
         and, by model, ``viscous_friction``, ``coulomb_friction``,
         ``gear_friction``, ``rotor_inertia`` (at the output). One that the record
         does not support is None, with status ``undecided``; the reason is among
-        the warnings.
+        the warnings. A record too short for intervals leaves ``undecided`` values
+        without one.
     rms_error_nm : float
         RMS of measured minus modelled torque, N*m.
     vaf_pct : float
@@ -271,7 +272,8 @@ def _sentence(parameter: ParameterEstimate) -> str:
         return f"{parameter.name:<16} {parameter.status}"
     measure = f"{parameter.name:<16} {parameter.value:.4g} {parameter.unit}"
     if parameter.ci_low is None or parameter.ci_high is None:
-        return f"{measure} ({parameter.ci_method})"
+        known = parameter.status == "ok"
+        return f"{measure} ({parameter.ci_method if known else 'no interval; undecided'})"
     interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
     return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
 

@@ -17,6 +17,7 @@ from jointz.core.fit_parameters import (
     parameters_to_dict,
 )
 from jointz.core.frequency_response_curve import INK, ResponseCurve, draw_gain, draw_phase
+from jointz.core.second_order_check import SecondOrderCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,6 +65,8 @@ class FrequencyResponseFit:
         Everything that was chosen, and the version of jointz.
     warnings : tuple of str
         What a reader of the numbers must know.
+    check : SecondOrderCheck
+        Whether the residual refutes a second-order joint.
     """
 
     model: str
@@ -84,6 +87,7 @@ class FrequencyResponseFit:
     ci_method: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return a parameter by name.
@@ -120,6 +124,7 @@ class FrequencyResponseFit:
             *(f"  {parameter_line(p)}" for p in self.parameters),
             f"  VAF of the {self.vaf_of} {self.vaf_pct:.2f} %; {self.estimator}",
             f"  intervals: {self.ci_method}",
+            f"  Check: {self.check.sentence()}",
             *(f"  Note: {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)
@@ -169,6 +174,7 @@ class FrequencyResponseFit:
         data["covariance"] = [list(row) for row in self.covariance]
         data["settings"] = dict(self.settings)
         data["warnings"] = list(self.warnings)
+        data["check"] = self.check.to_dict()
         data["response"] = self.response.to_dict()
         return data
 
@@ -191,5 +197,6 @@ class FrequencyResponseFit:
         values["covariance"] = tuple(tuple(row) for row in data["covariance"])
         values["settings"] = dict(data["settings"])
         values["warnings"] = tuple(data["warnings"])
+        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
         values["response"] = ResponseCurve.from_dict(data["response"])
         return cls(**values)

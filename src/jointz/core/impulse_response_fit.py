@@ -18,6 +18,7 @@ from jointz.core.fit_parameters import (
     parameters_to_dict,
 )
 from jointz.core.frequency_response_curve import BAND, INK, MODEL
+from jointz.core.second_order_check import SecondOrderCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,6 +100,8 @@ class ImpulseResponseFit:
         Everything that was chosen, and the version of jointz.
     warnings : tuple of str
         What a reader of the numbers must know.
+    check : SecondOrderCheck
+        Whether the residual refutes a second-order joint.
     """
 
     model: str
@@ -121,6 +124,7 @@ class ImpulseResponseFit:
     ci_method: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
 
     @property
     def unit(self) -> str:
@@ -164,6 +168,7 @@ class ImpulseResponseFit:
             f"{self.second_order_vaf_pct:.2f} %",
             *(f"  {parameter_line(p)}" for p in self.parameters),
             f"  {self.estimator}; intervals: {self.ci_method}",
+            f"  Check: {self.check.sentence()}",
             *(f"  Note: {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)
@@ -210,6 +215,7 @@ class ImpulseResponseFit:
         data["covariance"] = [list(row) for row in self.covariance]
         data["settings"] = dict(self.settings)
         data["warnings"] = list(self.warnings)
+        data["check"] = self.check.to_dict()
         data["curve"] = {n: list(getattr(self.curve, n)) for n in ImpulseCurve.__slots__}
         return data
 
@@ -232,5 +238,6 @@ class ImpulseResponseFit:
         values["covariance"] = tuple(tuple(row) for row in data["covariance"])
         values["settings"] = dict(data["settings"])
         values["warnings"] = tuple(data["warnings"])
+        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
         values["curve"] = ImpulseCurve(**{n: tuple(v) for n, v in data["curve"].items()})
         return cls(**values)

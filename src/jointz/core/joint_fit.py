@@ -16,6 +16,7 @@ from jointz.core.fit_parameters import (
     parameters_from_dict,
     parameters_to_dict,
 )
+from jointz.core.second_order_check import SecondOrderCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,6 +79,8 @@ class JointFit:
         Everything that was chosen, and the version of jointz.
     warnings : tuple of str
         What a reader of the numbers must know.
+    check : SecondOrderCheck
+        Whether the residual refutes a second-order joint.
     series : FitSeries
         Measured and modelled signal, for the figure.
     """
@@ -98,6 +101,7 @@ class JointFit:
     ci_method: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
     series: FitSeries = field(default_factory=FitSeries)
 
     def parameter(self, name: str) -> ParameterEstimate:
@@ -133,6 +137,7 @@ class JointFit:
             f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz",
             *(f"  {parameter_line(p)}" for p in self.parameters),
             f"  VAF of the {self.vaf_of} {self.vaf_pct:.1f} %; intervals: {self.ci_method}",
+            f"  Check: {self.check.sentence()}",
             *(f"  Note: {warning}" for warning in self.warnings),
         ]
         return "\n".join(lines)
@@ -170,6 +175,7 @@ class JointFit:
         data["covariance"] = [list(row) for row in self.covariance]
         data["settings"] = dict(self.settings)
         data["warnings"] = list(self.warnings)
+        data["check"] = self.check.to_dict()
         data["series"] = {n: list(getattr(self.series, n)) for n in FitSeries.__slots__}
         return data
 
@@ -192,5 +198,6 @@ class JointFit:
         values["covariance"] = tuple(tuple(row) for row in data["covariance"])
         values["settings"] = dict(data["settings"])
         values["warnings"] = tuple(data["warnings"])
+        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
         values["series"] = FitSeries(**{n: tuple(v) for n, v in data["series"].items()})
         return cls(**values)

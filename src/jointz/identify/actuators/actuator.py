@@ -81,7 +81,8 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
     -------
     ActuatorFit
         Parameters with intervals, RMS error, warnings. A parameter that the
-        record does not support is None with status ``undecided``.
+        record does not support is None with status ``undecided``; where the record
+        is only too short for an interval, ``undecided`` has a value without one.
 
     Raises
     ------
@@ -281,7 +282,11 @@ def _parameter(
             name, None, None, None, "undecided", level, "none", unbounded=raw.get(name)
         )
     value = regression.value(name)
-    if regression.doubt or (name == "torque_constant" and explains_nothing(regression)):
+    if regression.doubt:
+        # As many parameters as samples fit whatever the values are.
+        shown = value if regression.residual.size > len(regression.names) else None
+        return ParameterEstimate(name, shown, None, None, "undecided", level, "none")
+    if name == "torque_constant" and explains_nothing(regression):
         return ParameterEstimate(
             name, None, None, None, "undecided", level, regression.ci_method, unbounded=value
         )

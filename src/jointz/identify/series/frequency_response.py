@@ -140,7 +140,7 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
         rate_hz=record.rate_hz,
         cutoff_hz=found.highest_hz,
         condition_number=joint.fit.condition_number,
-        covariance=tuple(tuple(row) for row in joint.fit.covariance.tolist()),
+        covariance=joint.covariance,
         ci_method=joint.ci_method,
         settings={
             "curve": "Welch, Hann segments overlapping by half",
@@ -152,6 +152,7 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
             "jointz": provenance.software()["jointz"],
         },
         warnings=joint.warnings,
+        check=joint.check,
     )
 
 

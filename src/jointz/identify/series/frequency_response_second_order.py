@@ -7,8 +7,12 @@ from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import ParameterEstimate
+from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.frequency_response_spectra import JointSpectra
+from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.identify.series.joint_record import JointRecord, sign_warnings
+from jointz.identify.series.joint_signals import default_estimator, prepare_signals
+from jointz.identify.series.second_order_check import check_second_order, refused
 from jointz.kernels.spectra_second_order import (
     RecordSpectra,
     SpectrumFit,
@@ -55,6 +59,8 @@ class SecondOrder:
         With intervals.
     status : str
         ``ok`` or ``undecided``.
+    check : SecondOrderCheck
+        Whether the residual refutes a second-order joint.
     ci_method : str
         How intervals were made.
     warnings : tuple of str
@@ -67,9 +73,15 @@ class SecondOrder:
     weighting: str
     parameters: tuple[ParameterEstimate, ...]
     status: str
+    check: SecondOrderCheck
     ci_method: str
     warnings: tuple[str, ...]
     input_noise_sd: float
+
+    @property
+    def covariance(self) -> tuple[tuple[float, ...], ...]:
+        """(3, 3) of K, B, J; empty where they are refused."""
+        return () if self.check.fails else tuple(map(tuple, self.fit.covariance.tolist()))
 
     @property
     def estimator(self) -> str:
@@ -136,16 +148,39 @@ def estimate_second_order(
     ci_method = f"sandwich over {fit.n_bins} frequencies, Student's t" if settled else "none"
     parameters = _parameters(fit, settled=settled, ci_level=ci_level, ci_method=ci_method)
     noise = spectra.noise[1 if found.perturbed == "torque" else 0] if command is None else 0.0
+    check = _check(record, found, parameters)
+    if check.fails:
+        parameters, note = refused(parameters, check)
+        warnings, ci_method = (note, *warnings), "none"
     result = SecondOrder(
         fit=fit,
         weighting=weighting,
         parameters=parameters,
-        status="ok" if settled else "undecided",
+        status="ok" if settled and not check.fails else "undecided",
+        check=check,
         ci_method=ci_method,
         warnings=(*warnings, *_doubts(record, fit, found, spectra, misfit=misfit)),
         input_noise_sd=float(np.sqrt(noise / spectra.window_power)),
     )
     return result, spectra
+
+
+def _check(
+    record: JointRecord, found: JointSpectra, parameters: tuple[ParameterEstimate, ...]
+) -> SecondOrderCheck:
+    """Test the residual of the same joint fitted in time, inside the same band."""
+    has_command = "command" in record.channels
+    estimate = ESTIMATORS[default_estimator(found.perturbed, has_command=has_command)]
+    try:
+        signals = prepare_signals(record, found.highest_hz)
+        solution = estimate(signals)
+    except (DataError, EstimationError):
+        return SecondOrderCheck()
+    if solution.doubt:
+        return SecondOrderCheck()
+    return check_second_order(
+        estimate, solution, signals, cutoff_hz=found.highest_hz, parameters=parameters
+    )
 
 
 def _misfit(fit: SpectrumFit, found: JointSpectra, spectra: RecordSpectra) -> float:

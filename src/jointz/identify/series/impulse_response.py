@@ -171,7 +171,7 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
         rate_hz=record.rate_hz,
         cutoff_hz=found.highest_hz,
         condition_number=joint.fit.condition_number,
-        covariance=tuple(tuple(row) for row in joint.fit.covariance.tolist()),
+        covariance=joint.covariance,
         ci_method=joint.ci_method,
         settings={
             "length_s": longest_s,
@@ -183,6 +183,7 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
             "jointz": provenance.software()["jointz"],
         },
         warnings=joint.warnings,
+        check=joint.check,
     )
 
 

@@ -10,23 +10,26 @@ import xarray as xr
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.codes import Failure
-from jointz.core.errors import DataError, EstimationError
+from jointz.core.errors import DataError
 from jointz.core.estimates import ParameterEstimate
 from jointz.core.frequency_response_fit import FrequencyResponseFit
 from jointz.core.impulse_response_fit import ImpulseResponseFit
 from jointz.core.joint_fit import FitSeries, JointFit
 from jointz.core.reflex_fit import ReflexFit
+from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.frequency_response import identify_frequency_response
 from jointz.identify.series.impulse_response import identify_impulse_response
 from jointz.identify.series.joint_estimators import ESTIMATORS, JointSignals, Solution
-from jointz.identify.series.joint_record import (
-    JointRecord,
-    check_choice,
-    gather_record,
-    sign_warnings,
+from jointz.identify.series.joint_record import check_choice, gather_record, sign_warnings
+from jointz.identify.series.joint_signals import (
+    EDGE_PERIODS,
+    FILTER_ORDER,
+    EstimatorName,
+    default_estimator,
+    prepare_signals,
 )
 from jointz.identify.series.reflex import identify_reflex
+from jointz.identify.series.second_order_check import check_second_order, refused
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     FEWEST_BLOCKS,
@@ -34,15 +37,10 @@ from jointz.kernels.block_sandwich import (
     correlation_time,
     count_blocks,
 )
-from jointz.kernels.derivatives import derivative
-from jointz.kernels.filtering import lowpass_zero_phase
 
 Model = Literal["kbj", "irf", "frf", "reflex"]
 Input = Literal["torque", "angle"]
 TorqueSide = Literal["joint", "device"]
-EstimatorName = Literal[
-    "least_squares", "bounded_least_squares", "admittance", "instrumental_variable"
-]
 
 _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Estimators that keep K, B, J >= 0: their intervals do too.
@@ -52,12 +50,7 @@ _OTHER_MODELS: dict[str, Callable[..., ImpulseResponseFit | FrequencyResponseFit
     "frf": identify_frequency_response,
     "reflex": identify_reflex,
 }
-_FILTER_ORDER = 4
 _CUTOFF_HZ = 30.0
-#: Periods of the cutoff dropped at each end, and least kept between. The filter's slowest
-#: transient falls to 9 % in one period, to 0.07 % in three.
-_EDGE_PERIODS = 3.0
-_SHORTEST_PERIODS = 10.0
 _LARGE_ANGLE_RAD = 0.2
 _SERIES_S = 5.0
 _SERIES_POINTS = 1000
@@ -124,7 +117,8 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     -------
     JointFit, ImpulseResponseFit, FrequencyResponseFit or ReflexFit
         Parameters with intervals, VAF (2.7), warnings. A value that the record
-        cannot decide has status ``undecided`` and is None.
+        cannot decide has status ``undecided`` and is None; so has every value where
+        the residual refutes a second-order joint (``check``).
 
     Raises
     ------
@@ -177,12 +171,12 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         )
     cutoff_hz = _CUTOFF_HZ if cutoff_hz is None else cutoff_hz
     record = gather_record(recording, given, rate_hz=rate_hz, where="identify_joint")
-    chosen = estimator or _default_estimator(input, has_command="command" in record.channels)
-    signals = _prepare(record, cutoff_hz, torque_acts_on)
+    chosen = estimator or default_estimator(input, has_command="command" in record.channels)
+    signals = prepare_signals(record, cutoff_hz, torque_acts_on)
     solution = ESTIMATORS[chosen](signals)
     settings = {
-        "filter": f"Butterworth, order {_FILTER_ORDER}, forward and backward",
-        "edge_dropped_s": _EDGE_PERIODS / cutoff_hz,
+        "filter": f"Butterworth, order {FILTER_ORDER}, forward and backward",
+        "edge_dropped_s": EDGE_PERIODS / cutoff_hz,
         "torque_acts_on": torque_acts_on,
         "ci_level": ci_level,
         "sha256": record.sha256,
@@ -197,59 +191,6 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         cutoff_hz=cutoff_hz,
         settings=settings,
     )
-
-
-def _default_estimator(input: Input, *, has_command: bool) -> EstimatorName:
-    """Choose by what was perturbed, and by whether a device may have reacted to the joint.
-
-    A device with an impedance of its own closes a loop in which only the
-    command is free of the joint's noise.
-    """
-    if input == "angle":
-        return "least_squares"
-    return "instrumental_variable" if has_command else "admittance"
-
-
-def _prepare(record: JointRecord, cutoff_hz: float, torque_acts_on: TorqueSide) -> JointSignals:
-    """Remove offsets, filter, differentiate, and only then drop the edges."""
-    _check_length(record, cutoff_hz)
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
-        values = record.channels[name]
-        if np.ptp(values) <= 1e-12 * np.abs(values).max():
-            raise EstimationError(
-                code.value,
-                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
-            )
-    rate = record.rate_hz
-    smooth = {
-        name: lowpass_zero_phase(values - values.mean(), cutoff_hz=cutoff_hz, rate_hz=rate)
-        for name, values in record.channels.items()
-    }
-    smooth["velocity"] = derivative(smooth["angle"], rate_hz=rate)
-    smooth["acceleration"] = derivative(smooth["velocity"], rate_hz=rate)
-    edge = int(np.ceil(_EDGE_PERIODS / cutoff_hz * rate))
-    kept = {name: values[edge:-edge] for name, values in smooth.items()}
-    kept["angle"] = kept["angle"] - kept["angle"].mean()
-    kept["torque"] = kept["torque"] - kept["torque"].mean()
-    if torque_acts_on == "device":
-        kept["torque"] = -kept["torque"]
-    return JointSignals(rate_hz=rate, time=record.time[edge:-edge], **kept)
-
-
-def _check_length(record: JointRecord, cutoff_hz: float) -> None:
-    half = record.rate_hz / 2.0
-    if not 0.0 < cutoff_hz < half:
-        raise DataError(
-            f"identify_joint: expected 0 < cutoff_hz < {half:.6g} (half the sampling rate), got "
-            f"{cutoff_hz:g}. Lower cutoff_hz."
-        )
-    seconds = record.time.size / record.rate_hz
-    needed = (_SHORTEST_PERIODS + 2 * _EDGE_PERIODS) / cutoff_hz
-    if seconds < needed:
-        raise DataError(
-            f"identify_joint: the record lasts {seconds:.4g} s, at least {needed:.4g} s are needed "
-            f"with cutoff_hz {cutoff_hz:g}. Give a longer record."
-        )
 
 
 def _report(
@@ -277,6 +218,15 @@ def _report(
         ci_method=ci_method,
         bounded=estimator in _BOUNDED,
     )
+    check = SecondOrderCheck()
+    if not doubt:
+        check = check_second_order(
+            ESTIMATORS[estimator], solution, signals, cutoff_hz=cutoff_hz, parameters=parameters
+        )
+    notes = _warnings(solution, signals, estimator, perturbed, doubt)
+    if check.fails:
+        parameters, note = refused(parameters, check)
+        covariance, ci_method, notes = np.empty((0, 3)), "none", (note, *notes)
     statuses = [p.status for p in parameters]
     return JointFit(
         model=model,
@@ -294,7 +244,8 @@ def _report(
         residual_correlation_time_s=correlation_time(solution.residual, rate_hz=rate),
         ci_method=ci_method,
         settings=settings,
-        warnings=_warnings(solution, signals, estimator, perturbed, doubt),
+        warnings=notes,
+        check=check,
         series=_series(solution, signals),
     )
 

@@ -321,7 +321,7 @@ def _instruments(signals: JointSignals, source: np.ndarray, X: np.ndarray) -> np
         total = _solved_through(Z, X, source)[:3]
         # A source counted the other way makes the same instruments, turned.
         positive = np.copysign(1.0, total[2]) * total
-        motion = _motion(_stable(positive, signals), source, signals.rate_hz)
+        motion = simulate_motion(_stable(positive, signals), source, signals.rate_hz)
         Z = np.column_stack([*motion, np.ones_like(source)])
         Z /= np.linalg.norm(Z, axis=0)
     return Z
@@ -395,11 +395,11 @@ def _sensitivities(
     """
     error, Q = _simulate(values, drive, signals)
     modelled = signals.angle - error
-    S = -np.column_stack(_motion(values, modelled - modelled.mean(), signals.rate_hz))
+    S = -np.column_stack(simulate_motion(values, modelled - modelled.mean(), signals.rate_hz))
     return S - Q @ (Q.T @ S), error
 
 
-def _motion(
+def simulate_motion(
     values: np.ndarray, torque: np.ndarray, rate_hz: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angle, velocity and acceleration that a torque causes in a joint at rest."""

@@ -373,12 +373,16 @@ def test_a_misfit_as_slow_as_the_levels_keeps_its_values_with_a_caution():
     assert fit.status == "ok"
 
 
-def test_a_record_too_short_for_an_interval_gives_no_value():
+def test_a_record_too_short_for_an_interval_gives_values_without_one_and_the_reason():
     channels = {name: x[:1500] for name, x in bench().items()}
     slow = channels["torque"] + np.linspace(-3, 3, 1500)
     fit = identify_actuator(**(channels | {"torque": slow}), gear_ratio=GEAR, model="current")
-    assert {p.status for p in fit.parameters} == {"undecided"}
+    constant = fit.parameter("torque_constant")
+    slope = np.polyfit(channels["current"], slow, 1)[0]
+    assert constant.value == pytest.approx(slope / GEAR)
+    assert (constant.ci_low, constant.ci_high, constant.status) == (None, None, "undecided")
     assert any("too short for an interval" in w for w in fit.warnings)
+    assert f"{constant.value:.4g} N*m/A (no interval; undecided)" in fit.summary()
 
 
 # --- what is suspicious --------------------------------------------------------------------------
@@ -494,6 +498,8 @@ def test_a_handful_of_samples_has_no_interval_and_no_crash(n, rate_hz):
 
     assert fit.status == "undecided"
     assert any(f"it has {n} samples" in w for w in fit.warnings)
+    if n < 4:  # as many parameters as samples: their values mean nothing
+        assert {p.value for p in fit.parameters} == {None}
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -174,6 +174,8 @@ def test_a_record_too_short_for_an_interval_is_undecided() -> None:
     assert short.status == "undecided"
     assert short.parameter("stiffness").value is None
     assert short.covariance == ()
+    assert short.check.finding == "not_tested"
+    assert "the residual was not tested" in short.summary()
     assert "too short for an interval" in short.warnings[0]
     assert "undecided" in short.summary()
     assert JointFit.from_dict(short.to_dict()) == short

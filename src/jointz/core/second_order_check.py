@@ -1,0 +1,81 @@
+"""Result of testing a joint's residual for what a second-order joint does not have."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOrderCheck:
+    """Whether the residual of K, B, J holds a stretch reflex or further dynamics.
+
+    Parameters
+    ----------
+    finding : str
+        ``none``; ``reflex``: torque that follows rectified velocity after a latency;
+        ``higher_order``: linear dynamics of more than second order, a lag too;
+        ``not_tested``: the record is too short, or there is no fit.
+    reflex_p_value, higher_order_p_value : float or None
+        Of the two tests, each at the level 0.005.
+    lag_s : float or None
+        How much later than the angle the torque is, s, if a lag alone explains the finding
+        ``higher_order``.
+    """
+
+    finding: str = "not_tested"
+    reflex_p_value: float | None = None
+    higher_order_p_value: float | None = None
+    lag_s: float | None = None
+
+    @property
+    def fails(self) -> bool:
+        """Whether a second-order joint is refuted."""
+        return self.finding in ("reflex", "higher_order")
+
+    def sentence(self) -> str:
+        """Return what was found, for a summary."""
+        reflex, order = (
+            "" if p is None else f" (p {p:.2g})"
+            for p in (self.reflex_p_value, self.higher_order_p_value)
+        )
+        if self.finding == "reflex":
+            return f"the residual contains a stretch reflex{reflex}"
+        if self.finding == "higher_order":
+            return f"the residual shows dynamics of more than second order{order}"
+        if self.finding == "none":
+            return f"the residual shows no stretch reflex{reflex} and no higher order{order}"
+        return "the residual was not tested for a stretch reflex or a higher order"
+
+    def advice(self) -> str:
+        """Return what a refuted second-order joint means and what to do."""
+        if self.finding == "reflex":
+            return (
+                "K, B and J of a second-order joint include reflex torque and are not intrinsic. "
+                "Use --model reflex, which separates the two"
+            )
+        lag = "a lag between the sensors"
+        if self.lag_s is not None:
+            lag = f"a torque {self._lag()}, which would explain it; correct that first"
+        return (
+            f"K, B and J of a second-order joint depend on the perturbation. Look for {lag}; for a "
+            "soft attachment (--model frf), or a reflex (--model reflex decides)"
+        )
+
+    def _lag(self) -> str:
+        late = "late" if (self.lag_s or 0.0) > 0.0 else "early"
+        return f"{1e3 * abs(self.lag_s or 0.0):.2g} ms too {late}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "SecondOrderCheck":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+        """
+        return cls(**data)

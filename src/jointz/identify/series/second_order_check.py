@@ -1,0 +1,300 @@
+"""Tests of a second-order joint's residual for a stretch reflex and for further dynamics."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.interpolate import CubicSpline
+from scipy.signal import bilinear, lfilter
+
+from jointz.core.estimates import ParameterEstimate
+from jointz.core.second_order_check import SecondOrderCheck
+from jointz.identify.series.joint_estimators import JointSignals, Solution, simulate_motion
+from jointz.kernels.block_sandwich import autocorrelation, correlation_time, count_blocks
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.parallel_cascade import chance_of_largest_score
+
+#: Of each of the two tests: both together refuse one sound record in a hundred.
+_LEVEL = 0.005
+#: Samples of the thinned record in one period of the cutoff.
+_SAMPLES_PER_PERIOD = 5.0
+#: Reflex paths: latency, corner of the critically damped muscle, and threshold as a share of
+#: the largest velocity.
+_LATENCIES_S = (0.025, 0.04, 0.055, 0.07)
+_MUSCLES_HZ = (1.5, 4.0, 10.0)
+_THRESHOLDS = (0.0, 0.3)
+#: Linear paths: a spring behind a damper relaxes in the one, velocity is late by the other.
+_RELAXATIONS_S = (0.008, 0.02, 0.05, 0.15, 0.4)
+_DELAYS_S = (0.015, 0.03, 0.05, 0.07)
+#: Order of the autoregression that whitens the residual, and white power added to it: what lies
+#: above the low-pass is not amplified.
+_WHITENING_LAGS = 12
+_FLOOR = 0.01
+#: Lags of the angle, in half periods of the cutoff, that together stand for any linear dynamics.
+_LAGS = range(-3, 13)
+#: Share of the largest eigenvalue below which a direction of these lags is dropped.
+_RANK = 1e-11
+#: A path that changes K, B and J by less than this share is left to the intervals.
+_SMALLEST_SHIFT = 0.02
+#: A lag of the torque is looked for up to this, in so many steps.
+_LONGEST_LAG_S = 0.03
+_LAG_STEPS = 2
+
+
+def check_second_order(
+    estimate: Callable[[JointSignals], Solution],
+    solution: Solution,
+    signals: JointSignals,
+    *,
+    cutoff_hz: float,
+    parameters: Sequence[ParameterEstimate],
+) -> SecondOrderCheck:
+    """Test whether more than K, B and J answers the motion.
+
+    Score tests: the residual, whitened by its autocovariance, is correlated with the torque of
+    candidate paths, less what K, B and J explain of them, in blocks of time. The largest of the scores, each over the root of
+    its blocks' sum of squares, is compared with itself under random signs of the blocks (Hansen
+    1996), so that neither the colour of the noise nor the number of candidates matters. Paths of
+    the reflex are also freed of all linear dynamics of the angle: a lag is no reflex. The check
+    fails where a p-value is small and a path moves K, B or J out of their intervals.
+
+    Parameters
+    ----------
+    estimate : callable
+        The estimator.
+    solution : Solution
+        What it made of the signals.
+    signals : JointSignals
+        The record.
+    cutoff_hz : float
+        Low-pass on the signals.
+    parameters : sequence of ParameterEstimate
+        K, B, J with their intervals.
+    """
+    reach = np.array([_reach(parameter) for parameter in parameters])
+    equations = _Equations.of(solution, signals, cutoff_hz)
+    check = _check(equations, cutoff_hz, reach)
+    if check.finding != "higher_order" or not equations.is_regression:
+        return check
+    lag_s = 0.0
+    for _ in range(_LAG_STEPS):
+        lag_s += equations.lag()
+        if not abs(lag_s) < _LONGEST_LAG_S:
+            return check
+        earlier = _earlier_torque(signals, lag_s)
+        equations = _Equations.of(estimate(earlier), earlier, cutoff_hz)
+    explained = _check(equations, cutoff_hz, reach).finding == "none"
+    return replace(check, lag_s=lag_s) if explained else check
+
+
+def _check(equations: "_Equations", cutoff_hz: float, reach: np.ndarray) -> SecondOrderCheck:
+    linear = _linear_paths(equations)
+    any_linear = np.hstack([_delayed_angles(equations, cutoff_hz), linear])
+    reflex_p, reflex_shift = equations.test(_reflex_paths(equations), any_linear)
+    linear_p, linear_shift = equations.test(np.hstack([linear, -linear]))
+    if reflex_p is None or linear_p is None:
+        return SecondOrderCheck("not_tested", reflex_p, linear_p)
+    shift = np.maximum(
+        np.abs(reflex_shift) * (reflex_p < _LEVEL), np.abs(linear_shift) * (linear_p < _LEVEL)
+    )
+    finding = "none"
+    if np.any(shift > reach):
+        finding = "reflex" if reflex_p < _LEVEL else "higher_order"
+    return SecondOrderCheck(finding, reflex_p, linear_p)
+
+
+def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
+    """Return the signals with the torque so much earlier, without what has no torque then."""
+    edge = int(np.ceil(abs(lag_s) * signals.rate_hz)) + 1
+    torque = CubicSpline(signals.time, signals.torque)(signals.time + lag_s)
+    shifted = replace(signals, torque=torque, command=None)
+    names = ("time", "angle", "velocity", "acceleration", "torque")
+    return replace(shifted, **{name: getattr(shifted, name)[edge:-edge] for name in names})
+
+
+def refused(
+    parameters: Sequence[ParameterEstimate], check: SecondOrderCheck
+) -> tuple[tuple[ParameterEstimate, ...], str]:
+    """Return K, B, J without values, which stay as ``unbounded``, and the note that says why.
+
+    Parameters
+    ----------
+    parameters : sequence of ParameterEstimate
+        Of the second-order joint.
+    check : SecondOrderCheck
+        That refutes it.
+    """
+    empty = {"value": None, "ci_low": None, "ci_high": None, "status": "undecided"}
+    kept = tuple(replace(p, **empty, ci_method="none", unbounded=p.value) for p in parameters)
+    values = ", ".join(
+        f"{p.name} {p.value:.3g} {p.unit}" for p in parameters if p.value is not None
+    )
+    fit = f". The second-order fit reads {values}" if values else ""
+    return kept, f"undecided: {check.advice()}{fit}"
+
+
+def _reach(parameter: ParameterEstimate) -> float:
+    """Return how far an interval reaches from its value, or the smallest shift that counts."""
+    value, high = parameter.value, parameter.ci_high
+    if value is None or high is None:
+        return 0.0
+    return max(high - value, _SMALLEST_SHIFT * abs(value))
+
+
+@dataclass(frozen=True, slots=True)
+class _Equations:
+    """Estimating equations of a fit, thinned, and the motion that is free of its noise."""
+
+    rate_hz: float
+    values: np.ndarray
+    residual: np.ndarray
+    instruments: np.ndarray
+    regressors: np.ndarray
+    motion: np.ndarray
+    fits_torque: bool
+
+    @classmethod
+    def of(cls, solution: Solution, signals: JointSignals, cutoff_hz: float) -> "_Equations":
+        step = max(1, int(signals.rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz)))
+        rate_hz = signals.rate_hz / step
+        instruments = solution.instruments[::step]
+        fits_torque = solution.fitted_signal == "torque"
+        if fits_torque:
+            regressors, motion = signals.regressors()[::step], instruments[:, :3]
+        else:
+            angle = (solution.measured - solution.residual)[::step]
+            velocity = derivative(angle, rate_hz=rate_hz)
+            acceleration = derivative(velocity, rate_hz=rate_hz)
+            regressors, motion = instruments, np.column_stack([angle, velocity, acceleration])
+        return cls(
+            rate_hz=rate_hz,
+            values=solution.kbj,
+            residual=solution.residual[::step],
+            instruments=instruments,
+            regressors=regressors,
+            motion=motion,
+            fits_torque=fits_torque,
+        )
+
+    def test(
+        self, paths: np.ndarray, nuisance: np.ndarray | None = None
+    ) -> tuple[float | None, np.ndarray]:
+        """Return the p-value of the best path, None if untestable, and how it moves K, B, J."""
+        own, whiten = self._seen(paths), self._whitening()
+        Z, X = whiten(self.instruments), whiten(self.regressors)
+        if nuisance is not None:
+            more = _basis(_free(whiten(self._seen(nuisance)), Z, Z))
+            Z, X = np.hstack([Z, more]), np.hstack([X, more])
+        free = _free(whiten(own), Z, X)
+        residual = _free(whiten(self.residual[:, None]), X, Z)[:, 0]
+        seconds = residual.size / self.rate_hz
+        times = np.array([correlation_time(f * residual, rate_hz=self.rate_hz) for f in free.T])
+        testable = [bool(count_blocks(seconds, correlation_time_s=t)) for t in times]
+        if not any(testable):
+            return None, np.zeros(3)
+        free, own = free[:, testable], own[:, testable]
+        n_blocks = count_blocks(seconds, correlation_time_s=times[testable].max())
+        best = own[:, _largest_score(free * residual[:, None], n_blocks)]
+        return chance_of_largest_score(free, residual, n_blocks), self._added(best[:, None])[0]
+
+    def _whitening(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Return a filter along time that makes the residual nearly white inside the band."""
+        covariance = autocorrelation(self.residual)[: _WHITENING_LAGS + 1].copy()
+        covariance[0] += _FLOOR
+        taps = np.append(1.0, -solve_toeplitz(covariance[:-1], covariance[1:]))
+        return lambda columns: lfilter(taps, 1.0, columns, axis=0)[_WHITENING_LAGS:]
+
+    @property
+    def is_regression(self) -> bool:
+        """Whether the regressors are their own instruments."""
+        return np.allclose(self.instruments[:, :3], self.regressors[:, :3])
+
+    def lag(self) -> float:
+        """Return how late the torque is: a lag T adds -T*J of jerk."""
+        shift, gains = self._added(self._torque_in_fit(_linear_paths(self)[:, :1]))
+        return float(-gains[0] / (self.values[2] + shift[2]))
+
+    def _added(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much further columns move K, B and J, and their coefficients."""
+        X, Z = (np.hstack([M, columns]) for M in (self.regressors, self.instruments))
+        rows, size = np.linalg.norm(Z, axis=0), np.linalg.norm(X, axis=0)
+        solved = np.linalg.solve((Z / rows).T @ (X / size), (Z / rows).T @ self.residual) / size
+        return solved[:3], solved[-columns.shape[1] :]
+
+    def _torque_in_fit(self, paths: np.ndarray) -> np.ndarray:
+        """Return torques beside the joint's as the fitted signal shows them, means removed."""
+        if not self.fits_torque:
+            acts = [-simulate_motion(self.values, path, self.rate_hz)[0] for path in paths.T]
+            paths = np.column_stack(acts)
+        centred: np.ndarray = paths - paths.mean(axis=0)
+        return centred
+
+    def _seen(self, paths: np.ndarray) -> np.ndarray:
+        columns = self._torque_in_fit(paths)
+        scaled: np.ndarray = columns / np.linalg.norm(columns, axis=0)
+        return scaled
+
+
+def _free(columns: np.ndarray, Z: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return columns less their part along Z, orthogonal to X."""
+    Z, X = Z / np.linalg.norm(Z, axis=0), X / np.linalg.norm(X, axis=0)
+    free: np.ndarray = columns - Z @ np.linalg.solve(X.T @ Z, X.T @ columns)
+    return free
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis of nearly dependent columns."""
+    size, turn = np.linalg.eigh(columns.T @ columns)
+    kept = size > _RANK * size[-1]
+    basis: np.ndarray = columns @ turn[:, kept] / np.sqrt(size[kept])
+    return basis
+
+
+def _largest_score(products: np.ndarray, n_blocks: int) -> int:
+    starts = np.arange(n_blocks) * products.shape[0] // n_blocks
+    sums = np.add.reduceat(products, starts, axis=0)
+    return int(np.argmax(sums.sum(axis=0) / np.linalg.norm(sums, axis=0)))
+
+
+def _linear_paths(equations: _Equations) -> np.ndarray:
+    """Return jerk, then relaxed and late velocities, (n, m)."""
+    _, velocity, acceleration = equations.motion.T
+    rate = equations.rate_hz
+    jerk = derivative(acceleration, rate_hz=rate)
+    relaxed = [_lowpass(velocity, 0.5 / np.pi / tau, rate, order=1) for tau in _RELAXATIONS_S]
+    late = [_late(velocity, round(delay * rate)) for delay in _DELAYS_S]
+    return np.column_stack([jerk, *relaxed, *late])
+
+
+def _delayed_angles(equations: _Equations, cutoff_hz: float) -> np.ndarray:
+    step = 0.5 / cutoff_hz * equations.rate_hz
+    return np.column_stack([_late(equations.motion[:, 0], round(lag * step)) for lag in _LAGS])
+
+
+def _reflex_paths(equations: _Equations) -> np.ndarray:
+    """Return torque that resists stretches of either direction, (n, m)."""
+    velocity, rate = equations.motion[:, 1], equations.rate_hz
+    largest = float(np.quantile(np.abs(velocity), 0.999))
+    paths = []
+    for sign in (1.0, -1.0):
+        for share in _THRESHOLDS:
+            stretch = np.maximum(sign * velocity - share * largest, 0.0)
+            for corner_hz in _MUSCLES_HZ:
+                twitch = sign * _lowpass(stretch - stretch.mean(), corner_hz, rate, order=2)
+                paths += [_late(twitch, round(latency * rate)) for latency in _LATENCIES_S]
+    return np.column_stack(paths)
+
+
+def _lowpass(x: np.ndarray, corner_hz: float, rate_hz: float, *, order: int) -> np.ndarray:
+    poles = np.full(order, -2.0 * np.pi * corner_hz)
+    b, a = bilinear([poles[0] ** order * (-1) ** order], np.poly(poles), rate_hz)
+    filtered: np.ndarray = lfilter(b, a, x)
+    return filtered
+
+
+def _late(x: np.ndarray, samples: int) -> np.ndarray:
+    """Return a signal so many samples later, earlier where negative, zeros around it."""
+    if samples < 0:
+        return np.concatenate([x[-samples:], np.zeros(-samples)])
+    return np.concatenate([np.zeros(samples), x[: x.size - samples]])
