@@ -62,6 +62,7 @@ def test_the_summary_gives_intervals_quality_and_warnings():
         "  damping    0 N*m*s/rad (95% interval 0 to 0.5; at_bound)",
         "  inertia    undecided",
         "  VAF of the angle 98.0 %; intervals: sandwich",
+        "  Check: the residual was not tested for a stretch reflex or a higher order",
         "  Note: the record is short",
     ]
 

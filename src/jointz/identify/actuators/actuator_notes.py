@@ -51,7 +51,9 @@ def notes(
     gear_ratio : float
         Motor turns a turn of the output.
     """
-    found = [f"undecided, the values have no interval: {regression.doubt}"] if regression.doubt else []
+    found = (
+        [f"undecided, the values have no interval: {regression.doubt}"] if regression.doubt else []
+    )
     found += [regression.caution] if regression.caution else []
     found += [f"{name} is undecided: {why}" for name, why in terms.left_out.items()]
     found += _on_constant(regression)

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_toeplitz
 from scipy.signal import bilinear, lfilter
 
 from jointz.core.estimates import ParameterEstimate
@@ -13,10 +13,10 @@ from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.joint_estimators import JointSignals, Solution, simulate_motion
 from jointz.kernels.block_sandwich import autocorrelation, correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.parallel_cascade import chance_of_largest_score
 
 #: Of each of the two tests: both together refuse one sound record in a hundred.
 _LEVEL = 0.005
+_FLIPS = 999
 #: Samples of the thinned record in one period of the cutoff.
 _SAMPLES_PER_PERIOD = 5.0
 #: Reflex paths: latency, corner of the critically damped muscle, and threshold as a share of
@@ -37,6 +37,7 @@ _LAGS = range(-3, 13)
 _RANK = 1e-11
 #: A path that changes K, B and J by less than this share is left to the intervals.
 _SMALLEST_SHIFT = 0.02
+_ROUNDING = 1e-6
 #: A lag of the torque is looked for up to this, in so many steps.
 _LONGEST_LAG_S = 0.03
 _LAG_STEPS = 2
@@ -53,11 +54,12 @@ def check_second_order(
     """Test whether more than K, B and J answers the motion.
 
     Score tests: the residual, whitened by its autocovariance, is correlated with the torque of
-    candidate paths, less what K, B and J explain of them, in blocks of time. The largest of the scores, each over the root of
-    its blocks' sum of squares, is compared with itself under random signs of the blocks (Hansen
-    1996), so that neither the colour of the noise nor the number of candidates matters. Paths of
-    the reflex are also freed of all linear dynamics of the angle: a lag is no reflex. The check
-    fails where a p-value is small and a path moves K, B or J out of their intervals.
+    candidate paths, less what K, B and J explain of them, in blocks of time. The largest of the
+    scores, each over the root of its blocks' sum of squares, is compared with itself under
+    random signs of the blocks (Hansen 1996), so that neither the colour of the noise nor the
+    number of candidates matters. Paths of the reflex are also freed of all linear dynamics of
+    the angle: a lag is no reflex. The check fails where a p-value is small and a path moves K, B
+    or J out of their intervals.
 
     Parameters
     ----------
@@ -95,11 +97,8 @@ def _check(equations: "_Equations", cutoff_hz: float, reach: np.ndarray) -> Seco
     linear_p, linear_shift = equations.test(np.hstack([linear, -linear]))
     if reflex_p is None or linear_p is None:
         return SecondOrderCheck("not_tested", reflex_p, linear_p)
-    shift = np.maximum(
-        np.abs(reflex_shift) * (reflex_p < _LEVEL), np.abs(linear_shift) * (linear_p < _LEVEL)
-    )
     finding = "none"
-    if np.any(shift > reach):
+    if np.any(np.maximum(reflex_shift, linear_shift) > reach):
         finding = "reflex" if reflex_p < _LEVEL else "higher_order"
     return SecondOrderCheck(finding, reflex_p, linear_p)
 
@@ -180,13 +179,20 @@ class _Equations:
     def test(
         self, paths: np.ndarray, nuisance: np.ndarray | None = None
     ) -> tuple[float | None, np.ndarray]:
-        """Return the p-value of the best path, None if untestable, and how it moves K, B, J."""
+        """Return the p-value of the best path, None if untestable, and how far paths move K, B, J.
+
+        Only significant paths count: (3,), zero if there is none.
+        """
         own, whiten = self._seen(paths), self._whitening()
         Z, X = whiten(self.instruments), whiten(self.regressors)
         if nuisance is not None:
             more = _basis(_free(whiten(self._seen(nuisance)), Z, Z))
             Z, X = np.hstack([Z, more]), np.hstack([X, more])
-        free = _free(whiten(own), Z, X)
+        white = whiten(own)
+        free = _free(white, Z, X)
+        # What Z explains but for rounding, such as a stretch that never comes, is no candidate.
+        apart = np.linalg.norm(free, axis=0) > _ROUNDING * np.linalg.norm(white, axis=0)
+        free, own = free[:, apart], own[:, apart]
         residual = _free(whiten(self.residual[:, None]), X, Z)[:, 0]
         seconds = residual.size / self.rate_hz
         times = np.array([correlation_time(f * residual, rate_hz=self.rate_hz) for f in free.T])
@@ -195,8 +201,10 @@ class _Equations:
             return None, np.zeros(3)
         free, own = free[:, testable], own[:, testable]
         n_blocks = count_blocks(seconds, correlation_time_s=times[testable].max())
-        best = own[:, _largest_score(free * residual[:, None], n_blocks)]
-        return chance_of_largest_score(free, residual, n_blocks), self._added(best[:, None])[0]
+        p_value, found = _largest_score(free * residual[:, None], n_blocks)
+        if not found.any():
+            return p_value, np.zeros(3)
+        return p_value, np.abs(self._added(own[:, found])[0]).max(axis=1)
 
     def _whitening(self) -> Callable[[np.ndarray], np.ndarray]:
         """Return a filter along time that makes the residual nearly white inside the band."""
@@ -212,15 +220,18 @@ class _Equations:
 
     def lag(self) -> float:
         """Return how late the torque is: a lag T adds -T*J of jerk."""
-        shift, gains = self._added(self._torque_in_fit(_linear_paths(self)[:, :1]))
-        return float(-gains[0] / (self.values[2] + shift[2]))
+        shift, gain = self._added(self._torque_in_fit(_linear_paths(self)[:, :1]))
+        return float(-gain[0] / (self.values[2] + shift[2, 0]))
 
     def _added(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return by how much further columns move K, B and J, and their coefficients."""
-        X, Z = (np.hstack([M, columns]) for M in (self.regressors, self.instruments))
+        """Return by how much each of further columns moves K, B, J, (3, m), and its gain (m,)."""
+        Z, X = self.instruments, self.regressors
         rows, size = np.linalg.norm(Z, axis=0), np.linalg.norm(X, axis=0)
-        solved = np.linalg.solve((Z / rows).T @ (X / size), (Z / rows).T @ self.residual) / size
-        return solved[:3], solved[-columns.shape[1] :]
+        inner = np.linalg.inv((Z / rows).T @ (X / size))
+        free = columns - Z / rows @ (inner.T @ ((X / size).T @ columns))
+        gain = free.T @ self.residual / np.sum(free * columns, axis=0)
+        shift = -gain * (inner @ ((Z / rows).T @ columns)) / size[:, None]
+        return shift[:3], gain
 
     def _torque_in_fit(self, paths: np.ndarray) -> np.ndarray:
         """Return torques beside the joint's as the fitted signal shows them, means removed."""
@@ -232,7 +243,8 @@ class _Equations:
 
     def _seen(self, paths: np.ndarray) -> np.ndarray:
         columns = self._torque_in_fit(paths)
-        scaled: np.ndarray = columns / np.linalg.norm(columns, axis=0)
+        size = np.linalg.norm(columns, axis=0)
+        scaled: np.ndarray = columns[:, size > 0.0] / size[size > 0.0]
         return scaled
 
 
@@ -251,10 +263,16 @@ def _basis(columns: np.ndarray) -> np.ndarray:
     return basis
 
 
-def _largest_score(products: np.ndarray, n_blocks: int) -> int:
+def _largest_score(products: np.ndarray, n_blocks: int) -> tuple[float, np.ndarray]:
+    """Return the p-value of the largest score, and which scores are significant, (m,) bool."""
     starts = np.arange(n_blocks) * products.shape[0] // n_blocks
     sums = np.add.reduceat(products, starts, axis=0)
-    return int(np.argmax(sums.sum(axis=0) / np.linalg.norm(sums, axis=0)))
+    scaled = sums / np.maximum(np.linalg.norm(sums, axis=0), np.finfo(float).tiny)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(_FLIPS, n_blocks))
+    by_chance, scores = np.sort((signs @ scaled).max(axis=1)), scaled.sum(axis=0)
+    above = _FLIPS - np.searchsorted(by_chance, scores)
+    p_values = (1 + above) / (1 + _FLIPS)
+    return float(p_values.min()), p_values < _LEVEL
 
 
 def _linear_paths(equations: _Equations) -> np.ndarray:

@@ -71,9 +71,7 @@ def simulate(
     return {"angle": angle, "torque": torque, "rate_hz": rate_hz}
 
 
-def close_loop(
-    torque: np.ndarray, rate_hz: float, *, gain: float, latency_s: float
-) -> np.ndarray:
+def close_loop(torque: np.ndarray, rate_hz: float, *, gain: float, latency_s: float) -> np.ndarray:
     """Angle of the joint under a torque and its own reflex."""
 
     def discrete(numerator: list[float], denominator: list[float]) -> tuple:
