@@ -124,8 +124,12 @@ def refused(
     check : SecondOrderCheck
         That refutes it.
     """
-    empty = {"value": None, "ci_low": None, "ci_high": None, "status": "undecided"}
-    kept = tuple(replace(p, **empty, ci_method="none", unbounded=p.value) for p in parameters)
+    kept = tuple(
+        ParameterEstimate(
+            p.name, None, None, None, "undecided", p.ci_level, "none", unbounded=p.value
+        )
+        for p in parameters
+    )
     values = ", ".join(
         f"{p.name} {p.value:.3g} {p.unit}" for p in parameters if p.value is not None
     )
