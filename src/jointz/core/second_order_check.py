@@ -43,7 +43,10 @@ class SecondOrderCheck:
         if self.finding == "higher_order":
             return f"the residual shows dynamics of more than second order{order}"
         if self.finding == "none":
-            return f"the residual shows no stretch reflex{reflex} and no higher order{order} that counts"
+            return (
+                f"the residual shows no stretch reflex{reflex} and no higher order{order} that "
+                "moves K, B or J out of their intervals"
+            )
         return "the residual was not tested for a stretch reflex or a higher order"
 
     def advice(self) -> str:
