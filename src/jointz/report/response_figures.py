@@ -72,7 +72,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     matplotlib.figure.Figure or None
         None where no cell holds a response.
     """
-    cells = {(c.participant, c.timing_point): c for c in analysis.cells}
+    cells = {(c.label, c.timing_point): c for c in analysis.cells}
     responses = [c.response for c in analysis.cells if c.response is not None]
     if not responses:
         return None
@@ -105,8 +105,8 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
 
 def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
     names = timing_points(cells)
-    people = dict.fromkeys(c.participant for c in cells)
-    held = {(c.participant, c.timing_point) for c in cells}
+    people = dict.fromkeys(c.label for c in cells)
+    held = {(c.label, c.timing_point) for c in cells}
     rows = []
     for person in people:
         own = names if len(names) <= _MOST_COLUMNS else [n for n in names if (person, n) in held]
