@@ -86,17 +86,16 @@ def _counting(cells: Sequence["CellEstimate"], name: str) -> list["CellEstimate"
 def _parameter(cells: Sequence["CellEstimate"], name: str) -> "ParameterEstimate":
     own = [p for p in (c.parameter(name) for c in _counting(cells, name) or cells[:1]) if p]
     statuses = {p.status for p in own}
-    decided = statuses <= {"ok", "at_bound"}
-    values = {
-        key: _mean([getattr(p, key) for p in own])
-        for key in ("value", "ci_low", "ci_high", "unbounded")
-        if decided or key == "unbounded"
-    }
-    none = dict.fromkeys(("value", "ci_low", "ci_high"))
-    status = "ok" if "ok" in statuses else own[0].status
-    if not decided and len(statuses) > 1:
-        status = "undecided"
-    return replace(own[0], **{**none, **values}, status=status)
+    stands = statuses <= {"ok", "at_bound"}
+    status = "ok" if stands and "ok" in statuses else own[0].status
+    return replace(
+        own[0],
+        value=_mean([p.value for p in own]) if stands else None,
+        ci_low=_mean([p.ci_low for p in own]) if stands else None,
+        ci_high=_mean([p.ci_high for p in own]) if stands else None,
+        unbounded=_mean([p.unbounded for p in own]),
+        status=status if stands or len(statuses) == 1 else "undecided",
+    )
 
 
 def _budget(cells: Sequence["CellEstimate"], name: str) -> dict[str, float]:

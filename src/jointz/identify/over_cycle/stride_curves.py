@@ -63,9 +63,10 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     for source in sources:
         found.setdefault(unit_of(source.given), []).extend(_strides(source))
     return tuple(
-        StrideCurves(participant, side, *np.stack(strides, axis=1), session)
+        StrideCurves(participant, side, angle, moment, session)
         for (session, side), strides in found.items()
         if strides
+        for angle, moment in [np.stack(strides, axis=1)]
     )
 
 
