@@ -89,9 +89,10 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     for i, row in enumerate(rows):
         top = _TOP_MM + i * pitch
         if row.first:
-            size = 7.0 if len(row.participant) <= 5 else TINY_PT
+            lines = row.participant.split(", ")  # with session and side, one below the other
+            size = 7.0 if max(map(len, lines)) <= 5 else TINY_PT
             middle = top + 0.5 * height
-            place_text(figure, 1.0, middle, row.participant, va="center", fontsize=size,
+            place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=size,
                        fontweight="bold")  # fmt: skip
         for left, quantity in ((_LEFT_MM, "angle"), (right, "torque")):
             axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
