@@ -71,6 +71,7 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
         gravity_corrected=None,
         budget={name: _budget(kept, name) for name in kept[0].budget},
         through_instruments={},
+        prior_effects={name: _prior_effect(kept, name) for name in kept[0].prior_effects},
         covariance=tuple(map(tuple, np.mean(covariances, axis=0).tolist()))
         if covariances
         else None,
@@ -104,6 +105,12 @@ def _budget(cells: Sequence["CellEstimate"], name: str) -> dict[str, float]:
         source: float(np.sqrt(np.mean([part.get(source, 0.0) ** 2 for part in parts])))
         for source in dict.fromkeys(source for part in parts for source in part)
     }
+
+
+def _prior_effect(cells: Sequence["CellEstimate"], name: str) -> tuple[float, float]:
+    pairs = [c.prior_effects.get(name, (0.0, 0.0)) for c in _counting(cells, name) or cells[:1]]
+    shift, variance = np.mean(pairs, axis=0).tolist()
+    return shift, variance
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
