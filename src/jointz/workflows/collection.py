@@ -208,7 +208,7 @@ def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
         slope_deg=_number(condition.slope_deg), surface=condition.surface,
     )  # fmt: skip
     people = _of_people(spec, rows["participant"])
-    people["side"] = rows["side"].where(rows["side"] != "", people["side"])
+    people["side"] = rows["side"].where(rows["side"] != "", people["side"]).to_numpy()
     rows = rows.assign(**people)
     if spec.kind == "estimates":
         rows = rows.assign(statistic="individual", source="", sd=np.nan, n=1.0)
