@@ -24,7 +24,6 @@ from jointz.core.gait_phases import ALL_POINTS
 from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of
-from jointz.identify.preparation.sources import prepare_sources
 from jointz.workflows.engine import Task, done_in_turn, open_engine
 from jointz.workflows.task_store import TaskStore, task_key
 
@@ -53,9 +52,10 @@ def study(
         simulated = simulate(row, number, seed)
         person = simulated.rig.person.id
         settings = settings_of(row, simulated.rig, ["recommended"])
-        evidence = evidence_of(person, prepare_sources(simulated.recordings, settings), settings)
-        if evidence is None:
+        explained = evidence_of(person, simulated.recordings, settings)
+        if not explained:
             continue
+        (evidence,) = explained
         truth = cell_truth(simulated.truth)
         real += [
             VirtualEstimate(

@@ -121,7 +121,7 @@ def _tables(rng: np.random.Generator, spec: Mapping[str, Any]) -> dict[str, pd.D
     truth = medians * np.exp(rng.normal(0.0, 0.35, (len(cells), 3)))
     sd = truth * _SD
     values = truth + sd * (rng.normal(size=truth.shape) @ np.linalg.cholesky(_CORRELATION).T)
-    frame = pd.DataFrame(cells, columns=["participant", "timing_point"])
+    frame = pd.DataFrame(cells, columns=["participant", "timing_point"]).assign(session="", side="")
     frame["onset_gait_pct"] = [places[point] + rng.normal(0, 0.3) for _, point in cells]
     mass = frame["participant"].map(masses).to_numpy()
     parts = [_rows(frame, name, values[:, k], sd[:, k]) for k, name in enumerate(PARAMETERS)]
@@ -143,8 +143,8 @@ def _rows(frame: pd.DataFrame, name: str, values: np.ndarray, sd: np.ndarray) ->
 
 
 def _covariances(frame: pd.DataFrame, covariances: np.ndarray) -> pd.DataFrame:
-    cells = frame[["participant", "timing_point"]]
-    columns = list(COVARIANCE_COLUMNS[3:])
+    cells = frame[["participant", "timing_point", "session", "side"]]
+    columns = list(COVARIANCE_COLUMNS[3:6])
     parts = [
         cells.assign(parameter=name, **dict(zip(columns, covariances[:, k].T, strict=True)))
         for k, name in enumerate(PARAMETERS)

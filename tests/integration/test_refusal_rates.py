@@ -53,7 +53,7 @@ def test_people_in_order_are_not_refused_and_not_doubted(name, person):
     result = analyzed(preset(name), person)
     statuses = {p.status for c in result.cells["recommended"] for p in c.parameters}
     assert not [status for status in statuses if status.startswith("failed")]
-    assert result.model.doubts == ()
+    assert result.models[0].doubts == ()
 
 
 @pytest.mark.slow
@@ -63,6 +63,6 @@ def test_a_reflex_as_strong_as_the_stiffness_is_told_from_both_directions(person
     reflex = ReflexSettings(gain=1.0, kind="velocity", latency_s=0.03)
     strong = replace(nominal, joint=replace(nominal.joint, reflex=reflex))
     result = analyzed(strong, person)
-    assert result.model.doubts == (DIRECTION,)
+    assert result.models[0].doubts == (DIRECTION,)
     stands = [p for c in result.cells["recommended"] for p in c.parameters if p.stands]
     assert all("directions" in p.ci_method for p in stands)

@@ -56,7 +56,7 @@ def held(person):
     given = RecordingInput(recording, known, walked.pulses[columns])
     result = analyze_participant("S01", [given], asked)
     cells = tuple(result.cells["recommended"])
-    curve = phase_curve(StudyAnalysis(cells, models=(result.model,)))
+    curve = phase_curve(StudyAnalysis(cells, models=result.models))
     alone = next(c for c in cells if c.timing_point == "TSW")
     rows = []
     for name in ("stiffness", "damping"):

@@ -74,16 +74,16 @@ class CycleTab:
         if self._people.value:
             curves = [
                 curve_of_cells(
-                    [c for c in analysis.cells if c.participant == person],
+                    [c for c in analysis.cells if c.label == person],
                     name, name=person, colour=GREY, faint=True,
                 )
-                for person in view.explorer.found.people
+                for person in view.explorer.found.labels
                 if person != view.person
             ]  # fmt: skip
         mean = mean_curve(analysis, name, colour=GREEN) if self._mean.value else None
         curves += [mean] if mean is not None else []
-        own = [c for c in analysis.cells if c.participant == view.person]
-        before = [c for c in view.explorer.found.analysed.cells if c.participant == view.person]
+        own = [c for c in analysis.cells if c.label == view.person]
+        before = [c for c in view.explorer.found.analysed.cells if c.label == view.person]
         if self._before.value and before != own:
             curves.append(
                 curve_of_cells(
@@ -104,7 +104,7 @@ class CycleTab:
                 [
                     c
                     for c in view.explorer.analysis.comparison
-                    if (c.participant, c.method) == (view.person, method)
+                    if (c.label, c.method) == (view.person, method)
                 ],
                 name,
                 name=f"{view.person} {method_label(method)}",

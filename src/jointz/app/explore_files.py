@@ -67,7 +67,7 @@ class FilesTab:
     def refresh(self) -> None:
         """Draw anew."""
         view = self._view
-        known = view.explorer.traces(view.person) is not None
+        known = view.explorer.traces(view.participant) is not None
         self._traces.set_text(file_name("pulses", view.person, "nc"))
         self._traces.set_enabled(known)
         self._left.rows = self._rows()
@@ -103,7 +103,7 @@ class FilesTab:
 
     async def _netcdf(self) -> None:
         view = self._view
-        traces = view.explorer.traces(view.person)
+        traces = view.explorer.traces(view.participant)
         if traces is not None:
             content = await asyncio.to_thread(
                 traces_netcdf, view.explorer.analysis, view.person, traces
@@ -128,7 +128,7 @@ def _columns() -> list[dict[str, Any]]:
 def _row(k: int, pulse: PulseRecord, reason: str, since: str) -> dict[str, Any]:
     return {
         "key": k,
-        "participant": pulse.participant,
+        "participant": pulse.label,
         "point": pulse.timing_point,
         "onset": f"{pulse.onset_s:.3f}",
         "reason": reason,

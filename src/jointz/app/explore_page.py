@@ -127,7 +127,7 @@ class ExplorePage:
         self._refresh()
 
     def _refresh(self) -> None:
-        self._explorer.want(self._view.person)
+        self._explorer.want(self._view.participant)
         self._seen = self._explorer.version
         self._progress.set_visibility(bool(self._explorer.working))
         self._state.set_text(self._status())
@@ -174,8 +174,8 @@ class ExplorePage:
         with self._people:
             ui.label(self._words.many.capitalize()).classes("head")
             with ui.element("div").classes("list"):
-                for person in self._explorer.found.people:
-                    pulses = [p for p in analysis.pulses if p.participant == person]
+                for person in self._explorer.found.labels:
+                    pulses = [p for p in analysis.pulses if p.label == person]
                     out = sum(bool(p.code) for p in pulses)
                     item = ui.element("button").classes("item")
                     item.classes(add="picked" if person == self._view.person else "")
@@ -193,7 +193,7 @@ class ExplorePage:
             for point in self._view.points():
                 cell = next(
                     (c for c in self._explorer.analysis.cells
-                     if (c.participant, c.timing_point) == (self._view.person, point)),
+                     if (c.label, c.timing_point) == (self._view.person, point)),
                     None,
                 )  # fmt: skip
                 item = ui.element("button").classes("item")
@@ -203,7 +203,7 @@ class ExplorePage:
                     ui.label(point).classes("name")
                     ui.label(_onset(cell)).classes("onset")
                     stiffness = None if cell is None else cell.parameter("stiffness")
-                    waits = self._explorer.waiting(self._view.person)
+                    waits = self._explorer.waiting(self._view.participant)
                     ui.label(_short(stiffness)).classes("value stale" if waits else "value")
             ui.label(
                 "stiffness (N·m/rad)" if self._words.bench else "onset · stiffness (N·m/rad)"
@@ -213,7 +213,7 @@ class ExplorePage:
         from nicegui import ui
 
         cell, before = self._view.cell(), self._view.cell_as_analysed()
-        waits = self._explorer.waiting(self._view.person)
+        waits = self._explorer.waiting(self._view.participant)
         self._numbers.clear()
         with self._numbers:
             with ui.element("div").classes("head"):

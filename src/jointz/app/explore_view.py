@@ -19,7 +19,7 @@ class View:
     Attributes
     ----------
     person, point : str
-        Participant and timing point.
+        Participant with session and side, and timing point.
     picked : PulseKey or None
         The pulse; None for the first.
     method : str
@@ -33,16 +33,22 @@ class View:
     def __init__(self, explorer: Explorer) -> None:
         self.explorer = explorer
         analysis = explorer.analysis
-        self.person = next(iter(explorer.found.people), "")
+        self.person = next(iter(explorer.found.labels), "")
         self.point = next(iter(self.points()), "")
         self.picked: PulseKey | None = None
         self.method = str(analysis.settings["method"])
         self.quantity = "angle"
         self.parameter = next(iter(shown_parameters(analysis)), "stiffness")
 
+    @property
+    def participant(self) -> str:
+        """The id of the participant."""
+        cells = self.explorer.found.analysed.cells
+        return next((c.participant for c in cells if c.label == self.person), "")
+
     def points(self) -> list[str]:
         """Return the participant's timing points, in the order of the cycle."""
-        cells = [c for c in self.explorer.analysis.cells if c.participant == self.person]
+        cells = [c for c in self.explorer.analysis.cells if c.label == self.person]
         return timing_points(cells)
 
     def choose(self, *, person: str | None = None, point: str | None = None) -> None:
@@ -53,7 +59,7 @@ class View:
         person, point : str, optional
             Which.
         """
-        if person in self.explorer.found.people and person is not None:
+        if person in self.explorer.found.labels and person is not None:
             self.person = person
             if self.point not in self.points():
                 self.point = next(iter(self.points()), "")
@@ -111,7 +117,7 @@ class View:
         pulse : PulseRecord
             The pulse.
         """
-        traces = self.explorer.traces(self.person)
+        traces = self.explorer.traces(self.participant)
         return None if traces is None else traces.get(PulseKey.of(pulse))
 
     def window_of(self, pulse: PulseRecord) -> Window | None:
@@ -127,5 +133,5 @@ class View:
 
     def window_methods(self) -> list[str]:
         """Return the methods that show windows of the participant's pulses."""
-        traces = self.explorer.traces(self.person) or {}
+        traces = self.explorer.traces(self.participant) or {}
         return list(dict.fromkeys(name for trace in traces.values() for name in trace.windows))

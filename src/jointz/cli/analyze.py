@@ -230,7 +230,7 @@ def _print_cells(analysis: "StudyAnalysis") -> None:
 
 
 def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
-    name = f"{cell.participant} {cell.timing_point}"
+    name = f"{cell.label} {cell.timing_point}"
     statuses = {p.status for p in cell.parameters}
     if len(statuses) == 1 and not cell.parameters[0].stands:
         return [[name, "all", "-", "-", "-", statuses.pop()]]

@@ -10,6 +10,7 @@ from jointz.core.certificate import Certificate
 from jointz.core.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
+from jointz.core.person_estimates import row_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +31,8 @@ EXCLUDED_COLUMNS = (
     "kind",
     "code",
     "detail",
+    "session",
+    "side",
 )
 
 
@@ -154,17 +157,9 @@ class StudyAnalysis:
 
     def excluded_frame(self) -> pd.DataFrame:
         """Return every stride and pulse left out, with its code."""
-        strides = [
-            (s.participant, s.recording, s.start_s, "", "stride", s.code, s.detail)
-            for s in self.strides
-            if s.code
-        ]
-        pulses = [
-            (p.participant, p.recording, p.onset_s, p.timing_point, "pulse", p.code, p.detail)
-            for p in self.pulses
-            if p.code
-        ]
-        return pd.DataFrame(pulses + strides, columns=list(EXCLUDED_COLUMNS))
+        rows = [_excluded(p, "pulse", p.onset_s, p.timing_point) for p in self.pulses if p.code]
+        rows += [_excluded(s, "stride", s.start_s, "") for s in self.strides if s.code]
+        return pd.DataFrame(rows, columns=list(EXCLUDED_COLUMNS))
 
     def summary(self) -> str:
         """Return a short text: what stands, for whom, from how many pulses."""
@@ -205,8 +200,8 @@ class StudyAnalysis:
         # One axis for all: a cell that failed has no onset, and is left out of the cycle.
         walking = table["onset_gait_pct"].notna().any()
         along = "onset_gait_pct" if walking else "timing_point"
-        for person, rows in table.groupby("participant", sort=False):
-            axes.plot(rows[along], rows["value"], marker="o", label=str(person))
+        for key, rows in table.groupby(["participant", "session", "side"], sort=False):
+            axes.plot(rows[along], rows["value"], marker="o", label=row_label(*map(str, key)))
         unit = table["unit"].iloc[0] if len(table) else ""
         axes.set_xlabel("gait cycle (%)" if walking else "")
         axes.set_ylabel(f"{parameter} ({unit})")
@@ -268,6 +263,13 @@ class StudyAnalysis:
 def _plain(records: Sequence[StrideRecord] | Sequence[PulseRecord]) -> list[dict[str, Any]]:
     """Return records of numbers and text; asdict would copy each, of which there are thousands."""
     return [{name: getattr(record, name) for name in record.__slots__} for record in records]
+
+
+def _excluded(
+    record: PulseRecord | StrideRecord, kind: str, onset_s: float, timing_point: str
+) -> tuple[str | float, ...]:
+    where = (record.participant, record.recording, onset_s, timing_point, kind)
+    return (*where, record.code, record.detail, record.session, record.side)
 
 
 def _frame(cells: tuple[CellEstimate, ...]) -> pd.DataFrame:

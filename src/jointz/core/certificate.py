@@ -10,6 +10,7 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.fit_parameters import checked_values
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.person_estimates import row_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +42,8 @@ class VirtualEstimate:
         The estimate and its interval; None where undecided.
     status : str
         As in :class:`jointz.core.estimates.ParameterEstimate`.
+    session, side : str
+        Whose strides; "" where the study does not state them.
     """
 
     participant: str
@@ -52,6 +55,8 @@ class VirtualEstimate:
     ci_low: float | None
     ci_high: float | None
     status: str
+    session: str = ""
+    side: str = ""
 
     @property
     def decided(self) -> bool:
@@ -332,7 +337,7 @@ def _rmse(estimates: Sequence[VirtualEstimate]) -> float:
 
 
 def _people(estimates: Sequence[VirtualEstimate]) -> list[tuple[str, int]]:
-    return [(e.participant, e.replicate) for e in estimates]
+    return [(row_label(e.participant, e.session, e.side), e.replicate) for e in estimates]
 
 
 def _column(values: Iterable[float | None]) -> np.ndarray:

@@ -100,7 +100,7 @@ class Person(CheckedModel):
     sex: Sex
     mass_kg: Annotated[float, Field(gt=0)] | None = None
     height_m: Annotated[float, Field(gt=0)] | None = None
-    side: Literal["left", "right"] | None = None
+    side: Literal["left", "right", "both"] | None = None
     group: str = ""
     person: str = ""
 

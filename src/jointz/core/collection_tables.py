@@ -27,5 +27,5 @@ CATALOG_COLUMNS: Mapping[str, Kind] = MappingProxyType({
     "n_excluded": "number", "with_stiffness": "number", "with_damping": "number",
     "with_inertia": "number", "method": "text", "status": "text", "software": "text",
     "torque_gain_sd": "number", "angle_gain_sd": "number", "raw_study": "text",
-    "licence": "text", "consent": "text", "cite": "text", "source": "text",
+    "licence": "text", "consent": "text", "cite": "text", "source": "text", "session": "text",
 })  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.person_estimates import row_label
 
 #: Sd from the middle to the ends of a 95 % interval of a normal error.
 REACH_95 = 1.959963984540054
@@ -185,6 +186,8 @@ class CellEstimate:
     prior_effects : mapping of str to tuple of float
         Parameter -> by how much its prior, and those of the other two, shifted the value, and
         the variance that they took off its error, SI; empty where a method has no priors.
+    session, side : str
+        Of the perturbed recordings; "" where the study does not state them, and on a bench.
     """
 
     participant: str
@@ -206,6 +209,13 @@ class CellEstimate:
     covariance: tuple[tuple[float, ...], ...] | None = None
     through_instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     prior_effects: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    session: str = ""
+    side: str = ""
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
         """Return a parameter by name, None where the cell has it not.
@@ -235,6 +245,8 @@ class CellEstimate:
                 "n_excluded": self.n_excluded,
                 "method": self.method,
                 "status": p.status,
+                "session": self.session,
+                "side": self.side,
             }
             for p in self.parameters
         ]
@@ -243,7 +255,8 @@ class CellEstimate:
         """Return one row each for K, B and J, in the columns of ``covariance.csv``."""
         names = ("stiffness", "damping", "inertia")
         rows = zip(names, self.covariance or (), strict=False)
-        return [(self.participant, self.timing_point, name, *row) for name, row in rows]
+        where, unit = (self.participant, self.timing_point), (self.session, self.side)
+        return [(*where, name, *row, *unit) for name, row in rows]
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -301,9 +314,11 @@ ESTIMATE_COLUMNS = (
     "n_excluded",
     "method",
     "status",
+    "session",
+    "side",
 )
 #: Columns of ``covariance.csv``, one row an estimate: its covariance with the stiffness, the
-#: damping and the inertia of the same participant and timing point, SI; its own is its variance.
+#: damping and the inertia of the same cell, SI; its own is its variance.
 COVARIANCE_COLUMNS = (
     "participant",
     "timing_point",
@@ -311,4 +326,6 @@ COVARIANCE_COLUMNS = (
     "with_stiffness",
     "with_damping",
     "with_inertia",
+    "session",
+    "side",
 )

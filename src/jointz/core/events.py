@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from jointz.core.person_estimates import row_label
+
 
 @dataclass(frozen=True, slots=True)
 class StrideRecord:
@@ -18,6 +20,8 @@ class StrideRecord:
         :class:`jointz.core.codes.Exclusion`.
     detail : str
         More about the code.
+    session, side : str
+        Of the recording; "" where the study does not state them, and on a bench.
     """
 
     participant: str
@@ -27,6 +31,8 @@ class StrideRecord:
     duration_s: float
     code: str = ""
     detail: str = ""
+    session: str = ""
+    side: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,8 @@ class PulseRecord:
         :class:`jointz.core.codes.Exclusion`.
     detail : str
         More about the code.
+    session, side : str
+        Of the recording; "" where the study does not state them, and on a bench.
     """
 
     participant: str
@@ -65,6 +73,13 @@ class PulseRecord:
     measured_pct: float | None = None
     code: str = ""
     detail: str = ""
+    session: str = ""
+    side: str = ""
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
 
 
 @dataclass(frozen=True, slots=True)

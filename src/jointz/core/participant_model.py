@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from jointz.core.person_estimates import row_label
+
 
 @dataclass(frozen=True, slots=True)
 class ParticipantModel:
@@ -27,6 +29,8 @@ class ParticipantModel:
         Unperturbed strides that the prediction was learned from; fewest of the points.
     doubts : tuple of str
         Codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint.
+    session, side : str
+        Of the perturbed recordings; "" where the study does not state them.
     """
 
     participant: str
@@ -39,6 +43,13 @@ class ParticipantModel:
     curve_probability: float
     n_strides: int
     doubts: tuple[str, ...] = ()
+    session: str = ""
+    side: str = ""
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""

@@ -1,7 +1,7 @@
 """One participant's recordings to impedance at every timing point."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from jointz.core.codes import Exclusion
 from jointz.core.estimates import CellEstimate
@@ -22,6 +22,7 @@ from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS
 from jointz.identify.over_cycle.stride_curves import StrideCurves, stride_curves
 from jointz.identify.preparation.assignment import assign_pulses
+from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
@@ -45,9 +46,9 @@ class ParticipantResult:
         Pulses of a bench, each by itself.
     pulses, strides, gaps : tuple
         Every one found.
-    model : ParticipantModel or None
-        What the recommended method found about joint and sensor.
-    evidence : Evidence or None
+    models : tuple of ParticipantModel
+        What the recommended method found about joint and sensor, of every session and side.
+    evidence : tuple of Evidence
         What it explained, and by what.
     curves : tuple of StrideCurves
         Strides of somebody who was never perturbed, where a moment was recorded.
@@ -55,6 +56,9 @@ class ParticipantResult:
         How fast each recording was sampled.
     unclean_switches : tuple of str
         Recordings whose footswitch, declared as one of two levels, does not rest at two.
+    units : tuple of (str, str)
+        Session and side of the perturbed recordings; "" where the study does not state them, and
+        on a bench.
     """
 
     cells: Mapping[str, tuple[CellEstimate, ...]]
@@ -62,17 +66,18 @@ class ParticipantResult:
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
-    model: ParticipantModel | None = None
-    evidence: Evidence | None = None
+    models: tuple[ParticipantModel, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
     curves: tuple[StrideCurves, ...] = ()
     sampling: tuple[SamplingRecord, ...] = ()
     unclean_switches: tuple[str, ...] = ()
+    units: tuple[Unit, ...] = ()
 
 
 def analyze_participant(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> ParticipantResult:
-    """Estimate one participant's impedance at every timing point or group.
+    """Estimate a participant's impedance by session, side and timing point or group.
 
     Parameters
     ----------
@@ -93,7 +98,31 @@ def analyze_participant(
     DataError
         When a recording cannot be used as the study describes it.
     """
+    parts: list[ParticipantResult] = []
+    known: set[int] = set()
+    for unit, group in recording_groups(recordings, walking=settings.walking):
+        parts.append(_analyze_group(participant, unit, group, settings, known))
+        known |= set(map(id, group))
+    return ParticipantResult(
+        cells={m: tuple(c for p in parts for c in p.cells[m]) for m in settings.methods},
+        **{
+            name: tuple(one for part in parts for one in getattr(part, name))
+            for name in ParticipantResult.__slots__
+            if name != "cells"
+        },
+    )
+
+
+def _analyze_group(
+    participant: str,
+    unit: Unit | None,
+    recordings: Sequence[RecordingInput],
+    settings: ParticipantSettings,
+    known: Container[int],
+) -> ParticipantResult:
+    """Estimate a session and side; strides of recordings known by another one are not repeated."""
     sources = prepare_sources(recordings, settings)
+    new = [s for s, given in zip(sources, recordings, strict=True) if id(given) not in known]
     cells: dict[str, tuple[CellEstimate, ...]] = {}
     pulses: dict[str, list[PulseRecord]] = {}
     single: tuple[PulseEstimate, ...] = ()
@@ -112,14 +141,18 @@ def analyze_participant(
         single = single or estimator.single
         if isinstance(estimator, WalkingEstimator):
             model, evidence = estimator.model, estimator.evidence
+    session, side = unit or ("", "")
     return ParticipantResult(
-        cells=cells,
+        cells={
+            name: tuple(replace(c, session=session, side=side) for c in own)
+            for name, own in cells.items()
+        },
         single=single,
-        pulses=tuple(pulses[settings.methods[0]]),
-        strides=tuple(_stride_records(participant, sources, settings)),
-        gaps=tuple(_gap_records(participant, sources)),
-        model=model,
-        evidence=evidence,
+        pulses=tuple(replace(p, session=session, side=side) for p in pulses[settings.methods[0]]),
+        strides=tuple(_stride_records(participant, new, settings)),
+        gaps=tuple(_gap_records(participant, new)),
+        models=() if model is None else (replace(model, session=session, side=side),),
+        evidence=() if evidence is None else (replace(evidence, session=session, side=side),),
         curves=stride_curves(participant, sources) if settings.walking else (),
         sampling=tuple(
             SamplingRecord(
@@ -128,11 +161,12 @@ def analyze_participant(
                 source.given.condition,
                 rate_hz(source.given.recording["time"].to_numpy()),
             )
-            for source in sources
+            for source in new
         ),
         unclean_switches=tuple(
-            source.given.file for source in sources if is_unclean_switch(source.given.recording)
+            source.given.file for source in new if is_unclean_switch(source.given.recording)
         ),
+        units=() if unit is None else (unit,),
     )
 
 
@@ -155,6 +189,7 @@ def _stride_records(
         if strides is None:
             continue
         damage_s = damage_of(source.given.recording)
+        session, side = unit_of(source.given) if settings.walking else ("", "")
         for k in range(strides.start_s.size):
             start_s = float(strides.start_s[k])
             code, detail = strides.code[k], strides.detail[k]
@@ -174,6 +209,8 @@ def _stride_records(
                     duration_s=float(strides.duration_s[k]),
                     code=code,
                     detail=detail,
+                    session=session,
+                    side=side,
                 )
             )
     return records

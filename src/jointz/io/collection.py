@@ -19,8 +19,9 @@ from jointz.io.toml_text import written_key, written_text
 
 _LABELS = (
     "statistic", "participant", "timing_point", "parameter", "unit", "method", "status", "source",
-    "note",
+    "note", "session", "side",
 )  # fmt: skip
+_UNIT = ("session", "side")
 _TABLES = {
     "estimates": ESTIMATE_COLUMNS,
     "printed": PRINTED_COLUMNS,
@@ -230,7 +231,7 @@ def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
     Returns
     -------
     table : pandas.DataFrame
-        In the columns of its kind.
+        In the columns of its kind, with ``session`` and ``side``: empty where it has none.
     sha256 : str
         Hash of the file.
     first_row : int
@@ -241,7 +242,9 @@ def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
     DataError
         When it is missing, damaged, or has not those columns.
     """
-    columns = _TABLES[kind]
+    # Tables of other programs, and older ones, have neither session nor side.
+    stated = list_columns(path, FilesSpec()) or _TABLES[kind]
+    columns = [n for n in _TABLES[kind] if n in stated or n not in _UNIT]
     table = read_table(
         path,
         numeric=[name for name in columns if name not in _LABELS],
@@ -250,6 +253,7 @@ def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
         as_written=True,
     )
     frame = pd.DataFrame({name: table.columns[name] for name in columns})
+    frame = frame.assign(**{name: "" for name in _UNIT if name not in columns})
     return frame, table.sha256, table.first_row
 
 

@@ -168,7 +168,7 @@ def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Pat
         import pyarrow  # noqa: F401 - only whether it is there
     except ImportError:
         return False
-    keys = ["participant", "timing_point", "parameter"]
+    keys = ["participant", "session", "side", "timing_point", "parameter"]
     together = estimates.merge(covariance, on=keys, how="left", validate="one_to_one")
     together.to_parquet(path, engine="pyarrow", index=False, compression="zstd")
     return True

@@ -21,6 +21,7 @@ from jointz.core.channels import (
     OPPOSITE_DIRECTION,
 )
 from jointz.core.errors import DataError, StudyError, UnitError
+from jointz.core.person_estimates import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
 from jointz.io.registry import list_columns
 from jointz.io.toml_problems import parse_toml, shape_problems
@@ -269,7 +270,6 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
     for name, count in Counter(ids).items():
         if count > 1:
             yield f"participants: id '{name}' is given {count} times. Ids must be unique."
-    cells: Counter[tuple[str, ...]] = Counter()
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
         person = str(entry.get("participant", ""))
         if person and person not in ids:
@@ -277,25 +277,44 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
                 f"recordings[{i}].participant: '{person}' is not among the participants "
                 f"({', '.join(ids) or 'none'})."
             )
-        condition = _condition_of(entry)
         if "condition" not in entry and "condition" not in channels:
             yield (
                 f'recordings[{i}]: no condition. Give condition = "unperturbed" or '
                 '"perturbed", or say with [channels.condition] which column holds it.'
             )
-        if condition or "condition" not in entry:
-            cell = (person, condition, str(entry.get("session", "")), str(entry.get("side", "")))
-            cells[cell] += 1
-    for (person, condition, session, _), count in cells.items():
+    yield from _cell_problems(raw)
+    yield from _channel_problems(raw, channels)
+    yield from _perturbation_problems(raw, channels)
+
+
+def _cell_problems(raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what would put two recordings into one cell, or two cells under one name."""
+    cells = Counter(
+        (
+            str(entry.get("participant", "")),
+            _condition_of(entry),
+            str(entry.get("session", "")),
+            str(entry.get("side", "")),
+        )
+        for entry in _entries(raw, "recordings")
+        if _condition_of(entry) or "condition" not in entry
+    )
+    for (person, condition, session, side), count in cells.items():
         if count > 1:
             which = f", session '{session}'" if session else ""
+            which += f", side '{side}'" if side else ""
             yield (
                 f"recordings: {count} recordings for participant '{person}', condition "
                 f"'{condition or 'in the file'}'{which}. One cell has one recording: give each "
                 "its own session, or remove the others."
             )
-    yield from _channel_problems(raw, channels)
-    yield from _perturbation_problems(raw, channels)
+    labels = Counter(row_label(*unit) for unit in {(p, s, side) for p, _, s, side in cells})
+    for label, count in labels.items():
+        if count > 1 and raw.get("kind") == "walking":
+            yield (
+                f"recordings: '{label}' would name two rows: an id or a session holds what another "
+                "recording states as its session or side. Change the id or the session."
+            )
 
 
 def _condition_of(entry: Mapping[str, Any]) -> str:

@@ -69,12 +69,12 @@ def behind_section(analysis: StudyAnalysis) -> _Row | None:
     firsts: set[str] = set()
     rows = []
     for cell in cells:
-        rows.append(_details_row(cell) | {"first": cell.participant not in firsts})
-        firsts.add(cell.participant)
-    steep = {m.participant for m in analysis.models if Doubt.STEEP_CHANGE.value in m.doubts}
+        rows.append(_details_row(cell) | {"first": cell.label not in firsts})
+        firsts.add(cell.label)
+    steep = {m.label for m in analysis.models if Doubt.STEEP_CHANGE.value in m.doubts}
     return {
         "undecided": [
-            row for cell in cells for row in _undecided_rows(cell, steep=cell.participant in steep)
+            row for cell in cells for row in _undecided_rows(cell, steep=cell.label in steep)
         ],
         "models": [_model_row(model) for model in analysis.models],
         "details": rows,
@@ -99,7 +99,7 @@ def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate, *, steep: bo
     withheld = steep and decides(found, REACH_95 * sd)
     why, remedy = _WITHHELD if withheld else _reason(cell, estimate, sd, like=like)
     return {
-        "participant": cell.participant,
+        "participant": cell.label,
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
         "found": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
@@ -148,7 +148,7 @@ def _left_by_measuring(
 def _model_row(model: ParticipantModel) -> _Row:
     lag = f"{1e3 * model.lag_s:.1f} ± {1e3 * model.lag_sd_s:.1f}"
     return {
-        "participant": model.participant,
+        "participant": model.label,
         "lag": lag,
         "resonance": likely(model.resonance_probability),
         "inertia": likely(model.constant_inertia_probability),
@@ -183,7 +183,7 @@ def _details_row(cell: CellEstimate) -> _Row:
     stiffness, corrected = cell.parameter("stiffness"), cell.gravity_corrected
     shift = cell.displacement_rad
     return {
-        "participant": cell.participant,
+        "participant": cell.label,
         "name": cell.timing_point,
         "onset": _one_decimal(cell.onset_gait_pct),
         "centre": _one_decimal(cell.centre_gait_pct),

@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate
+from jointz.core.person_estimates import person_cells
 from jointz.report.details import SOURCES, variance_shares
 from jointz.report.impedance_figures import timing_points
 from jointz.report.style import (
@@ -111,7 +112,7 @@ def draw_budget(analysis: StudyAnalysis) -> "Figure | None":
     matplotlib.figure.Figure or None
         None where the method makes no budget.
     """
-    budgeted = [c for c in analysis.cells if c.budget]
+    budgeted = person_cells([c for c in analysis.cells if c.budget])
     names = timing_points(budgeted)
     found = {
         parameter: [

@@ -34,12 +34,14 @@ DETAIL_COLUMNS: Final = (
     "method",
     "sd",
     *(f"sd_{source}" for source in SOURCES),
+    "session",
+    "side",
 )
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
 
 
 def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return what stands behind each K, B and J, one row a participant, point and parameter.
+    """Return what stands behind each K, B and J, one row a cell and parameter.
 
     Parameters
     ----------
@@ -130,4 +132,6 @@ def _row(cell: CellEstimate, estimate: ParameterEstimate) -> dict[str, Any]:
         "method": cell.method,
         "sd": float(np.linalg.norm(list(budget.values()))) if budget else None,
         **{f"sd_{source}": budget.get(source) for source in SOURCES},
+        "session": cell.session,
+        "side": cell.side,
     }

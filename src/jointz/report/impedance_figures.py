@@ -217,12 +217,12 @@ def _draw_people_axis(
     means: Sequence[PopulationEstimate],
 ) -> tuple[list[_Mark], list[_Mark]]:
     """Put people side by side: the axis of a value that their timing points share."""
-    people = list(dict.fromkeys(cell.participant for cell, _ in found))
+    people = list(dict.fromkeys(cell.label for cell, _ in found))
     names = [*people, "mean"] if means else people
     axes.set_xlim(-0.6, len(names) - 0.4)
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
     axes.set_xlabel("Participant (one value for all timing points)")
-    marks = [_mark(p, people.index(c.participant)) for c, p in found if p.stands]
+    marks = [_mark(p, people.index(c.label)) for c, p in found if p.stands]
     return marks, [_mean_mark(m, len(people)) for m in means[:1]]
 
 
@@ -255,10 +255,10 @@ def _fan_out(
     with_mean: bool,
 ) -> list[_Mark]:
     """Spread people around each position so that bars do not overlap."""
-    people = list(dict.fromkeys(cell.participant for cell, _ in found))
+    people = list(dict.fromkeys(cell.label for cell, _ in found))
     offsets = dict(zip(people, _offsets(len(people), fan, gap=with_mean), strict=True))
     return [
-        _mark(p, positions[c.timing_point] + offsets[c.participant])
+        _mark(p, positions[c.timing_point] + offsets[c.label])
         for c, p in found
         if p.stands and c.timing_point in positions
     ]
@@ -391,7 +391,7 @@ def _note(found: Sequence[tuple[CellEstimate, ParameterEstimate]], drawn: int, b
 def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]":
     drawn = [p for c in analysis.cells for p in c.parameters if p.name in parameters and p.stands]
     level = f"{100 * drawn[0].ci_level:g} % interval"
-    several = len({c.participant for c in analysis.cells}) > 1
+    several = len({c.label for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
     who = subjects(analysis).one if several else "estimate"
     handles = [legend_line(f"{who}, {level}", SKY, **dot)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate, Response
+from jointz.core.person_estimates import row_label
 from jointz.report.impedance_figures import timing_points
 from jointz.report.lag_effect import fit_with_lag
 from jointz.report.wording import DASH, MINUS, format_count, format_number, format_vaf
@@ -60,37 +61,38 @@ def differences_section(analysis: StudyAnalysis) -> _Row | None:
     }
 
 
-def left_over_lag_s(analysis: StudyAnalysis, participant: str) -> tuple[float, float] | None:
+def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float, float] | None:
     """Return the lag found, and the part of it that the study's calibration does not take out.
 
     Parameters
     ----------
     analysis : StudyAnalysis
         The analysis.
-    participant : str
+    cell : CellEstimate
         Whose.
     """
-    model = next((m for m in analysis.models if m.participant == participant), None)
+    model = next((m for m in analysis.models if m.label == cell.label), None)
     if model is None:
         return None
-    return model.lag_s, model.lag_s - _calibrated_lag_s(analysis, participant)
+    return model.lag_s, model.lag_s - _calibrated_lag_s(analysis, cell)
 
 
-def _calibrated_lag_s(analysis: StudyAnalysis, participant: str) -> float:
-    known = _calibration(analysis, participant)
+def _calibrated_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> float:
+    known = _calibration(analysis, cell)
     return _seconds(known, "angle_lag_s") - _seconds(known, "torque_lag_s")
 
 
-def _calibration(analysis: StudyAnalysis, participant: str) -> Mapping[str, Any]:
-    """Return what holds in the perturbed recordings of a participant."""
+def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, Any]:
+    """Return what holds in the perturbed recordings of a cell."""
     known = dict(analysis.settings.get("calibration") or {})
     study = analysis.provenance.get("study") or {}
     for person in study.get("participants") or ():
-        if person.get("id") == participant:
+        if person.get("id") == cell.participant:
             known |= person.get("calibration") or {}
     for recording in study.get("recordings") or ():
         perturbed = recording.get("condition") in ("perturbed", None)
-        if recording.get("participant") == participant and perturbed:
+        whose = [recording.get(key) or "" for key in ("participant", "session", "side")]
+        if perturbed and row_label(*whose) == cell.label:
             known |= recording.get("calibration") or {}
     return known
 
@@ -100,15 +102,15 @@ def _seconds(known: Mapping[str, Any], name: str) -> float:
 
 
 def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
-    others = {(c.participant, c.timing_point): c for c in analysis.comparison if c.method == OTHER}
+    others = {(c.label, c.timing_point): c for c in analysis.comparison if c.method == OTHER}
     pairs = []
     for cell in analysis.cells:
-        other = others.get((cell.participant, cell.timing_point))
-        lags = left_over_lag_s(analysis, cell.participant)
+        other = others.get((cell.label, cell.timing_point))
+        lags = left_over_lag_s(analysis, cell)
         if cell.method != METHOD or other is None or lags is None or cell.response is None:
             continue
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
-        late_s = _seconds(_calibration(analysis, cell.participant), "angle_lag_s")
+        late_s = _seconds(_calibration(analysis, cell), "angle_lag_s")
         apart_deg = _apart_deg(cell, other, late_s)
         pairs.append(_Pair(cell, other, lags[1], alone, apart_deg))
     return pairs
@@ -252,8 +254,8 @@ def _vaf_reason(pairs: Sequence[_Pair]) -> str:
 
 
 def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
-    people = list(dict.fromkeys(p.mine.participant for p in pairs))
-    found = [m.lag_s for m in analysis.models if m.participant in people]
+    labels = {p.mine.label for p in pairs}
+    found = [m.lag_s for m in analysis.models if m.label in labels]
     told = f"The angle was found to be {_range_ms(found)} behind the torque."
     left = [p.lag_s for p in pairs]
     if max(map(abs, left)) < _SAME_LAG_S:
@@ -261,7 +263,7 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
             f"{told} That is what [calibration] says, and both methods take it out; the lag does "
             "not set them apart here."
         )
-    calibrated = any(abs(_calibrated_lag_s(analysis, person)) > 0.0 for person in people)
+    calibrated = any(abs(_calibrated_lag_s(analysis, p.mine)) > 0.0 for p in pairs)
     taken = (
         "takes out the lag under [calibration] and leaves the rest"
         if calibrated
@@ -331,7 +333,7 @@ def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]
     for cell in map(get, pairs):
         estimate = cell.parameter("inertia")
         if estimate is not None and estimate.stands and estimate.value:
-            held.setdefault(cell.participant, []).append(estimate.value)
+            held.setdefault(cell.label, []).append(estimate.value)
     ratios = [max(v) / min(v) for v in held.values() if len(v) > 1]
     return format_number(float(np.median(ratios))) if ratios else None
 

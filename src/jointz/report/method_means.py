@@ -7,10 +7,11 @@ from scipy.special import stdtrit
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.person_estimates import person_cells
 
 
 def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
-    """Return the cells of every method, the chosen one first.
+    """Return the cells of every method, one a person and timing point, the chosen one first.
 
     Parameters
     ----------
@@ -24,10 +25,10 @@ def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
     """
     found: dict[str, dict[tuple[str, str], CellEstimate]] = {}
     for cell in (*analysis.cells, *analysis.comparison):
-        found.setdefault(cell.method, {}).setdefault((cell.participant, cell.timing_point), cell)
+        found.setdefault(cell.method, {}).setdefault((cell.label, cell.timing_point), cell)
     chosen = analysis.settings.get("method")
     order = sorted(found, key=lambda method: method != chosen)
-    return {method: list(found[method].values()) for method in order}
+    return {method: list(person_cells([*found[method].values()])) for method in order}
 
 
 def standing(

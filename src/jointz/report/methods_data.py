@@ -315,7 +315,7 @@ def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
     if not lags:
         return _nuisance_sentences(analysis)
     each = ", ".join(
-        f"{m.participant} {lag:.1f} ± {sd:.1f}"
+        f"{m.label} {lag:.1f} ± {sd:.1f}"
         for m, (lag, sd) in zip(analysis.models, lags, strict=True)
     )
     return [f"The angle was found to lag the torque by, in ms ± SD: {each}."]
@@ -326,8 +326,7 @@ def _friction_sentences(analysis: StudyAnalysis) -> list[str]:
     if not torque_is_from_current(analysis) or not analysis.models:
         return []
     each = ", ".join(
-        f"{m.participant} {format_with_sd(m.friction_gain, m.friction_gain_sd)}"
-        for m in analysis.models
+        f"{m.label} {format_with_sd(m.friction_gain, m.friction_gain_sd)}" for m in analysis.models
     )
     return [f"True over stated friction of the actuator was found to be, ± SD: {each}."]
 

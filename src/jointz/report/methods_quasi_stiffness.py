@@ -75,10 +75,12 @@ def _moment(analysis: StudyAnalysis) -> str:
 
 
 def _strides(rows: Sequence[Mapping[str, Any]]) -> str:
-    counts = {(r["participant"], r["side"]): int(r["n_strides"]) for r in rows}
+    counts = {
+        (r["participant"], r.get("session", ""), r["side"]): int(r["n_strides"]) for r in rows
+    }
     low, high = min(counts.values()), max(counts.values())
     several = f" to {format_integer(high)}" if high > low else ""
-    sides = " and side" if any(side for _, side in counts) else ""
+    sides = " and side" if any(side for *_, side in counts) else ""
     return (
         f"Accepted strides without a missing sample were used, {format_integer(low)}{several} a "
         f"participant{sides}."

@@ -265,7 +265,7 @@ def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list
     order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
     by_person: dict[str, list[CellEstimate]] = {}
     for cell in analysis.cells:
-        by_person.setdefault(cell.participant, []).append(cell)
+        by_person.setdefault(cell.label, []).append(cell)
     return [
         {
             "id": person,

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from jointz.core.analysis import StudyAnalysis
+from jointz.core.person_estimates import row_label
 from jointz.core.quasi_stiffness_fit import Doubt
 from jointz.report.latex import MARKS
 from jointz.report.subjects import subjects
@@ -25,15 +26,13 @@ def quasi_stiffness_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
     found = _rows(analysis)
     if not found:
         return None
-    cells = {
-        (row["participant"], row["side"], row["timing_point"]): row["n_strides"] for row in found
-    }
+    cells = {_place(row): row["n_strides"] for row in found}
     values = _by_measure(found)
     doubts = _doubts(found)
     return {
         "rows": [
             {
-                "participant": f"{participant} {side}".strip(),
+                "participant": row_label(participant, side=side),
                 "point": point,
                 "n": n,
                 "cells": [_cell(values[participant, side, point, m]) for m in _MEASURES],
@@ -100,9 +99,13 @@ def _rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
 
 
 def _by_measure(found: Sequence[dict[str, Any]]) -> dict[tuple[str, ...], dict[str, Any]]:
-    return {
-        (row["participant"], row["side"], row["timing_point"], row["measure"]): row for row in found
-    }
+    return {(*_place(row), row["measure"]): row for row in found}
+
+
+def _place(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return participant with session, side and timing point."""
+    who = row_label(row["participant"], row.get("session", ""))
+    return who, row["side"], row["timing_point"]
 
 
 def _doubts(found: Sequence[Mapping[str, Any]]) -> list[str]:

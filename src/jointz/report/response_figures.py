@@ -72,7 +72,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     matplotlib.figure.Figure or None
         None where no cell holds a response.
     """
-    cells = {(c.participant, c.timing_point): c for c in analysis.cells}
+    cells = {(c.label, c.timing_point): c for c in analysis.cells}
     responses = [c.response for c in analysis.cells if c.response is not None]
     if not responses:
         return None
@@ -89,9 +89,10 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     for i, row in enumerate(rows):
         top = _TOP_MM + i * pitch
         if row.first:
-            size = 7.0 if len(row.participant) <= 5 else TINY_PT
+            lines = row.participant.split(", ")  # with session and side, one below the other
+            size = 7.0 if max(map(len, lines)) <= 5 else TINY_PT
             middle = top + 0.5 * height
-            place_text(figure, 1.0, middle, row.participant, va="center", fontsize=size,
+            place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=size,
                        fontweight="bold")  # fmt: skip
         for left, quantity in ((_LEFT_MM, "angle"), (right, "torque")):
             axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
@@ -105,8 +106,8 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
 
 def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
     names = timing_points(cells)
-    people = dict.fromkeys(c.participant for c in cells)
-    held = {(c.participant, c.timing_point) for c in cells}
+    people = dict.fromkeys(c.label for c in cells)
+    held = {(c.label, c.timing_point) for c in cells}
     rows = []
     for person in people:
         own = names if len(names) <= _MOST_COLUMNS else [n for n in names if (person, n) in held]

@@ -113,10 +113,10 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
     words = subjects(analysis)
     walking = any(c.onset_gait_pct is not None for c in analysis.cells)
     order = {n: i for i, n in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
-    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    people = list(dict.fromkeys(c.label for c in analysis.cells))
     cells = sorted(
         (c for c in analysis.cells if any(c.parameter(n) for n in present)),
-        key=lambda c: (people.index(c.participant), order[c.timing_point]),
+        key=lambda c: (people.index(c.label), order[c.timing_point]),
     )
     head = [words.one.capitalize(), words.point.capitalize()]
     head += ["Onset (% of cycle)"] if walking else []
@@ -142,7 +142,7 @@ def _estimate_row(
     held = [cell.parameter(n) for n in names]
     texts = ["" if p is None else f"{shown(p)}{marks.get(p.status, '')}" for p in held]
     return (
-        cell.participant,
+        cell.label,
         point_name(cell.timing_point),
         *((onset,) if walking else ()),
         *texts,

@@ -12,6 +12,7 @@ from jointz.core.certificate import VirtualEstimate
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
 from jointz.core.estimates import CellEstimate
+from jointz.core.person_estimates import person_cells
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
@@ -190,7 +191,7 @@ def _with_people_together(
     analysis = replace(analysis, certificate=certificate)
     if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
         return analysis
-    together = pool_people(analysis.cells)
+    together = pool_people(person_cells(analysis.cells))
     return replace(analysis, population=together.population, pooled=together.cells)
 
 
@@ -263,12 +264,12 @@ def _assembled(
     return StudyAnalysis(
         cells=tuple(cells),
         comparison=tuple(comparison),
-        population=population_means(cells) if study.spec.of_people else (),
+        population=population_means(person_cells(cells)) if study.spec.of_people else (),
         pulses=pulses,
         strides=strides,
         gaps=gaps,
         single=single,
-        models=tuple(r.model for r in results.values() if r.model is not None),
+        models=tuple(m for r in results.values() for m in r.models),
         statistics=statistics,
         settings=_settings_record(study, method, resamples=resamples, seed=seed),
         provenance={
@@ -288,21 +289,21 @@ def _completed(
     results: dict[str, ParticipantResult],
     broken: Collection[str],
 ) -> list[CellEstimate]:
-    """Order the cells and add a failed one wherever a participant has none."""
+    """Order the cells and add a failed one wherever a session and side has none."""
     labels = _expected_labels(study, method, results)
-    there = {
-        (person_id, cell.timing_point): cell
-        for person_id, result in results.items()
-        for cell in result.cells.get(method, ())
-    }
-    why = {
-        person_id: _why_missing(study, person_id, result) for person_id, result in results.items()
-    } | dict.fromkeys(broken, Failure.ANALYSIS_BROKE)
-    return [
-        there.get((person_id, label)) or _missing(study, person_id, label, method, why[person_id])
-        for person_id in results
-        for label in labels
-    ]
+    cells: list[CellEstimate] = []
+    for person_id, result in results.items():
+        there = {(c.session, c.side, c.timing_point): c for c in result.cells.get(method, ())}
+        for unit in result.units or (("", ""),):
+            failure = _why_missing(study, person_id, result, unit)
+            if person_id in broken:
+                failure = Failure.ANALYSIS_BROKE
+            cells += [
+                there.get((*unit, label))
+                or _missing(study, person_id, label, method, failure, unit)
+                for label in labels
+            ]
+    return cells
 
 
 def _expected_labels(study: Study, method: str, results: dict[str, ParticipantResult]) -> list[str]:
@@ -315,20 +316,28 @@ def _expected_labels(study: Study, method: str, results: dict[str, ParticipantRe
     return label_names(spec.perturbations, seen)
 
 
-def _why_missing(study: Study, person_id: str, result: ParticipantResult) -> Failure:
-    """Return why a participant has no cell at a timing point."""
+def _why_missing(
+    study: Study, person_id: str, result: ParticipantResult, unit: tuple[str, str]
+) -> Failure:
+    """Return why a participant's session and side have no cell at a timing point."""
+    pulses = [p for p in result.pulses if (p.session, p.side) == unit]
     conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
-    if any(p.code == Exclusion.NO_HEEL_STRIKES for p in result.pulses):
+    if any(p.code == Exclusion.NO_HEEL_STRIKES for p in pulses):
         return Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
     if not {"perturbed", None} & conditions:
         return Failure.NO_PERTURBED_RECORDING
     # Pulses of which none could be given a timing point are there, each with its code.
-    nameless = bool(result.pulses) and not any(p.timing_point for p in result.pulses)
+    nameless = bool(pulses) and not any(p.timing_point for p in pulses)
     return Failure.ALL_PULSES_EXCLUDED if nameless else Failure.NO_PULSES
 
 
 def _missing(
-    study: Study, person_id: str, label: str, method: str, failure: Failure
+    study: Study,
+    person_id: str,
+    label: str,
+    method: str,
+    failure: Failure,
+    unit: tuple[str, str],
 ) -> CellEstimate:
     mass = study.spec.participant(person_id).mass_kg
     return CellEstimate(
@@ -343,6 +352,8 @@ def _missing(
         n_excluded=0,
         method=method,
         baseline=_baseline(study, method),
+        session=unit[0],
+        side=unit[1],
     )
 
 

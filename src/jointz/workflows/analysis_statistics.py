@@ -67,12 +67,11 @@ def study_statistics(
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
             *_method_notes(method, cells),
-            *_model_notes([r.model for r in results if r.model is not None]),
-            *_doubt_notes([r.model for r in results if r.model is not None]),
+            *_model_notes([m for r in results for m in r.models]),
+            *_doubt_notes([m for r in results for m in r.models]),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
-            *_side_notes(study, pulses),
             *_switch_notes(results),
             *_pulse_notes(study, pulses),
             *_quasi_stiffness_notes(results),
@@ -92,6 +91,8 @@ def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
             "ci_low": p.ci_low,
             "ci_high": p.ci_high,
             "status": p.status,
+            "session": cell.session,
+            "side": cell.side,
         }
         for cell in cells
         for p in cell.nuisance
@@ -228,7 +229,7 @@ def _doubt_notes(models: Sequence[ParticipantModel]) -> list[str]:
     """Say in whose responses a linear joint is doubtful, and why that may be."""
     notes = []
     for doubt in Doubt:
-        people = [m.participant for m in models if doubt.value in m.doubts]
+        people = [m.label for m in models if doubt.value in m.doubts]
         if people:
             told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
             notes.append(
@@ -283,24 +284,6 @@ def _mean_notes(study: Study) -> list[str]:
     return [NO_MEANS_ON_A_BENCH] if loads else []
 
 
-def _side_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
-    """Say in whose estimates both sides are averaged."""
-    sides = {(r.participant, r.file): r.side for r in study.spec.recordings if r.side}
-    used: dict[str, set[str]] = {}
-    for p in pulses:
-        side = sides.get((p.participant, p.recording))
-        if side and not p.code:
-            used.setdefault(p.participant, set()).add(side)
-    people = [person for person, found in used.items() if len(found) > 1]
-    if not people:
-        return []
-    told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
-    return [
-        f"{told}: perturbed recordings are of both sides, and one row a timing point is their "
-        "average. To keep the sides apart name them as two participants in study.toml."
-    ]
-
-
 def _switch_notes(results: Collection[ParticipantResult]) -> list[str]:
     """Say which footswitches are read as switches and look like voltages."""
     files = list(dict.fromkeys(file for r in results for file in r.unclean_switches))
@@ -338,5 +321,5 @@ def _quasi_stiffness_notes(results: Collection[ParticipantResult]) -> list[str]:
 
 
 def _names(cells: Sequence[CellEstimate]) -> str:
-    names = [f"{cell.participant} {cell.timing_point}" for cell in cells]
+    names = [f"{cell.label} {cell.timing_point}" for cell in cells]
     return f"{', '.join(names[:_TOLD])}{', ...' if len(names) > _TOLD else ''}"

@@ -15,7 +15,6 @@ from jointz.identify.appraisal.certificate_study import (
     certify_participant,
     replicates_for,
 )
-from jointz.identify.preparation.sources import prepare_sources
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress
@@ -88,9 +87,9 @@ def certify(
             progress(done, len(people), f"certificate of {person_id}")
         try:
             settings = participant_settings(opened, person_id, RECOMMENDED, resamples=2, seed=seed)
-            sources = prepare_sources(read_participant(opened, person_id, {}), settings)
+            recordings = read_participant(opened, person_id, {})
             found[person_id] = certify_participant(
-                evidence_of(person_id, sources, settings),
+                evidence_of(person_id, recordings, settings),
                 injection,
                 replicates=replicates,
                 seed=seed,

@@ -31,7 +31,7 @@ from jointz.io.collection_catalog import (
 from jointz.workflows.collection_check import CheckedEntry, checked_entries, common_findings
 from jointz.workflows.collection_covariance_checks import COLUMNS as COVARIANCES
 
-_CELL = ["participant", "timing_point", "parameter"]
+_CELL = ["participant", "session", "side", "timing_point", "parameter"]
 
 
 def build_catalog(folder: Path, *, out: Path | None = None) -> CatalogBuild:
@@ -207,7 +207,9 @@ def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
         walking_speed_m_s=_number(condition.walking_speed_m_s),
         slope_deg=_number(condition.slope_deg), surface=condition.surface,
     )  # fmt: skip
-    rows = rows.assign(**_of_people(spec, rows["participant"]))
+    people = _of_people(spec, rows["participant"])
+    people["side"] = rows["side"].where(rows["side"] != "", people["side"]).to_numpy()
+    rows = rows.assign(**people)
     if spec.kind == "estimates":
         rows = rows.assign(statistic="individual", source="", sd=np.nan, n=1.0)
     return in_catalog_columns(rows)
@@ -309,8 +311,10 @@ def with_covariance(
     shared = (made["parameter"] == "inertia") & (made["timing_point"] == ALL_POINTS)
     if shared.any():
         told = covariance[covariance["parameter"] == "inertia"]
-        variance = told.groupby("participant")["with_inertia"].first()
-        known = made.loc[shared, "participant"].map(variance)
-        made.loc[shared, "with_inertia"] = made.loc[shared, "with_inertia"].fillna(known)
+        variance = told.groupby(_CELL[:3])["with_inertia"].first()
+        known = variance.reindex(pd.MultiIndex.from_frame(made.loc[shared, _CELL[:3]]))
+        made.loc[shared, "with_inertia"] = made.loc[shared, "with_inertia"].fillna(
+            pd.Series(known.to_numpy(), made.index[shared])
+        )
     made.loc[made["method"] != method, list(COVARIANCES)] = np.nan
     return made

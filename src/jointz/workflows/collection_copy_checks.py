@@ -106,12 +106,12 @@ def _values(tables: Sequence[Table]) -> tuple[pd.DataFrame, pd.DataFrame]:
         held = held[(held["status"] == "ok") & (held["value"] != 0)]
         about = {"entry": name, "condition": one.condition.name,
                  "sha256": one.sha256[one.condition.estimates]}  # fmt: skip
-        columns = ["participant", "method", "parameter", "timing_point", "value"]
+        columns = ["participant", "session", "side", "method", "parameter", "timing_point", "value"]
         parts.append(held[columns].assign(**about))
     if not parts:
         return pd.DataFrame(), pd.DataFrame()
     values = pd.concat(parts, ignore_index=True)
-    keys = ["entry", "condition", "participant", "method", "sha256"]
+    keys = ["entry", "condition", "participant", "session", "side", "method", "sha256"]
     code, people = pd.factorize(pd.MultiIndex.from_frame(values[keys]))
     size = values["value"].abs().to_numpy()
     exponent = np.floor(np.log10(size))

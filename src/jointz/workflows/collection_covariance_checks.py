@@ -13,7 +13,7 @@ from jointz.workflows.collection_entry_checks import Found
 PARAMETERS = ("stiffness", "damping", "inertia")
 #: Columns of the file of covariances, in the order of the parameters.
 COLUMNS = tuple(f"with_{name}" for name in PARAMETERS)
-_KEYS = ["participant", "timing_point"]
+_KEYS = ["participant", "session", "side", "timing_point"]
 _ROUNDING = 1e-6
 #: A correlation matrix with a smaller eigenvalue is none that can be inverted.
 _SMALLEST = 1e-9

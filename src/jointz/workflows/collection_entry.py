@@ -5,7 +5,7 @@ import json
 import re
 import shutil
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +141,11 @@ def _content(
         "values": "estimates",
         "exclusions": _exclusions(results / _EXCLUDED),
         "device": _torque_path(spec),
-        "joint": {"name": spec["joint"], **_side(spec), "positive": spec["positive"]},
+        "joint": {
+            "name": spec["joint"],
+            **_sides(spec["recordings"]),
+            "positive": spec["positive"],
+        },
         "calibration": _calibration(spec),
         "units": {name: PARAMETER_UNITS[name] for name in PARAMETERS if name in found},
         "method": {
@@ -166,11 +170,12 @@ def _questions(content: Mapping[str, Any]) -> dict[str, str]:
     return questions
 
 
-def _side(spec: Mapping[str, Any]) -> dict[str, str]:
-    sides = {recording.get("side") for recording in spec["recordings"]}
-    if None in sides:
+def _sides(recordings: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Return the side of recordings, or that they are of both; nothing where one states none."""
+    sides = {recording.get("side") for recording in recordings}
+    if None in sides or not sides:
         return {}
-    return {"side": "both" if len(sides) > 1 else sides.pop()}
+    return {"side": "both" if len(sides) > 1 else str(sides.pop())}
 
 
 def described_person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, Any]:
@@ -182,9 +187,8 @@ def described_person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict
         The study, and the participant, as provenance holds them.
     """
     of_person = [r for r in spec["recordings"] if r["participant"] == person["id"]]
-    sides = {recording.get("side") for recording in of_person}
     known = {key: person.get(key) for key in ("id", "mass_kg", "height_m", "group")}
-    return known | ({"side": sides.pop()} if len(sides) == 1 else {})
+    return known | _sides(of_person)
 
 
 def _torque_path(spec: Mapping[str, Any]) -> dict[str, str]:

@@ -16,7 +16,7 @@ from jointz.core.provenance import own_version
 
 #: Called with (entries done, of how many, what comes next).
 Progress = Callable[[int, int, str], None]
-_CELL = list(COVARIANCE_COLUMNS[:3])
+_CELL = [*COVARIANCE_COLUMNS[:3], "session", "side"]
 #: What an entry says of its values and not of its people.
 _OF_VALUES = {*ESTIMATE_COLUMNS, *COVARIANCE_COLUMNS, "sd", "n", "software"} - {"participant"}
 
@@ -168,6 +168,9 @@ def _estimated_again(entry: pd.DataFrame, analysis: StudyAnalysis) -> pd.DataFra
     about = [c for c in CATALOG_COLUMNS if c not in _OF_VALUES and c != "participant"]
     told = known.loc[fresh["participant"], about].reset_index(drop=True)
     made = pd.concat([fresh, told], axis=1)
+    made["side"] = made["side"].where(
+        made["side"] != "", known["side"].loc[made["participant"]].array
+    )
     return made.assign(software=f"jointz {own_version()}", n=1.0)
 
 

@@ -184,8 +184,12 @@ def _people(spec: Entry, tables: ConditionTables) -> Iterator[Found]:
     per_kg = values["parameter"].isin(_PER_MASS) & values["status"].isin(STANDING)
     told = ("mass_missing", "mass_kg of the participant, for a value per kg", "none")
     yield from _rows(tables, per_kg & ~values["participant"].isin(masses), told, "participant")
-    keys = ["participant", "timing_point", "parameter", "method"]
-    told = ("row_twice", "one row a participant, timing point, parameter and method", "a second")
+    keys = ["participant", "session", "side", "timing_point", "parameter", "method"]
+    told = (
+        "row_twice",
+        "one row a participant, session, side, timing point, parameter and method",
+        "a second",
+    )
     yield from _rows(tables, values.duplicated(keys), told, "parameter")
 
 
@@ -282,7 +286,7 @@ def _people_alike(_: Entry, tables: ConditionTables) -> Iterator[Found]:
 
 def _per_mass(spec: Entry, tables: ConditionTables) -> Iterator[Found]:
     """Compare values per kg with whole ones and the mass."""
-    keys = ["participant", "timing_point", "method"]
+    keys = ["participant", "session", "side", "timing_point", "method"]
     held = standing(tables.rows)
     masses = {person.id: person.mass_kg for person in spec.participants}
     for per_kg, whole in _PER_MASS.items():

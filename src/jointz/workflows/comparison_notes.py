@@ -101,6 +101,7 @@ def comparison_notes(
     """
     return (
         *_people(read, designs),
+        *_averaged(read),
         *_alike(read, apart=made.settings.get("paired") is False),
         *_unlike(read),
         *_masses(read, made.parameters),
@@ -136,6 +137,15 @@ def _people(read: Sequence[Results], designs: Mapping[tuple[str, str], str]) -> 
             "Groups differ in more than their name: age, mass, speed, device and method are in "
             "their differences too."
         )
+
+
+def _averaged(read: Sequence[Results]) -> Iterator[str]:
+    for results in read:
+        if results.averaged:
+            yield (
+                f"{results.source.name}: values are means over the sessions and sides of "
+                f"{', '.join(results.averaged)}: the person is the unit of analysis."
+            )
 
 
 def _alike(read: Sequence[Results], *, apart: bool) -> Iterator[str]:

@@ -4,7 +4,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,14 @@ from jointz.core.comparison_rows import PersonValue, Source
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.study import FilesSpec
-from jointz.io.registry import RawTable, file_sha256, read_table
+from jointz.io.registry import RawTable, file_sha256, list_columns, read_table
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 
 #: Stands for the dissertation's tables 4.1 to 4.3 where a results folder could stand.
 PUBLISHED = "published"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
+_UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
 _STANDING = ("ok", "at_bound")
 _PER_MASS = ("stiffness_per_mass", "damping_per_mass")
@@ -54,6 +55,8 @@ class Results:
         Of the analysis.
     inputs : tuple of mapping
         Files that were read, with their hashes.
+    averaged : tuple of str
+        Participants with several sessions or sides, whose values are means over them.
     """
 
     source: Source
@@ -64,6 +67,7 @@ class Results:
     version: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: tuple[Mapping[str, Any], ...] = ()
+    averaged: tuple[str, ...] = ()
 
     @cached_property
     def points(self) -> tuple[str, ...]:
@@ -237,8 +241,10 @@ def read_results(folder: Path, name: str) -> Results:
     provenance = _provenance(folder)
     joint = _joint(provenance, folder)
     file = folder / _ESTIMATES
-    table = read_table(file, numeric=_NUMBERS, labels=_LABELS, files=FilesSpec(), as_written=True)
-    values = _values(table, file, name)
+    stated = [n for n in _UNIT if n in (list_columns(file, FilesSpec()) or ())]
+    labels = (*_LABELS, *stated)
+    table = read_table(file, numeric=_NUMBERS, labels=labels, files=FilesSpec(), as_written=True)
+    values, averaged = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
     methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
     inputs = tuple(
@@ -254,6 +260,7 @@ def read_results(folder: Path, name: str) -> Results:
         version=str(provenance.get("jointz", "")),
         settings=provenance.get("settings", {}),
         inputs=inputs,
+        averaged=averaged,
     )
 
 
@@ -300,14 +307,18 @@ def _joint(provenance: Mapping[str, Any], folder: Path) -> str:
     return str(held["joint"])
 
 
-def _values(table: RawTable, file: Path, name: str) -> dict[tuple[str, str, str], PersonValue]:
-    values: dict[tuple[str, str, str], PersonValue] = {}
-    columns = {key: table.columns[key].tolist() for key in (*_NUMBERS, *_LABELS)}
+def _values(
+    table: RawTable, file: Path, name: str
+) -> tuple[dict[tuple[str, str, str], PersonValue], tuple[str, ...]]:
+    """Return one value a person, and who has several sessions or sides."""
+    values: dict[tuple[str, str, str], dict[tuple[str, ...], PersonValue]] = {}
+    columns = {key: column.tolist() for key, column in table.columns.items()}
     for i, parameter in enumerate(columns["parameter"]):
         row = {key: column[i] for key, column in columns.items()}
         where = (parameter, row["timing_point"], row["participant"])
+        unit = tuple(row[key] for key in _UNIT if key in row)
         line = table.first_row + i
-        if where in values:
+        if unit in values.get(where, ()):
             raise DataError(
                 f"{file}, row {line}: a second {' of '.join(where)}. Estimates have one row each; "
                 "run jointz analyze again.",
@@ -321,8 +332,21 @@ def _values(table: RawTable, file: Path, name: str) -> dict[tuple[str, str, str]
                 path=str(file),
                 row=line,
             )
-        values[where] = _value(row, name, file, line)
-    return values
+        values.setdefault(where, {})[unit] = _value(row, name, file, line)
+    averaged = dict.fromkeys(person for (_, _, person), own in values.items() if len(own) > 1)
+    return {where: _of_person([*own.values()]) for where, own in values.items()}, tuple(averaged)
+
+
+def _of_person(values: Sequence[PersonValue]) -> PersonValue:
+    """Return the mean over a person's sessions and sides; their errors count as shared."""
+    held = [v for v in values if v.value is not None]
+    if len(values) == 1 or not held:
+        return values[0]
+    status = "ok" if any(v.status == "ok" for v in held) else held[0].status
+    ends = [[getattr(v, key) for v in held] for key in ("value", "ci_low", "ci_high")]
+    means = [None if None in own else float(np.mean(own)) for own in ends]
+    value, ci_low, ci_high = means
+    return replace(held[0], value=value, ci_low=ci_low, ci_high=ci_high, status=status)
 
 
 def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonValue:

@@ -49,6 +49,11 @@ class Exploration:
         """Participants, in the order of the study."""
         return tuple(dict.fromkeys(cell.participant for cell in self.analysed.cells))
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Participants with their sessions and sides, in the order of the study."""
+        return tuple(dict.fromkeys(cell.label for cell in self.analysed.cells))
+
     def current(self) -> StudyAnalysis:
         """Return the analysis with what was estimated again."""
         analysis = self.analysed
@@ -214,7 +219,7 @@ def _study_of(
 
 
 def cell_of(
-    analysis: StudyAnalysis, participant: str, timing_point: str, *, method: str | None = None
+    analysis: StudyAnalysis, label: str, timing_point: str, *, method: str | None = None
 ) -> CellEstimate | None:
     """Return a cell of the chosen method, or of one it is compared with.
 
@@ -222,30 +227,28 @@ def cell_of(
     ----------
     analysis : StudyAnalysis
         The analysis.
-    participant, timing_point : str
-        Which cell.
+    label, timing_point : str
+        Which cell: participant with session and side, and where.
     method : str, optional
         By its name; the chosen one by default.
     """
-    wanted = (participant, timing_point, method or analysis.settings["method"])
+    wanted = (label, timing_point, method or analysis.settings["method"])
     for cell in (*analysis.cells, *analysis.comparison):
-        if (cell.participant, cell.timing_point, cell.method) == wanted:
+        if (cell.label, cell.timing_point, cell.method) == wanted:
             return cell
     return None
 
 
-def pulses_of(
-    analysis: StudyAnalysis, participant: str, timing_point: str
-) -> tuple[PulseRecord, ...]:
+def pulses_of(analysis: StudyAnalysis, label: str, timing_point: str) -> tuple[PulseRecord, ...]:
     """Return the pulses of a participant at a timing point, in order of time.
 
     Parameters
     ----------
     analysis : StudyAnalysis
         The analysis.
-    participant, timing_point : str
-        Which.
+    label, timing_point : str
+        Which: participant with session and side, and where.
     """
-    wanted = (participant, timing_point)
-    found = [p for p in analysis.pulses if (p.participant, p.timing_point) == wanted]
+    wanted = (label, timing_point)
+    found = [p for p in analysis.pulses if (p.label, p.timing_point) == wanted]
     return tuple(sorted(found, key=lambda pulse: (pulse.recording, pulse.onset_s)))

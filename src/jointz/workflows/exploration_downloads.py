@@ -61,7 +61,7 @@ def figure_svg(analysis: StudyAnalysis, name: str) -> bytes | None:
 
 
 def traces_netcdf(
-    analysis: StudyAnalysis, participant: str, traces: Mapping[PulseKey, PulseTrace]
+    analysis: StudyAnalysis, label: str, traces: Mapping[PulseKey, PulseTrace]
 ) -> bytes:
     """Return a participant's pulses with baseline, response, fit and residual, as netCDF.
 
@@ -69,8 +69,8 @@ def traces_netcdf(
     ----------
     analysis : StudyAnalysis
         The analysis; it says which pulses were used.
-    participant : str
-        Whose.
+    label : str
+        Whose: participant with session and side.
     traces : mapping of PulseKey to PulseTrace
         Of this participant.
 
@@ -79,7 +79,7 @@ def traces_netcdf(
     Dimensions are ``pulse`` and, for each method, ``time_METHOD``. Pulses of which a method makes
     nothing are NaN.
     """
-    records = [p for p in analysis.pulses if p.participant == participant]
+    records = [p for p in analysis.pulses if p.label == label]
     found = [traces.get(PulseKey.of(p)) for p in records]
     dataset = xr.Dataset(
         {
@@ -90,7 +90,7 @@ def traces_netcdf(
             "measured_pct": ("pulse", [_number(p.measured_pct) for p in records]),
             "code": ("pulse", [p.code for p in records], {"long_name": "why left out"}),
         },
-        attrs={"participant": participant, "jointz": str(analysis.provenance.get("jointz", ""))},
+        attrs={"participant": label, "jointz": str(analysis.provenance.get("jointz", ""))},
     )
     methods = dict.fromkeys(name for trace in found if trace for name in trace.windows)
     for method in methods:

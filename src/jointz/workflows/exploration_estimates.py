@@ -8,6 +8,7 @@ from typing import Any
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import DataError
 from jointz.core.estimates import CellEstimate
+from jointz.core.person_estimates import person_cells
 from jointz.core.pooled_estimates import has_budget
 from jointz.core.study import Study
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
@@ -97,7 +98,7 @@ def estimate_again(study: Study, person_id: str, wanted: Wanted) -> Again:
     _check_same(inputs, wanted.sha256)
     result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
     traces = on_one_thread(partial(pulse_traces, person_id, recordings, settings, result))
-    return Again(person_id, replace(result, evidence=None), traces)
+    return Again(person_id, replace(result, evidence=()), traces)
 
 
 def estimate_otherwise(
@@ -162,7 +163,7 @@ def with_again(
     """
     method = str(analysis.settings["method"])
     found = {
-        (cell.participant, cell.timing_point, name): cell
+        (cell.label, cell.timing_point, name): cell
         for result in results.values()
         for name, cells in result.cells.items()
         for cell in cells
@@ -173,12 +174,12 @@ def with_again(
     strides = {p: tuple(r.strides) for p, r in results.items()}
     # Pulses of a bench by themselves stay those of the analysis where whole trials are explained.
     single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
-    models = {p: () if r.model is None else (r.model,) for p, r in results.items()}
+    models = {p: r.models for p, r in results.items()}
     changed = replace(
         analysis,
         cells=cells,
         comparison=_renewed(analysis.comparison, found),
-        population=population_means(cells) if study.spec.kind == "walking" else (),
+        population=population_means(person_cells(cells)) if study.spec.kind == "walking" else (),
         pulses=_replaced(people, analysis.pulses, pulses),
         strides=_replaced(people, analysis.strides, strides),
         single=_replaced(people, analysis.single, single),
@@ -187,7 +188,7 @@ def with_again(
     )
     if method != RECOMMENDED or len(people) < 2 or not any(map(has_budget, cells)):
         return changed
-    together = pool_people(cells)
+    together = pool_people(person_cells(cells))
     return replace(changed, population=together.population, pooled=together.cells)
 
 
@@ -195,7 +196,7 @@ def _renewed(
     cells: tuple[CellEstimate, ...], found: Mapping[tuple[str, str, str], CellEstimate]
 ) -> tuple[CellEstimate, ...]:
     # A point without a pulse has none whatever is left out: its cell stays.
-    return tuple(found.get((c.participant, c.timing_point, c.method), c) for c in cells)
+    return tuple(found.get((c.label, c.timing_point, c.method), c) for c in cells)
 
 
 def _replaced(people: list[str], old: tuple[Any, ...], new: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -7,6 +7,8 @@ the raw signals. For the other methods windows and baseline come from the same c
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from jointz.identify.preparation.raw_signals import (
     common_rate_hz,
     raw_signals,
 )
+from jointz.identify.preparation.recording_groups import Unit, recording_groups
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
@@ -167,6 +170,29 @@ def pulse_traces(
     result : ParticipantResult
         What came out, with its evidence.
     """
+    traces: dict[PulseKey, PulseTrace] = {}
+    for unit, group in recording_groups(recordings, walking=settings.walking):
+        if unit is not None:
+            traces |= _group_traces(participant, group, settings, _part(result, unit))
+    return traces
+
+
+def _part(result: ParticipantResult, unit: Unit) -> ParticipantResult:
+    """Return what came out for a session and side."""
+
+    def own(rows: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(row for row in rows if (row.session, row.side) == unit)
+
+    cells = {method: own(cells) for method, cells in result.cells.items()}
+    return replace(result, cells=cells, pulses=own(result.pulses), evidence=own(result.evidence))
+
+
+def _group_traces(
+    participant: str,
+    recordings: Sequence[RecordingInput],
+    settings: ParticipantSettings,
+    result: ParticipantResult,
+) -> dict[PulseKey, PulseTrace]:
     lifted = _without_user(settings, result.pulses)
     sources = prepare_sources(recordings, lifted)
     windows: dict[PulseKey, dict[str, Window]] = {PulseKey.of(p): {} for p in result.pulses}
@@ -216,10 +242,9 @@ def _predicted(
     yield from (w for w in _of_evidence(result.evidence, signals) if w[0] not in excluded)
 
 
-def _of_evidence(evidence: Evidence | None, signals: Sequence[Conditioned]) -> _Found:
-    if evidence is None:
-        return
-    for cell, average in zip(evidence.cells, evidence.responses, strict=True):
+def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -> _Found:
+    found = (zip(one.cells, one.responses, strict=True) for one in evidence)
+    for cell, average in chain.from_iterable(found):
         fine = [
             c for c, code in zip(cell.candidates, cell.predicted.codes, strict=True) if not code
         ]

@@ -202,7 +202,7 @@ def _outcome(
     virtual = certify_participant(
         found.evidence, Injection(), replicates=asked.injections, seed=asked.seed
     )
-    return Outcome(replace(found, evidence=None), virtual, inputs)
+    return Outcome(replace(found, evidence=()), virtual, inputs)
 
 
 def participant_settings(

@@ -31,7 +31,7 @@ def quasi_stiffness_rows(
     Returns
     -------
     list of dict
-        One row a participant, side, timing point and measure of
+        One row a participant, session, side, timing point and measure of
         :func:`jointz.stats.quasi_stiffness.quasi_stiffness`, in N*m/rad.
 
     Notes
@@ -72,6 +72,7 @@ def _row(
         "n_strides": len(curves.angle),
         "status": estimate.status,
         "doubts": " ".join(estimate.doubts),
+        "session": curves.session,
     }
 
 

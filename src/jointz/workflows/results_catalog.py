@@ -126,7 +126,8 @@ def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
         entry=name, study=study, values="estimates", statistic="individual",
         joint=spec["joint"], positive=spec["positive"], activity=spec["kind"], n=1.0,
         software=f"jointz {provenance.get('jointz', '')}",
-        **{key: [str(one.get(key) or "") for one in told] for key in ("side", "group")},
+        side=values["side"].where(values["side"] != "", [str(p.get("side") or "") for p in told]),
+        group=[str(one.get("group") or "") for one in told],
         **{key: [one.get(key) or np.nan for one in told] for key in ("mass_kg", "height_m")},
     )  # fmt: skip
     hashes = {_ESTIMATES: sha256, _PROVENANCE: file_sha256(folder / _PROVENANCE)}

@@ -3,9 +3,11 @@
 import os
 from collections.abc import Sequence
 
+from jointz.core.person_estimates import row_label
 from jointz.core.specification_curve import SpecificationCurve
 from jointz.core.study import Study
 from jointz.identify.appraisal.specification import Choices, specification_estimates
+from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study import open_study
 from jointz.workflows.analysis import Progress
@@ -32,7 +34,8 @@ def specification_curve(
     study : Study or path
         An opened study, or its folder.
     participant : str, optional
-        The id; the first by default.
+        The id, with session and side where there are several, as tables write it: ``S01, left``.
+        By default the first.
     windows_s : sequence of float, s
         From the onset; the recommended method refuses those above 0.12 s.
     cutoffs_hz : sequence of float, Hz
@@ -63,9 +66,10 @@ def specification_curve(
             f'specification_curve: expected a walking study, got kind "{opened.spec.kind}".'
         )
     people = [person.id for person in opened.spec.participants]
-    who = people[0] if participant is None else participant
-    if who not in people:
-        raise ValueError(f"participant: expected one of {', '.join(people)}; got {who!r}.")
+    asked = people[0] if participant is None else participant
+    who = next((p for p in people if f"{asked},".startswith(f"{p},")), None)
+    if who is None:
+        raise ValueError(f"participant: expected one of {', '.join(people)}; got {asked!r}.")
     choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
     total = len(choices.windows_s) + len(choices.cutoffs_hz)
     done = iter(range(total))
@@ -75,13 +79,17 @@ def specification_curve(
             progress(next(done), total, what)
 
     settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
-    estimates = specification_estimates(
-        who, read_participant(opened, who, {}), settings, choices, tell=tell
-    )
+    groups = recording_groups(read_participant(opened, who, {}), walking=True)
+    found = {row_label(who, *unit): own for unit, own in groups if unit is not None}
+    alone = asked == who and len(found) == 1
+    label = next(iter(found)) if participant is None or alone else asked
+    if label not in found:
+        raise ValueError(f"participant: expected one of {'; '.join(found)}; got {asked!r}.")
+    estimates = specification_estimates(who, found[label], settings, choices, tell=tell)
     if progress:
         progress(total, total, "done")
     return SpecificationCurve(
-        participant=who,
+        participant=label,
         estimates=estimates,
         settings={
             "windows_s": list(choices.windows_s),

@@ -86,7 +86,18 @@ def test_whatever_was_left_out_is_one_table_pulses_first():
         cells=(),
         pulses=(
             PulseRecord("S01", "a.csv", 1.0, 0.2, 5.0, "LRE"),
-            PulseRecord("S01", "a.csv", 9.0, 0.2, 5.0, "MST", code="gap", detail="0.3 s"),
+            PulseRecord(
+                "S01",
+                "a.csv",
+                9.0,
+                0.2,
+                5.0,
+                "MST",
+                code="gap",
+                detail="0.3 s",
+                session="day 2",
+                side="left",
+            ),
         ),
         strides=(
             StrideRecord("S01", "a.csv", "perturbed", 0.5, 1.1),
@@ -99,8 +110,8 @@ def test_whatever_was_left_out_is_one_table_pulses_first():
 
     assert tuple(table.columns) == EXCLUDED_COLUMNS
     assert table.to_numpy().tolist() == [
-        ["S01", "a.csv", 9.0, "MST", "pulse", "gap", "0.3 s"],
-        ["S01", "a.csv", 1.6, "", "stride", "missing_strike", "2.2 s"],
+        ["S01", "a.csv", 9.0, "MST", "pulse", "gap", "0.3 s", "day 2", "left"],
+        ["S01", "a.csv", 1.6, "", "stride", "missing_strike", "2.2 s", "", ""],
     ]
     assert analysis.pulses_frame()["onset_s"].tolist() == [1.0, 9.0]
     assert analysis.strides_frame()["code"].tolist() == ["", "missing_strike"]

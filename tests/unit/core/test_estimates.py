@@ -56,6 +56,8 @@ def test_a_cell_is_one_row_a_parameter():
         "n_excluded": 10,
         "method": "dissertation",
         "status": "ok",
+        "session": "",
+        "side": "",
     }
     assert (rows[1]["value"], rows[1]["status"]) == (None, "undecided")
 

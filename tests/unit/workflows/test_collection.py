@@ -218,3 +218,40 @@ def test_a_catalog_that_was_built_again_is_read_again(tmp_path):
         build_catalog(tmp_path)
 
         assert query_catalog(tmp_path).table["study"].nunique() == k + 1
+
+
+def test_both_sides_of_a_person_are_rows_of_their_own_and_one_person(tmp_path):
+    def on_both_sides(spec, tables):
+        spec["joint"]["side"] = "both"
+        for person in spec["participants"]:
+            person["side"] = "both"
+        for file, table in tables.items():
+            sides = [table.assign(side=side) for side in ("left", "right")]
+            values = ["value", "ci_low", "ci_high"] if file == "estimates.csv" else []
+            sides[1][values] *= 1.1
+            tables[file] = pd.concat(sides, ignore_index=True)
+
+    write_entry(tmp_path / "lab", seed=5, people=2, change=on_both_sides)
+    made = build_catalog(tmp_path)
+    table = query_catalog(tmp_path).table
+
+    assert made.skipped == ()
+    assert made.people == 2
+    assert table["side"].astype(str).value_counts().to_dict() == {"left": 60, "right": 60}
+    stiffness = table[table["parameter"] == "stiffness"]
+    assert stiffness["with_stiffness"].notna().all()
+    keys = ["participant", "side", "timing_point"]
+    assert not stiffness.duplicated(keys).any()
+
+
+def test_tables_without_session_and_side_are_read_as_before(tmp_path):
+    def plain(spec, tables):
+        for file, table in tables.items():
+            tables[file] = table.drop(columns=["session", "side"])
+
+    write_entry(tmp_path / "lab", seed=5, people=2, change=plain)
+    build_catalog(tmp_path)
+    table = query_catalog(tmp_path).table
+
+    assert set(table["side"]) == {"right"}
+    assert set(table["session"]) == {""}

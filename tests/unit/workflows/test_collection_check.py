@@ -47,7 +47,7 @@ def whole_as_per_kg(spec, tables):
 def degrees(spec, tables):
     """Angles in degrees: all of K, B and J, and what belongs to them, are 57 times too small."""
     tables[ESTIMATES][["value", "ci_low", "ci_high"]] *= np.pi / 180.0
-    tables[COVARIANCE].iloc[:, 3:] *= (np.pi / 180.0) ** 2
+    tables[COVARIANCE].iloc[:, 3:6] *= (np.pi / 180.0) ** 2
 
 
 def some_per_kg(spec, tables):
@@ -84,7 +84,7 @@ def person_under_two_ids(spec, tables):
     spec["participants"][-1]["mass_kg"] = spec["participants"][0]["mass_kg"]
     cov = tables[COVARIANCE]
     first, last = (cov["participant"] == who for who in ("S001", "S012"))
-    cov.loc[last, cov.columns[3:]] = cov.loc[first, cov.columns[3:]].to_numpy()
+    cov.loc[last, cov.columns[3:6]] = cov.loc[first, cov.columns[3:6]].to_numpy()
 
 
 def not_positive(spec, tables):
@@ -117,7 +117,7 @@ def set_column(column, value, *, file=ESTIMATES, row=slice(None)):
 
 
 def scale_covariance(spec, tables):
-    tables[COVARIANCE].iloc[:, 3:] *= 9.0
+    tables[COVARIANCE].iloc[:, 3:6] *= 9.0
 
 
 def phase_as_fraction(spec, tables):

@@ -370,12 +370,12 @@ class Analysed:
 
     def to_frame(self) -> pd.DataFrame:
         """Return its estimates."""
-        return self.table
+        return self.table.assign(session="", side="")
 
     def covariance_frame(self) -> pd.DataFrame:
         """Return what is known of a variance."""
         return pd.DataFrame(
-            [("P0", "MST", "stiffness", 4.0, 0.0, 0.0)], columns=list(COVARIANCE_COLUMNS)
+            [("P0", "MST", "stiffness", 4.0, 0.0, 0.0, "", "")], columns=list(COVARIANCE_COLUMNS)
         )
 
 

@@ -110,7 +110,7 @@ def test_nothing_changed_gives_the_same_numbers(again):
     own = tuple(c for c in found.analysed.cells if c.participant == person)
 
     assert made.result.cells["recommended"] == own
-    assert made.result.evidence is None
+    assert made.result.evidence == ()
 
 
 @pytest.mark.parametrize("method", ["recommended", "dissertation"])

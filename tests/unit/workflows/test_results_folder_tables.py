@@ -52,7 +52,7 @@ def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():
 def test_models_are_written_where_there_are_any(tmp_path):
     found = ParticipantModel("S01", 0.0064, 0.001, 1.1, 0.1, 0.02, 0.97, 0.0, 939, ("a", "b"))
     write_results(analysis(models=(found,)), tmp_path / "out")
-    (row,) = pd.read_csv(tmp_path / "out" / "models.csv").to_dict("records")
+    (row,) = pd.read_csv(tmp_path / "out" / "models.csv", keep_default_na=False).to_dict("records")
     assert row == found.to_dict() | {"doubts": "a b"}
 
 

@@ -84,6 +84,8 @@ def _estimated(
             ci_low=row.ci_low,
             ci_high=row.ci_high,
             status=row.status,
+            session=evidence.session,
+            side=evidence.side,
         )
         for i, (label, rows) in enumerate(found.items())
         for row in rows

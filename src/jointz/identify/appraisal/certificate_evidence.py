@@ -1,34 +1,46 @@
 """The evidence of a participant: the recommended method run once, without its report."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from jointz.identify.preparation.assignment import assign_pulses
-from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.identify.preparation.recording_groups import recording_groups
+from jointz.identify.preparation.sources import (
+    ParticipantSettings,
+    RecordingInput,
+    prepare_sources,
+)
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
 
 
 def evidence_of(
-    participant: str, sources: Sequence[Source], settings: ParticipantSettings
-) -> Evidence | None:
+    participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
+) -> tuple[Evidence, ...]:
     """Predict and explain the pulses of a participant as the recommended method does.
 
     Parameters
     ----------
     participant : str
         The id.
-    sources : sequence of Source
-        The participant's recordings, made ready.
+    recordings : sequence of RecordingInput
+        All recordings of this participant.
     settings : ParticipantSettings
         What the study asks for.
 
     Returns
     -------
-    Evidence or None
-        None where nothing could be explained.
+    tuple of Evidence
+        One a session and side; none where nothing could be explained.
     """
-    estimator = WalkingEstimator(participant, sources, settings)
-    estimator.run(
-        assign_pulses(participant, sources, settings, baseline=estimator.baseline, alone=True)
-    )
-    return estimator.evidence
+    found = []
+    for unit, group in recording_groups(recordings, walking=settings.walking):
+        session, side = unit or ("", "")
+        sources = prepare_sources(group, settings)
+        estimator = WalkingEstimator(participant, sources, settings)
+        estimator.run(
+            assign_pulses(participant, sources, settings, baseline=estimator.baseline, alone=True)
+        )
+        if estimator.evidence is not None:
+            found.append(replace(estimator.evidence, session=session, side=side))
+    return tuple(found)

@@ -7,6 +7,7 @@ from zlib import crc32
 import numpy as np
 
 from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
+from jointz.core.person_estimates import row_label
 from jointz.identify.appraisal.certificate import virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
@@ -19,14 +20,14 @@ _NOTHING = "no pulse that could be predicted"
 
 
 def certify_participant(
-    evidence: Evidence | None, injection: Injection, *, replicates: int, seed: int
+    evidence: Sequence[Evidence], injection: Injection, *, replicates: int, seed: int
 ) -> list[VirtualEstimate]:
     """Inject into the strides of one participant; nothing where nothing could be explained.
 
     Parameters
     ----------
-    evidence : Evidence or None
-        What the recommended method knows of the participant.
+    evidence : sequence of Evidence
+        What the recommended method knows of each session and side of the participant.
     injection : Injection
         What is injected.
     replicates : int
@@ -34,12 +35,14 @@ def certify_participant(
     seed : int
         Of the draws.
     """
-    if evidence is None:
-        return []
-    # By name: a participant more or less changes nobody else's draws.
-    rng = np.random.default_rng([seed, crc32(evidence.participant.encode())])
-    rounds = virtual_estimates(evidence, injection, replicates=replicates, rng=rng)
-    return [estimate for found in rounds for estimate in found]
+    estimates: list[VirtualEstimate] = []
+    for own in evidence:
+        # By name: a participant more or less changes nobody else's draws.
+        name = row_label(own.participant, own.session, own.side)
+        rng = np.random.default_rng([seed, crc32(name.encode())])
+        for found in virtual_estimates(own, injection, replicates=replicates, rng=rng):
+            estimates += found
+    return estimates
 
 
 def assembled(

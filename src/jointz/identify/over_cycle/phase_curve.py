@@ -15,6 +15,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import REACH_95, CellEstimate, decides
+from jointz.core.person_estimates import person_cells
 from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pooled_estimates import UnboundedEstimate, unbounded_estimate
 from jointz.core.provenance import software
@@ -63,7 +64,8 @@ def phase_curve(
     analysis : StudyAnalysis
         Of a walking study, by the recommended method.
     participant : str, optional
-        Whose curves; by default those of everyone and of the mean over people.
+        Whose curves, with session and side where the study has them: ``S01, left``; by default
+        those of everyone and of the mean over people.
     parameters : sequence of str
         Of what: ``stiffness``, ``damping`` and both per kg.
 
@@ -101,20 +103,21 @@ def phase_curve(
     smooth curve rounds a step off, and an estimate is itself a mean over its window. Between
     timing points the band is the process', not the data's. Bands are pointwise.
     """
-    people = list(dict.fromkeys(cell.participant for cell in analysis.cells))
+    people = list(dict.fromkeys(cell.label for cell in analysis.cells))
     if participant is not None and participant not in people:
         raise DataError(
-            f"phase_curve: expected one of the participants {', '.join(people)}, got "
+            f"phase_curve: expected one of the participants {'; '.join(people)}, got "
             f"{participant!r}."
         )
     asked = people if participant is None else [participant]
-    follows = {model.participant: model.curve_probability for model in analysis.models}
+    follows = {model.label: model.curve_probability for model in analysis.models}
     widened = widen_steep(analysis.cells, follows)
+    everybody = person_cells(analysis.cells)
     bands: list[ParameterBand] = []
     warnings = _said_steep(widened, asked)
     for name in parameters:
         table = {
-            person: _estimates([c for c in widened.cells if c.participant == person], name)
+            person: _estimates([c for c in widened.cells if c.label == person], name)
             for person in asked
         }
         for person, found in table.items():
@@ -127,7 +130,7 @@ def phase_curve(
                 )
         if participant is None and len(people) > 1:
             # As they are: who seems steep at a point where others do not is not to weigh less.
-            mean = _mean_band(name, _estimates(analysis.cells, name), widened)
+            mean = _mean_band(name, _estimates(everybody, name), widen_steep(everybody, follows))
             bands += [] if mean is None else [mean]
     if not bands:
         raise EstimationError(Failure.NO_PULSES.value, f"phase_curve: {' '.join(warnings)}")
@@ -310,7 +313,7 @@ def _common_sd(group: Sequence[_Placed], name: str, widened: Widened) -> float:
     """
     sds = []
     for placed in group:
-        wide = widened.steep.get((placed.cell.participant, placed.cell.timing_point))
+        wide = widened.steep.get((placed.cell.label, placed.cell.timing_point))
         estimate = None if wide is None else unbounded_estimate(wide, name)
         sds.append(0.0 if estimate is None else estimate.systematic_sd)
     return float(np.median(sds))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.identify.preparation.recording_groups import Unit, unit_of
 from jointz.identify.preparation.sources import Source
 
 #: Nodes of a stride, from one heel strike to the next.
@@ -13,7 +14,7 @@ NODES = 101
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrideCurves:
-    """Strides of one participant and side, over the gait cycle.
+    """Strides of one participant, session and side, over the gait cycle.
 
     Parameters
     ----------
@@ -23,12 +24,15 @@ class StrideCurves:
         Joint angle, in the study's positive direction.
     moment : (n_stride, NODES) float, N*m
         Torque on the joint, in the same direction.
+    session : str
+        "" where the study does not tell it.
     """
 
     participant: str
     side: str
     angle: np.ndarray
     moment: np.ndarray
+    session: str = ""
 
 
 def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCurves, ...]:
@@ -44,8 +48,8 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     Returns
     -------
     tuple of StrideCurves
-        One a side; none of a participant who wore a device somewhere: the torque of such
-        recordings is that of the device.
+        One a session and side; none of a participant who wore a device somewhere: the torque of
+        such recordings is that of the device.
 
     Notes
     -----
@@ -53,16 +57,16 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     the line is straight. Gains and lags under ``[calibration]`` are those of the device's
     instruments and are not applied.
     """
-    found: dict[str, list[np.ndarray]] = {}
+    found: dict[Unit, list[np.ndarray]] = {}
     if any(source.given.condition != "no_device" for source in sources):
         return ()
     for source in sources:
-        side = str(source.given.recording.attrs["side"])
-        found.setdefault(side, []).extend(_strides(source))
+        found.setdefault(unit_of(source.given), []).extend(_strides(source))
     return tuple(
-        StrideCurves(participant, side, *np.stack(strides, axis=1))
-        for side, strides in found.items()
+        StrideCurves(participant, side, angle, moment, session)
+        for (session, side), strides in found.items()
         if strides
+        for angle, moment in [np.stack(strides, axis=1)]
     )
 
 

@@ -45,7 +45,7 @@ class Widened:
     cells : tuple of CellEstimate
         All of them, in their order.
     steep : mapping of (str, str) to CellEstimate
-        Participant and timing point -> cell whose window lies on a steep rise or fall.
+        Label and timing point -> cell whose window lies on a steep rise or fall.
     """
 
     cells: tuple[CellEstimate, ...]
@@ -60,8 +60,8 @@ def widen_steep(cells: Sequence[CellEstimate], follows: Mapping[str, float]) -> 
     cells : sequence of CellEstimate
         Of the recommended method.
     follows : mapping of str to float
-        Participant -> how probable it is that the estimator followed the curve through the
-        timing points; 0 where nothing was said.
+        Label (participant, session, side) -> how probable it is that the estimator followed the
+        curve through the timing points; 0 where nothing was said.
 
     Returns
     -------
@@ -87,8 +87,8 @@ def widen_steep(cells: Sequence[CellEstimate], follows: Mapping[str, float]) -> 
     """
     widened = list(cells)
     steep: dict[tuple[str, str], CellEstimate] = {}
-    for person in dict.fromkeys(cell.participant for cell in cells):
-        mine = [i for i, cell in enumerate(cells) if cell.participant == person]
+    for person in dict.fromkeys(cell.label for cell in cells):
+        mine = [i for i, cell in enumerate(cells) if cell.label == person]
         # A drift is no surprise where the estimator has followed the curve.
         surprise = float(np.sqrt(1.0 - follows.get(person, 0.0)))
         for i, drift in zip(mine, _drifts([cells[i] for i in mine], surprise), strict=True):

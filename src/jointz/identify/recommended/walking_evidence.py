@@ -28,6 +28,8 @@ class Evidence:
         For each timing point, which of the device's own K, B and J are still in its torque.
     window_s : float, s
         Of the motion.
+    session, side : str
+        Of the pulses; "" where the study does not state them.
     """
 
     participant: str
@@ -37,3 +39,5 @@ class Evidence:
     known: CalibrationSpec
     subtract_intrinsic: tuple[tuple[str, ...], ...]
     window_s: float
+    session: str = ""
+    side: str = ""

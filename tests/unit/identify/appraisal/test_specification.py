@@ -126,7 +126,7 @@ def test_what_analyze_widens_and_withholds_is_widened_and_withheld_in_the_curve(
     plan = WalkPlan(per_point=30, timing_points=points, pulse=pulse)
     recordings, asked = walked(plan, points=points, reflex=reflex)
     alone = analyze_participant("S01", recordings, asked)
-    assert doubt.value in alone.model.doubts
+    assert doubt.value in alone.models[0].doubts
     choices = Choices(windows_s=(0.1,), cutoffs_hz=(20.0,), baselines=("predicted",))
 
     rows = specification_estimates("S01", recordings, asked, choices)

@@ -139,7 +139,7 @@ def test_inertias_that_differ_are_found_to_differ(walkers):
     joints = {"A": walkers.Joint(60.0, 2.5, 0.05), "B": walkers.Joint(50.0, 3.0, 0.09)}
     walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
     result = walkers.analyze(walker)
-    assert result.model.constant_inertia_probability < 0.05
+    assert result.models[0].constant_inertia_probability < 0.05
     assert max(off(result, walker)) < 1.7
 
 
@@ -216,7 +216,8 @@ def test_gravity_is_that_of_the_posture_to_which_the_pulses_moved_the_joint(walk
     result = walkers.analyze(walkers.Walker(signs=(sign,)), person=person)
     masses = hanging_masses("knee", person)
     seen = 0
-    for at, response in zip(result.evidence.cells, result.evidence.responses, strict=True):
+    (evidence,) = result.evidence
+    for at, response in zip(evidence.cells, evidence.responses, strict=True):
         estimate = cell(result, at.label)
         stiffness = estimate.parameter("stiffness")
         if estimate.gravity_corrected is None:
@@ -278,7 +279,7 @@ def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
 def test_fifteen_unperturbed_strides_give_wide_intervals_that_hold(walkers, usual):
     walker, given = usual
     result = walkers.analyze(walker, given, user_exclusions=all_but(given, 17))
-    assert 12 <= result.model.n_strides <= 20
+    assert 12 <= result.models[0].n_strides <= 20
     assert max(off(result, walker), default=0.0) < 1.7
     wide = cell(result, "A").parameter("damping")
     narrow = cell(walkers.analyze(walker, given), "A").parameter("damping")
@@ -421,7 +422,7 @@ def test_a_window_in_which_k_may_do_anything_is_refused(walkers):
     spec = PerturbationsSpec(timing_points=dict(walker.points), source="table", window_s=0.15)
     result = walkers.analyze(walker, walkers.walk(walker), perturbations=spec)
     assert statuses(result) == {"failed:window_too_long"}
-    assert result.model is None
+    assert result.models == ()
 
 
 def test_a_lag_measured_in_one_of_two_sessions_is_not_perfect_in_the_other():

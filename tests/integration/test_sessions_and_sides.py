@@ -1,0 +1,194 @@
+"""Sessions and sides of one person: rows of their own, one person in every mean."""
+
+import shutil
+
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.core.errors import StudyError
+from jointz.io.study import open_study
+from jointz.report.details import details_frame, models_frame
+from jointz.report.page import render_report
+from jointz.report.tables import paper_tables
+from jointz.sim.direct_walk import WalkPlan
+from jointz.workflows.analysis import analyze
+from jointz.workflows.comparison import compare_results
+from jointz.workflows.exploration import open_results
+from jointz.workflows.exploration_estimates import Wanted, estimate_again, with_again
+from jointz.workflows.results_folder import write_results
+from jointz.workflows.simulated_study import simulate_study
+
+KEYS = ["participant", "session", "side"]
+VALUES = ["timing_point", "parameter", "value", "ci_low", "ci_high", "vaf_pct", "n_used", "status"]
+
+
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory):
+    """Two studies of the same two people, who are measured twice."""
+    folder = tmp_path_factory.mktemp("halves")
+    for name, seed in (("one", 7), ("two", 8)):
+        plan = WalkPlan(per_point=4)
+        simulate_study(folder / name, participants=2, plan=plan, unperturbed_strides=20, seed=seed)
+    first = (folder / "one" / "study.toml").read_text()
+    (folder / "two" / "study.toml").write_text(first)  # the same bodies
+    return folder
+
+
+def joined(halves, out, states):
+    """Join both studies into one, each recording with what is stated of its half."""
+    head, *entries = (halves / "one" / "study.toml").read_text().split("[[recordings]]")
+    parts = [head]
+    for name, stated in states.items():
+        shutil.copytree(halves / name, out / name)
+        for entry in entries:
+            placed = entry.replace('perturbations = "', f'perturbations = "{name}/')
+            parts.append(placed.replace('file = "', f'{stated}\nfile = "{name}/'))
+    (out / "study.toml").write_text("[[recordings]]".join(parts))
+    return out
+
+
+STATED = {
+    "sides": {"one": 'side = "left"', "two": 'side = "right"'},
+    "sessions": {"one": 'session = "day 1"', "two": 'session = "day 2"'},
+}
+
+
+@pytest.fixture(scope="module", params=STATED)
+def analysed(request, halves, tmp_path_factory):
+    """The joint study, analysed, with the label column and its value in each half."""
+    out = joined(halves, tmp_path_factory.mktemp(request.param), STATED[request.param])
+    column = request.param.removesuffix("s")
+    of_half = {name: text.split('"')[1] for name, text in STATED[request.param].items()}
+    return out, analyze(out, resamples=20), column, of_half
+
+
+@pytest.fixture(scope="module")
+def alone(halves):
+    return {name: analyze(halves / name, resamples=20) for name in ("one", "two")}
+
+
+def test_each_session_and_side_has_the_estimates_of_a_study_of_its_own(analysed, alone):
+    _, both, column, of_half = analysed
+    frames = {"estimates": "to_frame", "comparison": "comparison_frame"}
+    for name, stated in of_half.items():
+        own = alone[name]
+        for frame in frames.values():
+            table = getattr(both, frame)()
+            mine = table[table[column] == stated].reset_index(drop=True)
+            pd.testing.assert_frame_equal(mine[VALUES], getattr(own, frame)()[VALUES])
+        strides = both.strides_frame()
+        assert (strides[column] == stated).sum() == len(own.strides)
+        models = models_frame(both)
+        mine = models.loc[models[column] == stated, "lag_s"]
+        assert mine.tolist() == models_frame(own)["lag_s"].tolist()
+
+
+def test_every_table_of_rows_per_person_names_session_and_side(analysed):
+    _, both, column, of_half = analysed
+    for table in (
+        both.to_frame(), both.comparison_frame(), both.pulses_frame(), both.strides_frame(),
+        both.excluded_frame(), both.covariance_frame(), details_frame(both), models_frame(both),
+    ):  # fmt: skip
+        assert list(table.columns[-2:]) == ["session", "side"]
+        assert table.empty or set(table[column]) == set(of_half.values())
+    assert not both.to_frame().empty
+    assert not both.to_frame().duplicated([*KEYS, "timing_point", "parameter"]).any()
+
+
+def test_a_person_is_one_person_in_means(analysed):
+    _, both, _, _ = analysed
+    people = {p.n_participants for p in both.population}
+    assert max(people) == 2
+    assert {c.participant for c in both.pooled} == {"S01", "S02"}
+    assert len(both.pooled) == len({(c.participant, c.timing_point) for c in both.pooled})
+    assert "2 participant(s)" in both.summary()
+    assert not any("two participants" in note for note in both.statistics["notes"])
+
+
+def test_report_and_tables_hold_every_row(analysed):
+    _, both, _, of_half = analysed
+    labels = [f"S01, {stated}" for stated in of_half.values()]
+    page = render_report(both, {}, title="both")
+    table = paper_tables(both)["estimates"].to_frame()
+    for label in labels:
+        assert label in page
+        assert (table.iloc[:, 0] == label).sum() == len({c.timing_point for c in both.cells})
+
+
+def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
+    study, both, _, of_half = analysed
+    write_results(both, tmp_path / "results")
+    made = compare_results([tmp_path / "results"])
+    assert made.sources[0].participants == ("S01", "S02")
+    assert any("sessions and sides of S01, S02" in note for note in made.notes)
+    estimates = both.to_frame()
+    for value in made.values:  # noqa: PD011 - of a comparison, not a table
+        rows = estimates[
+            (estimates["participant"] == value.participant)
+            & (estimates["timing_point"] == value.timing_point)
+            & (estimates["parameter"] == value.parameter)
+        ]
+        if rows["value"].notna().any() and value.status != "mean_over_points":
+            assert value.value == pytest.approx(rows["value"].mean())
+
+    found = open_results(tmp_path / "results", study=study)
+    assert found.labels == tuple(f"S0{k}, {s}" for k in (1, 2) for s in of_half.values())
+    again = estimate_again(open_study(study), "S01", Wanted.of(found.analysed))
+    assert len(again.traces) == sum(p.participant == "S01" for p in both.pulses)
+    now = with_again(found.analysed, open_study(study), {"S01": again.result})
+    pd.testing.assert_frame_equal(now.to_frame(), both.to_frame())
+    pd.testing.assert_frame_equal(now.population_frame(), both.population_frame())
+
+
+def test_one_unperturbed_recording_without_session_serves_all(halves, tmp_path):
+    out = joined(halves, tmp_path / "shared", STATED["sessions"])
+    head, *entries = (out / "study.toml").read_text().split("[[recordings]]")
+    level = [e for e in entries if '"unperturbed"' in e and "one/" in e]
+    kept = [e.replace('session = "day 1"\n', "") for e in level]
+    kept += [e for e in entries if '"perturbed"' in e]
+    (out / "study.toml").write_text("[[recordings]]".join([head, *kept]))
+    found = analyze(out, method="dissertation", resamples=2)
+    assert set(found.to_frame()["session"]) == {"day 1", "day 2"}
+    assert "ok" in set(found.to_frame().loc[found.to_frame()["session"] == "day 2", "status"])
+    of_level = [s for s in found.strides if s.condition == "unperturbed"]
+    assert len(of_level) == len(set(of_level))
+    assert {s.session for s in of_level} == {""}
+
+
+def test_the_other_side_teaches_nothing(halves, tmp_path):
+    out = joined(halves, tmp_path / "other", STATED["sides"])
+    head, *entries = (out / "study.toml").read_text().split("[[recordings]]")
+    kept = [e for e in entries if not ('"unperturbed"' in e and '"right"' in e)]
+    (out / "study.toml").write_text("[[recordings]]".join([head, *kept]))
+    table = analyze(out, method="dissertation", resamples=2).to_frame()
+    right = set(table.loc[table["side"] == "right", "status"])
+    assert right == {"failed:no_unperturbed_recording"}
+    assert "ok" in set(table.loc[table["side"] == "left", "status"])
+
+
+def test_an_exclusion_holds_in_its_own_side_only(halves, tmp_path):
+    out = joined(halves, tmp_path / "excluded", STATED["sides"])
+    pulse = analyze(out, method="dissertation", resamples=2).pulses[0]
+    row = f"{pulse.participant},{pulse.recording},{pulse.onset_s},exclude,odd,"
+    (out / "exclusions.csv").write_text(
+        f"participant,recording,onset_s,action,reason,time\n{row}\n"
+    )
+    left_out = [
+        p for p in analyze(out, method="dissertation", resamples=2).pulses if p.code == "user"
+    ]
+    assert [(p.recording, p.side) for p in left_out] == [(pulse.recording, pulse.side)]
+
+
+def test_names_that_would_be_those_of_two_rows_are_refused(halves, tmp_path):
+    out = joined(halves, tmp_path / "names", {"one": 'side = "left"', "two": ""})
+    text = (out / "study.toml").read_text()
+    (out / "study.toml").write_text(text.replace('"S02"', '"S01, left"'))
+    with pytest.raises(StudyError, match="'S01, left' would name two rows"):
+        open_study(out)
+
+
+def test_a_specification_curve_is_of_one_side(halves, tmp_path):
+    out = joined(halves, tmp_path / "specified", STATED["sides"])
+    with pytest.raises(ValueError, match="expected one of S01, left; S01, right; got 'S01'"):
+        jointz.specification_curve(out, participant="S01")
