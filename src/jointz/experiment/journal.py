@@ -250,7 +250,7 @@ def segments_begun(events: Iterable[Event], condition: str) -> int:
     own = [event for event in events if event["condition"] == condition]
     highest = max((int(event.get("segment", -1)) for event in own), default=-1)
     # Lines may be damaged and left out: the highest number tells more than their count.
-    return max(highest + 1, sum(event["event"] == "segment_started" for event in own))
+    return max(highest + 1, [event["event"] for event in own].count("segment_started"))
 
 
 def is_completed(events: Iterable[Event], condition: str) -> bool:
