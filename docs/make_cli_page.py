@@ -13,7 +13,7 @@ from typing import Any
 
 import typer
 
-from jointz.cli.main import app
+from jointz.cli.command_line import app
 
 PAGE = Path(__file__).parent / "cli.md"
 
@@ -32,7 +32,12 @@ nothing else; an error is then an object with `"status": "error"`, `error` and `
 | 2 | the input cannot be trusted, an option is wrong, or the output folder must be kept |
 | 3 | a device failed, or the safety gate tripped |
 | 70 | a bug in jointz; `--debug` shows where |
-| 130 | stopped by Ctrl-C; nothing half-written is left behind |
+| 130 | stopped by Ctrl-C, SIGTERM or SIGHUP; nothing half-written is left behind |
+
+A stop takes effect from about 0.1 s after the start; Python itself handles an earlier one and
+prints a traceback. While the command cleans up, further stops change nothing, and so do stops
+after the last result. A signal that is ignored from the start, as by `nohup` or in a script's
+background job, stays ignored.
 """
 
 

@@ -19,6 +19,7 @@ import pandas as pd
 import pytest
 
 from jointz.cli.main import run
+from jointz.experiment.stop_signals import STOP_SIGNALS
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -190,10 +191,8 @@ def jointz(
     def call(*arguments: object) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["jointz", *map(str, arguments)])
         capsys.readouterr()
-        handler = signal.getsignal(signal.SIGINT)
-        with pytest.raises(SystemExit) as end:
+        with as_in_a_terminal(), pytest.raises(SystemExit) as end:
             run()
-        signal.signal(signal.SIGINT, handler)  # ignored once a run was stopped
         captured = capsys.readouterr()
         return Outcome(int(end.value.code or 0), captured.out, captured.err)
 
@@ -209,3 +208,34 @@ def analyze(jointz: Callable[..., Outcome], tmp_path: Path) -> Callable[..., Out
         return jointz("analyze", study.root, "--out", out, "--resamples", 50, "--json", *more)
 
     return call
+
+
+@contextmanager
+def as_in_a_terminal() -> Iterator[None]:
+    """Handle signals by default, and restore what a command changes in this process.
+
+    A background job ignores some, and so do the processes that it starts.
+    """
+    handlers = {number: signal.signal(number, signal.SIG_DFL) for number in STOP_SIGNALS}
+    hooks = sys.unraisablehook, sys.excepthook
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        sys.unraisablehook, sys.excepthook = hooks
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+@pytest.fixture
+def terminal_signals() -> Iterator[None]:
+    """Handle signals as in a terminal, and have processes that are started do so."""
+    with as_in_a_terminal():
+        yield
+
+
+@pytest.fixture(scope="module")
+def terminal_signals_of_module() -> Iterator[None]:
+    """Do so for fixtures of a module, too."""
+    with as_in_a_terminal():
+        yield

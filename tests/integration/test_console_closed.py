@@ -17,6 +17,7 @@ from jointz.workflows.live_session import holder_of, is_held
 
 pytestmark = [
     pytest.mark.alone,
+    pytest.mark.usefixtures("terminal_signals"),
     pytest.mark.skipif(sys.platform != "linux", reason="the console is for Linux"),
 ]
 
@@ -36,13 +37,9 @@ def wait_for(end):
 def console(study, *arguments):
     """Open a page; in the end neither it nor its session is left."""
     command = [sys.executable, "-m", "jointz", "console", "--out", str(study), "--port", "0"]
-    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored: inherited so
-    try:
-        process = subprocess.Popen(
-            [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-    finally:
-        signal.signal(signal.SIGINT, handler)
+    process = subprocess.Popen(
+        [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         process.address = process.stdout.readline().split()[1]
         yield process

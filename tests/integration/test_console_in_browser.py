@@ -25,6 +25,7 @@ from jointz.workflows.live_session import holder_of, is_held  # noqa: E402
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
     pytest.mark.alone,
+    pytest.mark.usefixtures("terminal_signals"),
     pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
 ]
 

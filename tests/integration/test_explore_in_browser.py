@@ -41,7 +41,7 @@ def study(small_study_source, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def address(study):
+def address(study, terminal_signals_of_module):
     command = [sys.executable, "-m", "jointz", "explore", str(study.parent / "results"), "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:

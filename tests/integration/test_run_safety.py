@@ -3,7 +3,7 @@
 import errno
 import os
 import signal
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -369,6 +369,7 @@ def test_limits_cannot_be_loosened_from_a_protocol(rig, spy, protocol, tmp_path)
     assert spy.commands == [(pytest.approx(0.0, abs=1.0), "stop")] or not spy.commands
 
 
+@pytest.mark.usefixtures("terminal_signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_fades_the_pulse_that_is_on(rig, spy, protocol, tmp_path, monkeypatch, number):
     running = session(rig, protocol, tmp_path)
@@ -432,6 +433,21 @@ def test_a_signal_ends_the_wait_at_a_prompt(rig, protocol, tmp_path):
     with _stopped_by_signals(running), pytest.raises(KeyboardInterrupt):
         running.run()
     assert read_journal(tmp_path / "journal.jsonl") == []
+
+
+def test_a_stop_that_a_library_swallows_lets_no_trial_begin(rig, spy, protocol, tmp_path):
+    class Swallowing:
+        def prompt(self, text):
+            with suppress(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+                pytest.fail(f"still waiting: {text}")
+
+    running = session(rig, protocol, tmp_path, operator=Swallowing())
+    with _stopped_by_signals(running), pytest.raises(KeyboardInterrupt):
+        running.run()
+    events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
+    assert events == ["segment_started", "stopped"]
+    assert {torque for _, torque in spy.commands} <= {"stop"}
 
 
 def test_a_signal_that_is_ignored_stays_ignored(rig, protocol, tmp_path):

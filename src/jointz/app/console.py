@@ -5,7 +5,6 @@ box in memory: it cannot hold up the loop, and the loop goes on without it.
 """
 
 import asyncio
-import signal
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from jointz.app.live_feed import LiveFeed
 from jointz.app.server import require_app, serve
 from jointz.app.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
-from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.experiment.stop_signals import end_listening
 from jointz.workflows.live_session import LiveSession, refuse_where_unseen
 from jointz.workflows.run_claim import RUN_FILE
 
@@ -114,8 +113,7 @@ def open_console(
 def _left(desk: Desk) -> str:
     """Say what becomes of the session, undisturbed: the process ends next in any case."""
     if threading.current_thread() is threading.main_thread():
-        for number in STOP_SIGNALS:  # a terminal may be closed right after the Ctrl-C
-            signal.signal(number, signal.SIG_IGN)
+        end_listening()  # a terminal may be closed right after the Ctrl-C
     return desk.leave()
 
 

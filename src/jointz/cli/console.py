@@ -19,7 +19,6 @@ EXIT_OK = 0
 EXIT_NOTHING_STANDS = 1
 EXIT_BAD_INPUT = 2
 EXIT_DEVICE = 3
-EXIT_STOPPED = 130
 
 #: Tasks of minutes need a long view for the time left.
 _RATE_OVER_S = 600.0

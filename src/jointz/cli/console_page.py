@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from jointz.cli.console import EXIT_STOPPED, emit, emit_error, emit_json
+from jointz.cli.console import emit, emit_error, emit_json
+from jointz.cli.main import EXIT_STOPPED
 from jointz.cli.options import Debug, Json, Quiet
 from jointz.cli.run import (
     CalibrationOption,

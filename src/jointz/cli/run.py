@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from jointz.cli.console import emit, emit_json, emit_table, experiment_bars
+from jointz.cli.main import STILL_THERE
 from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
 from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
 
 if TYPE_CHECKING:
     from jointz.core.run_report import StudyRun
-
-
-STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
 
 
 class Device(StrEnum):

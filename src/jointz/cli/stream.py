@@ -1,6 +1,5 @@
 """``jointz stream``: a session on Lab Streaming Layer."""
 
-import contextlib
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from jointz.cli.console import emit, emit_json
 from jointz.cli.options import Debug, Json, Quiet
+from jointz.experiment.stop_signals import end_listening
 
 
 def stream(
@@ -41,8 +41,10 @@ def stream(
     def count(samples: int, markers: int) -> None:
         sent.update(samples=samples, markers=markers)
 
-    with contextlib.suppress(KeyboardInterrupt):  # the usual end
+    try:
         stream_session(session, name=name, announce=announce, count=count)
+    except KeyboardInterrupt:  # the usual end
+        end_listening()
     if as_json:
         emit_json({"status": "ok", "streams": streams, **sent})
     elif not quiet and sent:

@@ -325,6 +325,8 @@ class Session:
             # The last is called first: the actuator is stopped before all others.
             for name, device in reversed(devices.named().items()):
                 stack.push(partial(_stop, name, device, not_stopped))
+            if self._stop_requested:  # its interrupt was lost in a library's callback
+                raise KeyboardInterrupt
             for device in devices.all():
                 device.configure()
             for device in devices.all():

@@ -1,10 +1,14 @@
-"""The signals that ask a run to stop, and how they are made to wait."""
+"""The signals that ask for a stop: how they are noted, acted on, and made to wait."""
 
+import _thread
 import signal
+import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 #: Whether signals can be made to wait: not on Windows.
 CAN_WAIT = hasattr(signal, "pthread_sigmask")
@@ -12,6 +16,87 @@ CAN_WAIT = hasattr(signal, "pthread_sigmask")
 STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
+
+#: After what time a stop comes again that the main thread does not deal with yet, s.
+_AGAIN_S = 0.3
+#: A stop that came, and whether the work is over, so that none comes again.
+_noted = _over = False
+
+
+def listen_for_stops() -> None:
+    """Have a signal raise KeyboardInterrupt, and do so again where a library swallows it.
+
+    So Python does itself with one that is raised in a callback of a compiler or of the garbage
+    collector. What is ignored stays so: ``nohup`` is meant.
+    """
+    global _noted, _over
+    _noted = _over = False
+    hide_consequences()
+    for number in STOP_SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _note_stop)
+
+
+def end_listening() -> bool:
+    """Ignore the signals from now on, and return whether one came since they are listened for."""
+    global _noted, _over
+    for number in STOP_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    came, _noted, _over = _noted, False, True
+    return came
+
+
+def is_stop_noted() -> bool:
+    """Tell whether a signal came."""
+    return _noted
+
+
+def hide_consequences() -> None:
+    """Print no traceback of what nobody can catch once a stop was noted."""
+    sys.unraisablehook, sys.excepthook = _print_unraisable, _print_error
+
+
+def _print_unraisable(args: Any) -> None:
+    if not (_noted or _over):
+        sys.__unraisablehook__(args)
+
+
+def _print_error(*error: Any) -> None:
+    if not _noted:  # C libraries print errors by this before they raise others
+        sys.__excepthook__(*error)
+
+
+def interrupt() -> None:
+    """Raise KeyboardInterrupt, unless one is being dealt with: what cleans up goes on."""
+    global _noted
+    _noted = True
+    error = sys.exception()
+    while error is not None and not isinstance(error, (KeyboardInterrupt, GeneratorExit)):
+        error = error.__context__
+    if error is None:
+        raise KeyboardInterrupt
+
+
+def _note_stop(number: int, frame: FrameType | None) -> None:
+    del frame
+    if not _noted:
+        with suppress(RuntimeError):  # Python ends, or no thread is to be had
+            # No threading.Thread: its locks may be those that the main thread has just now.
+            _thread.start_new_thread(_insist, (signal.Signals(number),))
+    interrupt()
+
+
+def _insist(number: signal.Signals) -> None:
+    """Send a signal to the main thread until it ends its work, which it may be waiting in."""
+    while True:
+        time.sleep(_AGAIN_S)
+        if _over:
+            return
+        main = threading.main_thread().ident
+        if CAN_WAIT and main is not None:
+            signal.pthread_kill(main, number)
+        else:
+            _thread.interrupt_main(number)
 
 
 @contextmanager
@@ -26,8 +111,10 @@ def signals_held() -> Iterator[None]:
     if not CAN_WAIT:
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        # A signal that came just before is handled in here, and may raise, with all blocked.
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
         with _handled_later():
             yield
     finally:

@@ -19,6 +19,7 @@ from typing import Any, Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from jointz.core.errors import DataError, EngineError, WorkerLostError
+from jointz.experiment.stop_signals import signals_held
 from jointz.workflows.process_pool import begin_worker, spawned_pool, workers_for
 from jointz.workflows.task_store import TaskStore
 
@@ -196,7 +197,8 @@ class Processes(Engine):
         call : callable
             Without arguments, fit for pickling.
         """
-        return self._pool.submit(call)
+        with signals_held():  # it may start a worker
+            return self._pool.submit(call)
 
     def renew(self) -> None:
         """Start the workers anew: one that is killed takes the others with it."""

@@ -127,10 +127,15 @@ def _stopped_by_signals(session: Session) -> Iterator[None]:
         return
 
     def stop(number: int, frame: FrameType | None) -> None:
-        del frame
+        handler = before[number]
         if number == signal.SIGINT:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        session.request_stop()
+            signal.signal(number, handler)
+        try:
+            session.request_stop()
+        except KeyboardInterrupt:  # no trial runs: as it is outside of sessions
+            if callable(handler):
+                handler(number, frame)
+            raise
 
     before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     for number, handler in before.items():

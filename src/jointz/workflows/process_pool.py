@@ -101,13 +101,13 @@ def spawned_pool(
         )
     context = spawn_context()
     until, open_end = context.Pipe(duplex=False)
-    with signals_held():  # until the workers know what to do with them
-        pool = ProcessPoolExecutor(
-            workers, mp_context=context, initializer=begin, initargs=(until, *arguments)
-        )
-        for _ in range(workers):  # a process is started when there is something to do
-            pool.submit(_import, needs)
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, initializer=begin, initargs=(until, *arguments)
+    )
     try:
+        with signals_held():  # until the workers know what to do with them
+            for _ in range(workers):  # a process is started when there is something to do
+                pool.submit(_import, needs)
         yield pool
     finally:
         open_end.close()  # workers end: what they are at nobody waits for, the rest is done

@@ -2,8 +2,8 @@
 
 import fnmatch
 import json
+import secrets
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -14,6 +14,7 @@ import pandas as pd
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.run_report import RunReport
+from jointz.experiment.stop_signals import signals_held
 from jointz.io.columnar import write_estimates
 from jointz.report.details import details_frame, models_frame
 from jointz.report.figures import FIGURES, Picture, draw_picture, to_picture
@@ -268,7 +269,8 @@ def new_folder(
         yield partial
         if (out / marker).exists():
             _check_kind(out, out / marker, _kind(partial / marker))
-        _take_place(partial, out)
+        with signals_held():
+            _take_place(partial, out)
 
 
 @contextmanager
@@ -298,20 +300,26 @@ def _parents(out: Path) -> Iterator[None]:
 @contextmanager
 def _partial(out: Path) -> Iterator[Path]:
     """Give a folder beside ``out`` that goes when an exception passes."""
-    partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    try:
-        partial.chmod(0o755)
+    partial = _beside(out)
+    try:  # from before it is there: an interrupt may come at any time
+        partial.mkdir()
         yield partial
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
 
 
+def _beside(out: Path) -> Path:
+    """Return a new name for a hidden folder beside another."""
+    return out.with_name(f".{out.name}.partial-{secrets.token_hex(8)}")
+
+
 def _take_place(partial: Path, out: Path) -> None:
     if not out.exists():
         partial.rename(out)
         return
-    retired = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    retired = _beside(out)
+    retired.mkdir()
     old = out.rename(retired / out.name)
     try:
         partial.rename(out)

@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from jointz.experiment.session import Operator
-from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.experiment.stop_signals import STOP_SIGNALS, hide_consequences, interrupt
 from jointz.workflows.engine import (
     Done,
     Engine,
@@ -156,6 +156,7 @@ def _begin_worker(until: Connection, queue: Any) -> None:
     """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
     queue.cancel_join_thread()  # progress that nobody reads any more must not keep us
     _WORKER.update(queue=queue, until=until, busy=threading.Lock())
+    hide_consequences()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _outside_of_sessions)
@@ -167,7 +168,7 @@ def _outside_of_sessions(number: int, frame: FrameType | None) -> None:
     """Leave what is being prepared or converted; who waits for work need not hear of it."""
     del number, frame
     if _WORKER["busy"].locked():
-        raise KeyboardInterrupt
+        interrupt()
 
 
 def _stop_with_parent() -> None:
@@ -175,7 +176,7 @@ def _stop_with_parent() -> None:
     _WORKER["until"].poll(None)
     while _WORKER["busy"].locked():
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(_AGAIN_S)  # an interrupt in a callback of the garbage collector is lost
+        time.sleep(_AGAIN_S)  # an interrupt in a callback is lost
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.collection_entries import write_entry
 from typer.testing import CliRunner
 
-from jointz.cli.main import app
+from jointz.cli.command_line import app
 from jointz.core.errors import DataError
 
 

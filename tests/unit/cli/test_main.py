@@ -12,8 +12,8 @@ import typer
 
 from jointz import __version__
 from jointz.cli import main
-from jointz.cli.main import app
-from jointz.core.errors import EngineError, WorkerLostError
+from jointz.cli.command_line import app
+from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment import file_lock
 from jointz.workflows import analysis, participants, results_folder, run
 from jointz.workflows.task_store import TaskStore
@@ -106,17 +106,19 @@ def test_a_method_for_another_kind_of_study_is_bad_input_and_no_bug(jointz, smal
     assert not (tmp_path / "r").exists()
 
 
+@pytest.mark.usefixtures("terminal_signals")
 def test_debug_shows_the_traceback(monkeypatch, tmp_path):
     arguments = ["analyze", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o"), "--debug"]
     monkeypatch.setattr(sys, "argv", ["jointz", *arguments])
-    with pytest.raises(main.JointzError, match="no study"):
+    with pytest.raises(JointzError, match="no study"):
         main.run()
 
 
+@pytest.mark.usefixtures("terminal_signals")
 def test_debug_before_the_command_shows_it_too(monkeypatch, tmp_path):
     arguments = ["--debug", "analyze", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o")]
     monkeypatch.setattr(sys, "argv", ["jointz", *arguments])
-    with pytest.raises(main.JointzError, match="no study"):
+    with pytest.raises(JointzError, match="no study"):
         main.run()
 
 

@@ -15,7 +15,7 @@ import pytest
 import typer
 from pydantic import BaseModel
 
-from jointz.cli.main import app
+from jointz.cli.command_line import app
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.certificate import Certificate
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION

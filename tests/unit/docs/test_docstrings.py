@@ -14,7 +14,7 @@ import typer
 from pydantic import BaseModel
 
 import jointz
-from jointz.cli.main import app
+from jointz.cli.command_line import app
 
 PAGE = Path(__file__).parents[3] / "docs" / "cli.md"
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import typer
 
-from jointz.cli.main import app
+from jointz.cli.command_line import app
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.experiment import loop

@@ -39,12 +39,20 @@ def threads(request):
         other.join()
 
 
+def wait_for(heard, count):
+    """Wait: a signal that another thread gets is handled in this one a little later."""
+    until = time.monotonic() + 10.0
+    while len(heard) < count and time.monotonic() < until:
+        time.sleep(0.01)
+
+
 @pytest.mark.usefixtures("threads")
 def test_a_signal_waits_for_the_end_of_the_block(heard):
     with signals_held():
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.05)
         assert heard == []
+    wait_for(heard, 1)
     assert heard == [signal.SIGTERM]
 
 
@@ -59,8 +67,9 @@ def test_handlers_are_as_they_were_after_an_error(heard):
     with pytest.raises(ZeroDivisionError):
         fail()
     assert signal.getsignal(signal.SIGTERM) is before
+    wait_for(heard, 1)
     os.kill(os.getpid(), signal.SIGHUP)
-    time.sleep(0.05)
+    wait_for(heard, 2)
     assert heard == [signal.SIGTERM, signal.SIGHUP]
 
 
@@ -102,6 +111,6 @@ def test_a_signal_during_the_stop_of_a_device_hides_no_device_that_does_not_stop
     try:
         told = r"actuator: could not be stopped \(RuntimeError: bus is gone\). Switch its power off"
         with pytest.raises(DeviceError, match=told):
-            _stop("actuator", Stuck(), None, None, None)
+            _stop("actuator", Stuck(), {"actuator"}, None, None, None)
     finally:
         signal.signal(signal.SIGTERM, before)

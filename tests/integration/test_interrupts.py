@@ -1,0 +1,248 @@
+"""Ctrl-C at any moment of a command: exit status 130, no traceback, nothing half-written."""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from jointz.io.protocols import protocol_text
+
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
+    pytest.mark.usefixtures("terminal_signals"),
+]
+
+STOPPED = 130
+PATIENCE_S = 120.0
+#: Interrupts of each command in the slow test, and the seed of their moments.
+MANY = int(os.environ.get("JOINTZ_INTERRUPTS", "50"))
+SEED = 22
+TICKS_HZ = os.sysconf("SC_CLK_TCK")
+#: Processor time that a command takes by and large, with all its processes, s.
+COMMANDS = {"run": 8.0, "analyze": 15.0, "reproduce": 15.0, "demo": 30.0}
+
+
+@pytest.fixture(scope="module")
+def protocol(tmp_path_factory):
+    """Two participants with few strides and pulses."""
+    text = protocol_text("walking")
+    for old, new in (
+        ("strides = 60", "strides = 8"),
+        ("count_per_point = 50", "count_per_point = 2"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    file = tmp_path_factory.mktemp("protocol") / "short.toml"
+    file.write_text(text)
+    return file
+
+
+@pytest.fixture
+def arguments(protocol, small_study_source, tmp_path):
+    """Return the arguments of a command that writes ``out``."""
+    made = {
+        "run": ["run", protocol, "--participants", "2", "--workers", "2"],
+        "analyze": ["analyze", small_study_source, "--resamples", "200", "--workers", "2"],
+        "reproduce": ["reproduce", "2"],
+        "demo": ["demo", "--quick"],
+    }
+    return lambda command: [*map(str, made[command]), "--out", str(tmp_path / "out" / "made")]
+
+
+class Command:
+    """A command in a session of its own, as a terminal has it."""
+
+    def __init__(self, arguments, folder):
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "jointz", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            env={**os.environ, "TMPDIR": str(folder)},
+        )
+        self._id = self._process.pid
+
+    def processes(self):
+        """Return the processor time of every process of the session by its id, s."""
+        found = {}
+        for file in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):
+                fields = file.read_text().rpartition(")")[2].split()
+                if int(fields[3]) == self._id and fields[0] != "Z":
+                    found[file.parent.name] = sum(map(int, fields[11:15])) / TICKS_HZ
+        return found
+
+    def busy_s(self):
+        """Return the processor time of all: it tells the same moment on a busy machine."""
+        return sum(self.processes().values())
+
+    def listens(self):
+        """Tell whether it handles SIGTERM, as it does not before it listens for a stop."""
+        with suppress(OSError):
+            status = Path(f"/proc/{self._id}/status").read_text()
+            caught = re.search(r"SigCgt:\s*(\w+)", status)
+            return caught and bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
+        return False
+
+    def wait_until(self, reached):
+        """Wait for something; return whether it was there before the end."""
+        until = time.monotonic() + PATIENCE_S
+        while not reached():
+            assert time.monotonic() < until
+            if self._process.poll() is not None:
+                return False
+            time.sleep(0.01)
+        return True
+
+    def interrupt(self, *, group):
+        with suppress(ProcessLookupError):
+            (os.killpg if group else os.kill)(self._id, signal.SIGINT)
+
+    def end(self):
+        """Return status and last words; nothing of it is left then."""
+        try:
+            words = self._process.communicate(timeout=PATIENCE_S)[1]
+            until = time.monotonic() + 10.0
+            while self.processes() and time.monotonic() < until:
+                time.sleep(0.02)
+            assert not self.processes()
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(self._id, signal.SIGKILL)
+        return self._process.returncode, words
+
+
+def interrupt(arguments, folder, *, after_s, group):
+    """Interrupt a command when it was busy for a while, and return whether it was in time."""
+    temporary = folder / "tmp"
+    temporary.mkdir(parents=True, exist_ok=True)
+    command = Command(arguments, temporary)
+    in_time = command.wait_until(command.listens)
+    if after_s > 0.0:
+        in_time = command.wait_until(lambda: command.busy_s() >= after_s)
+    command.interrupt(group=group)
+    status, words = command.end()
+    assert "Traceback" not in words
+    assert "Exception ignored" not in words
+    if status == STOPPED:
+        assert re.fullmatch(r"jointz: Stopped\. [^\n]*\n", words)
+    else:  # it came when all was done
+        assert (status, words) == (0, "")
+    assert not [path.name for path in folder.rglob("*partial*")]
+    assert not list(temporary.iterdir())
+    return in_time and status == STOPPED
+
+
+def assert_whole(command, made):
+    """A folder of results has the file that is written last; a run can be gone on with."""
+    last = {"analyze": "provenance.json", "demo": ".jointz-demo", "reproduce": "chapter2"}
+    if made.exists() and command in last:
+        assert (made / last[command]).exists()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5], ids=["at once", "later"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ctrl_c_ends_a_command(arguments, tmp_path, command, share):
+    after_s = share * min(COMMANDS[command], 5.0)
+    assert interrupt(arguments(command), tmp_path / "out", after_s=after_s, group=True)
+    assert_whole(command, tmp_path / "out" / "made")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ctrl_c_at_random_moments(arguments, tmp_path, command):
+    moments = random.Random(f"{SEED} {command}")
+    stopped = 0
+    for number in range(MANY):
+        folder = tmp_path / "out" if command == "run" else tmp_path / f"out{number}"
+        call = [one.replace(str(tmp_path / "out"), str(folder)) for one in arguments(command)]
+        if command == "run" and (folder / "made").exists():
+            if (folder / "made" / "study.toml").exists():
+                folder.rename(tmp_path / f"whole{number}")
+            else:
+                call.append("--resume")
+        after_s = COMMANDS[command] * moments.random() ** 2
+        in_time = interrupt(call, folder, after_s=after_s, group=moments.random() < 0.5)
+        assert_whole(command, folder / "made")
+        stopped += in_time
+    assert stopped > MANY // 2
+
+
+SWALLOWING = {
+    "callback": "ctypes.CFUNCTYPE(None)(press)()",
+    "except": """
+try:
+    press()
+except BaseException:
+    pass
+""",
+    "other error": """
+try:
+    press()
+except BaseException as exc:
+    raise ImportError("numpy failed") from exc
+""",
+    "clean-up": """
+try:
+    press()
+finally:
+    press()
+    print("cleaned up", flush=True)
+""",
+}
+PROGRAM = """
+import ctypes, os, signal, sys, time
+from jointz.cli.main import run
+from jointz.workflows import demo
+
+
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+
+
+def run_demo(*_, **__):
+    exec(code)
+    time.sleep(60)
+
+
+demo.run_demo, code = run_demo, sys.argv.pop()
+run()
+"""
+
+
+@pytest.fixture
+def program(tmp_path):
+    """Return the folder of a module that runs ``jointz demo`` with other code in it."""
+    (tmp_path / "program.py").write_text(PROGRAM)
+    return tmp_path
+
+
+@pytest.mark.parametrize("way", SWALLOWING)
+def test_a_ctrl_c_that_a_library_swallows_is_acted_on(program, way):
+    done = subprocess.run(
+        [sys.executable, "-m", "program", "demo", SWALLOWING[way]],
+        cwd=program, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.stderr == "jointz: Stopped. Nothing half-written was left behind.\n"
+    assert done.returncode == STOPPED
+    assert done.stdout == ("cleaned up\n" if way == "clean-up" else "")
+
+
+def test_a_ctrl_c_that_is_ignored_from_the_start_stays_so(program):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a job in the background has it
+    done = subprocess.run(
+        [sys.executable, "-m", "program", "demo", "press()\nraise SystemExit(7)"],
+        cwd=program, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 7
