@@ -446,7 +446,7 @@ def test_a_stop_that_a_library_swallows_lets_no_trial_begin(rig, spy, protocol, 
     with _stopped_by_signals(running), pytest.raises(KeyboardInterrupt):
         running.run()
     events = [e["event"] for e in read_journal(tmp_path / "journal.jsonl")]
-    assert events == ["segment_started", "stopped"]
+    assert events == ["segment_started", "devices_stopped", "stopped"]
     assert {torque for _, torque in spy.commands} <= {"stop"}
 
 
