@@ -127,7 +127,7 @@ def _stopped_by_signals(session: Session) -> Iterator[None]:
         return
 
     def stop(number: int, frame: FrameType | None) -> None:
-        handler = before[number]
+        handler = before[signal.Signals(number)]
         if number == signal.SIGINT:
             signal.signal(number, handler)
         try:
