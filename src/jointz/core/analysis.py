@@ -171,10 +171,11 @@ class StudyAnalysis:
             f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} left out."
         ]
         lines += [
-            f"  {p.timing_point:>12} {p.parameter:<20} {p.value:9.4g} {p.unit} "
+            f"  {p.timing_point:>12} {p.parameter:<20} "
+            f"{p.status if p.value is None else f'{p.value:9.4g} {p.unit}'} "
             f"(mean of {p.n_participants})"
             for p in self.population
-            if p.value is not None
+            if p.n_participants > 1
         ]
         return "\n".join(lines)
 

@@ -63,15 +63,15 @@ def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate 
     Returns
     -------
     UnboundedEstimate or None
-        As :func:`unbounded_estimate`.
+        As :func:`unbounded_estimate`; None of a parameter that failed, too.
 
     Notes
     -----
     A mean over people must not count the prior once per person: where data decide nothing, all
     estimates are the prior's mean, and agree.
     """
-    estimate = unbounded_estimate(cell, name)
-    if estimate is None:
+    estimate, parameter = unbounded_estimate(cell, name), cell.parameter(name)
+    if estimate is None or parameter is None or parameter.status.startswith("failed"):
         return None
     whole = _WHOLE.get(name, name)
     shift, variance = cell.prior_effects.get(whole, (0.0, 0.0))

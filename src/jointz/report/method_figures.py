@@ -1,6 +1,6 @@
 """The chosen method beside others, and estimates against a known truth."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -8,10 +8,9 @@ import pandas as pd
 
 from jointz.core.analysis import StudyAnalysis
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.impedance_figures import shown_parameters, timing_points
-from jointz.report.method_means import cells_by_method, mean_over_people, standing
+from jointz.report.method_means import cells_by_method, method_mean, standing
 from jointz.report.prose import chosen_method
 from jointz.report.style import (
     BLUE,
@@ -90,7 +89,7 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
             width_mm=_PITCH_MM - _LEFT_MM - 1.0,
             height_mm=46.0,
         )
-        _draw_method_panel(axes, by_method, parameter, looks)
+        _draw_method_panel(axes, analysis, parameter, looks)
     place_legend(figure, _method_legend(looks, chosen))
     return figure
 
@@ -153,17 +152,19 @@ def _method_looks(methods: Iterable[str], chosen: str) -> dict[str, tuple[str, s
 
 def _draw_method_panel(
     axes: "Axes",
-    by_method: Mapping[str, Sequence[CellEstimate]],
+    analysis: StudyAnalysis,
     parameter: str,
     looks: Mapping[str, tuple[str, str]],
 ) -> None:
+    by_method = cells_by_method(analysis)
     every = [c for cells in by_method.values() for c in cells]
     holders = [c for c in every if (p := c.parameter(parameter)) is not None and p.stands]
     names = timing_points(holders)
     names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in holders) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))
     for i, (method, (colour, marker)) in enumerate(looks.items()):
-        means = [mean_over_people(standing(by_method[method], parameter, name)) for name in names]
+        own = {name: standing(by_method[method], parameter, name) for name in names}
+        means = [method_mean(analysis, method, found, name) for name, found in own.items()]
         at = np.arange(len(names)) + (i - 0.5 * (len(looks) - 1)) * dodge
         _draw_method(axes, at, np.array(means, dtype=float), colour=colour, marker=marker)
     for edge in range(1, len(names)):

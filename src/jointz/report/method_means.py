@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.core.estimates import CellEstimate, ParameterEstimate, decides
 from jointz.core.person_estimates import person_cells
 
 
@@ -47,19 +47,32 @@ def standing(
     return [p for p in at_point if p is not None and p.stands and p.value is not None]
 
 
-def mean_over_people(estimates: Sequence[ParameterEstimate]) -> tuple[float, float, float]:
-    """Return mean and Student's interval over people, NaN where there is none.
+def method_mean(
+    analysis: StudyAnalysis, method: str, estimates: Sequence[ParameterEstimate], timing_point: str
+) -> tuple[float, float, float]:
+    """Return mean over people and ends of its interval, NaN where there is none or undecided.
 
     Parameters
     ----------
+    analysis : StudyAnalysis
+        The analysis; of its chosen method the means are those of ``population.csv``.
+    method : str
+        Whose.
     estimates : sequence of ParameterEstimate
-        One of each person; that of one person stands with its own interval.
-
-    Returns
-    -------
-    tuple of float
-        Mean, lower and upper end.
+        That stand, one of each person; that of one person stands with its own interval.
+    timing_point : str
+        Where.
     """
+    if len(estimates) > 1 and method == analysis.settings.get("method"):
+        for row in analysis.population:
+            if (row.timing_point, row.parameter) == (timing_point, estimates[0].name):
+                ends = (row.value, row.ci_low, row.ci_high)
+                value, low, high = (np.nan if e is None else e for e in ends)
+                return value, low, high
+    return _students_mean(estimates)
+
+
+def _students_mean(estimates: Sequence[ParameterEstimate]) -> tuple[float, float, float]:
     values = np.array([p.value for p in estimates], dtype=float)
     if values.size == 0:
         return np.nan, np.nan, np.nan
@@ -71,4 +84,6 @@ def mean_over_people(estimates: Sequence[ParameterEstimate]) -> tuple[float, flo
     quantile = stdtrit(values.size - 1, 0.5 + 0.5 * estimates[0].ci_level)
     half = float(quantile * values.std(ddof=1) / np.sqrt(values.size))
     mean = float(values.mean())
+    if mean <= 0.0 or not decides(mean, half):
+        return np.nan, np.nan, np.nan
     return mean, mean - half, mean + half

@@ -289,8 +289,8 @@ def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
     for name in ("stiffness_per_mass", "stiffness"):
         own = [m for m in population if m.parameter == name and m.n_participants > 1]
         rows = [(m.value, m) for m in own if m.value is not None]
-        undecided = [m.timing_point for m in own if m.status == "undecided"]
-        beside = f"; it is undecided at {', '.join(undecided)}" if undecided else ""
+        undecided = ", ".join(m.timing_point for m in own if m.status == "undecided")
+        beside = f"; it is undecided at {undecided}" if undecided else ""
         if len(rows) > 1:
             low, high = min(rows, key=lambda r: r[0]), max(rows, key=lambda r: r[0])
             return [
@@ -298,6 +298,8 @@ def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
                 f"{format_number(low[0])} ({low[1].timing_point}) to {format_number(high[0])} "
                 f"{pretty_unit(high[1].unit)} ({high[1].timing_point}){beside}."
             ]
+        if undecided:
+            return [f"Mean {parameter_name(name).lower()} is undecided at {undecided}."]
     return []
 
 

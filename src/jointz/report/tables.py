@@ -10,7 +10,7 @@ from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.impedance_figures import timing_points
 from jointz.report.latex import MARKS
-from jointz.report.method_means import cells_by_method, mean_over_people, standing
+from jointz.report.method_means import cells_by_method, method_mean, standing
 from jointz.report.prose import (
     chosen_method,
     fitted_signals,
@@ -223,7 +223,8 @@ def _methods(analysis: StudyAnalysis) -> Table:
     caption = (
         "Methods compared on the same recordings, each without the pulses that it cannot use: mean "
         f"over {words.many} whose estimate stands [{_level(analysis)} Student interval over "
-        f"{words.many}, or the {words.one}'s own where there is one] (n). An estimate at its "
+        f"{words.many}, or the {words.one}'s own where there is one] (n); of the chosen method as "
+        "in the table of means. An estimate at its "
         "bound counts with the value of the bound. Chosen: "
         f"{method_name(chosen_method(analysis)) if analysis.cells else NO_VALUE}. "
         f"{_symbols(p.name for c in analysis.cells for p in c.parameters)}"
@@ -235,21 +236,24 @@ def _methods(analysis: StudyAnalysis) -> Table:
     rows = []
     for parameter in PARAMETERS:
         for point in points:
-            found = [standing(cells, parameter, point) for cells in by_method.values()]
-            if any(found):
+            found = {m: standing(cells, parameter, point) for m, cells in by_method.items()}
+            if any(found.values()):
                 unit = pretty_unit(PARAMETER_UNITS[parameter])
-                texts = (_mean_text(estimates) for estimates in found)
+                texts = (
+                    _mean_text(method_mean(analysis, m, own, point), len(own))
+                    for m, own in found.items()
+                )
                 rows.append((PARAMETERS[parameter][1], unit, point_name(point), *texts))
-    note = f"{NO_VALUE}: no estimate stands."
+    note = f"{NO_VALUE}: no estimate stands. {NO_VALUE} (n): the mean of n is undecided."
     return Table(caption, head, tuple(rows), (note,))
 
 
-def _mean_text(estimates: Sequence[ParameterEstimate]) -> str:
-    if not estimates:
+def _mean_text(mean: tuple[float, float, float], n: int) -> str:
+    if not n:
         return NO_VALUE
-    value, low, high = mean_over_people(estimates)
+    value, low, high = mean
     ends = (None, None) if low != low or high != high else (low, high)  # NaN: no interval
-    return f"{format_interval(value, *ends)} ({len(estimates)})"
+    return f"{NO_VALUE if value != value else format_interval(value, *ends)} ({n})"
 
 
 def _exclusions(analysis: StudyAnalysis) -> Table:

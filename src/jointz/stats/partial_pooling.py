@@ -154,18 +154,13 @@ def _mean(
     )
     if n < _FEWEST_PEOPLE:
         return row
-    mean, high = float(pooled.mean[g]), float(pooled.mean_high[g])
-    typical = mean + REACH_95 * float(np.nanmedian(group.sds))
-    if not decides(group.back(mean), group.back(max(high, typical)) - group.back(mean)):
+    mean, typical_sd = float(pooled.mean[g]), float(np.nanmedian(group.sds))
+    value, low, high = map(group.back, (mean, pooled.mean_low[g], pooled.mean_high[g]))
+    reach = max(group.back(mean + REACH_95 * typical_sd) - value, high - value, value - low)
+    if value <= 0.0 or not decides(value, reach):
         return replace(row, status="undecided")
-    return replace(
-        row,
-        value=group.back(mean),
-        sd=group.sd_back(mean, float(pooled.spread[g])),
-        ci_low=group.back(float(pooled.mean_low[g])),
-        ci_high=group.back(high),
-        status="ok",
-    )
+    sd = group.sd_back(mean, float(pooled.spread[g]))
+    return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
 
 
 def _own(

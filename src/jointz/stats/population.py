@@ -70,6 +70,6 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
         return row
     mean, sd = float(values.mean()), float(values.std(ddof=1))
     half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
-    if not decides(mean, half):
+    if mean <= 0.0 or not decides(mean, half):
         return replace(row, status="undecided")
     return replace(row, value=mean, sd=sd, ci_low=mean - half, ci_high=mean + half, status="ok")

@@ -137,7 +137,9 @@ def people_of(table: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
     told = dict.fromkeys(["value", "error", *WITH], "mean")
     told |= {"sd": "max", "n": "min", "shared_sd": "max", "person": "first"}
     told |= dict.fromkeys(["stands", "at_bound", "undecided"], "any")
-    return seen.groupby(keys, sort=False, observed=True).agg(told).reset_index()
+    people = seen.groupby(keys, sort=False, observed=True).agg(told).reset_index()
+    people["stands"] &= ~people["undecided"]  # as person_cells: one undecided side is enough
+    return people
 
 
 def study_means(people: pd.DataFrame, by: tuple[str, ...]) -> Iterator[Row]:

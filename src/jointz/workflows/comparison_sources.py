@@ -339,9 +339,10 @@ def _values(
 
 def _of_person(values: Sequence[PersonValue]) -> PersonValue:
     """Return the mean over a person's sessions and sides; their errors count as shared."""
+    undecided = [v for v in values if v.status == "undecided"]
     held = [v for v in values if v.value is not None]
-    if len(values) == 1 or not held:
-        return values[0]
+    if len(values) == 1 or undecided or not held:
+        return (undecided or values)[0]
     status = "ok" if any(v.status == "ok" for v in held) else held[0].status
     ends = [[getattr(v, key) for v in held] for key in ("value", "ci_low", "ci_high")]
     means = [None if None in own else float(np.mean(own)) for own in ends]

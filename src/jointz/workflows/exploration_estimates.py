@@ -160,6 +160,11 @@ def with_again(
     -----
     Certificate, statistics and provenance are the old ones; :func:`jointz.analyze` makes them
     anew.
+
+    Raises
+    ------
+    DataError
+        When an earlier version made the analysis, without sessions, sides or effects of priors.
     """
     method = str(analysis.settings["method"])
     found = {
@@ -168,6 +173,13 @@ def with_again(
         for name, cells in result.cells.items()
         for cell in cells
     }
+    old = {cell.label for cell in analysis.cells}
+    new = {label for label, _, name in found if name == method}
+    if new - old or any(has_budget(c) and not c.prior_effects for c in analysis.cells):
+        raise DataError(
+            "the results are of an earlier version of jointz, and would be mixed with new "
+            "estimates. Analyse the study again: jointz analyze."
+        )
     cells = _renewed(analysis.cells, found)
     people = list(dict.fromkeys(cell.participant for cell in cells))
     pulses = {p: tuple(r.pulses) for p, r in results.items()}

@@ -5,7 +5,7 @@ length over which it stays alike are integrated over a grid by their evidence.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,11 @@ from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import REACH_95, CellEstimate, decides
 from jointz.core.person_estimates import person_cells
 from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
-from jointz.core.pooled_estimates import UnboundedEstimate, unbounded_estimate
+from jointz.core.pooled_estimates import (
+    UnboundedEstimate,
+    estimate_without_priors,
+    unbounded_estimate,
+)
 from jointz.core.provenance import software
 from jointz.identify.methods.cell_estimator import mean_phase
 from jointz.identify.recommended.steep_change import Widened, widen_steep
@@ -112,7 +116,12 @@ def phase_curve(
     asked = people if participant is None else [participant]
     follows = {model.label: model.curve_probability for model in analysis.models}
     widened = widen_steep(analysis.cells, follows)
-    everybody = person_cells(analysis.cells)
+    everybody, wide = person_cells(analysis.cells), person_cells(widened.cells)
+    steep_people = {
+        (cell.label, cell.timing_point): cell
+        for cell, plain in zip(wide, everybody, strict=True)
+        if cell.budget != plain.budget
+    }
     bands: list[ParameterBand] = []
     warnings = _said_steep(widened, asked)
     for name in parameters:
@@ -130,7 +139,8 @@ def phase_curve(
                 )
         if participant is None and len(people) > 1:
             # As they are: who seems steep at a point where others do not is not to weigh less.
-            mean = _mean_band(name, _estimates(everybody, name), widen_steep(everybody, follows))
+            own = _estimates(everybody, name, estimate_without_priors)
+            mean = _mean_band(name, own, steep_people)
             bands += [] if mean is None else [mean]
     if not bands:
         raise EstimationError(Failure.NO_PULSES.value, f"phase_curve: {' '.join(warnings)}")
@@ -210,11 +220,15 @@ class _Placed:
     gait_pct: float
 
 
-def _estimates(cells: Sequence[CellEstimate], name: str) -> list[_Placed]:
+def _estimates(
+    cells: Sequence[CellEstimate],
+    name: str,
+    of: Callable[[CellEstimate, str], UnboundedEstimate | None] = unbounded_estimate,
+) -> list[_Placed]:
     """Return the cells that have an estimate and a place in the cycle, in order of phase."""
     found = []
     for cell in cells:
-        estimate, place = unbounded_estimate(cell, name), _place(cell, name)
+        estimate, place = of(cell, name), _place(cell, name)
         if estimate is not None and place is not None:
             found.append(_Placed(cell, estimate, place))
     return sorted(found, key=lambda placed: placed.gait_pct)
@@ -266,7 +280,9 @@ def _said_steep(widened: Widened, people: Sequence[str]) -> list[str]:
     ] * bool(counts)
 
 
-def _mean_band(name: str, found: Sequence[_Placed], widened: Widened) -> ParameterBand | None:
+def _mean_band(
+    name: str, found: Sequence[_Placed], steep: Mapping[tuple[str, str], CellEstimate]
+) -> ParameterBand | None:
     """Return the curve through the means over people; None for too few of them."""
     by_point: dict[str, list[_Placed]] = {}
     for placed in found:
@@ -286,7 +302,7 @@ def _mean_band(name: str, found: Sequence[_Placed], widened: Widened) -> Paramet
         sds[row, : len(group)] = [placed.estimate.sd for placed in group]
     pooled = partial_pooling(values, sds, level=_LEVEL)
     n = np.array([len(group) for _, _, group in several])
-    common = np.array([_common_sd(group, name, widened) for _, _, group in several])
+    common = np.array([_common_sd(group, name, steep) for _, _, group in several])
     half = np.hypot(0.5 * (pooled.mean_high - pooled.mean_low), REACH_95 * common)
     measured = _Measured(
         phases=np.array([at for at, _, _ in several]) / 100.0,
@@ -295,25 +311,32 @@ def _mean_band(name: str, found: Sequence[_Placed], widened: Widened) -> Paramet
         # Who is above the mean at one phase mostly is so at the next: that does not average out.
         systematic=half / REACH_95,
     )
+    typical = REACH_95 * np.nanmedian(sds, axis=1)  # as means over people are decided
     points = tuple(
         CurvePoint(
-            label, at, mean, mean - reach, mean + reach, not sd > 0.0 or decides(mean, reach)
+            label, at, mean, mean - reach, mean + reach, mean > 0.0 and decides(mean, furthest)
         )
-        for (at, label, _), mean, reach, sd in zip(
-            several, pooled.mean.tolist(), half.tolist(), common.tolist(), strict=True
+        for (at, label, _), mean, reach, furthest in zip(
+            several,
+            pooled.mean.tolist(),
+            half.tolist(),
+            np.maximum(half, typical).tolist(),
+            strict=True,
         )
     )
     return _band(MEAN, name, points, measured)
 
 
-def _common_sd(group: Sequence[_Placed], name: str, widened: Widened) -> float:
+def _common_sd(
+    group: Sequence[_Placed], name: str, steep: Mapping[tuple[str, str], CellEstimate]
+) -> float:
     """Return the sd of what a steep window does to all people alike: no mean removes it.
 
     What most people's neighbours vouch for is common; what few do belongs to these.
     """
     sds = []
     for placed in group:
-        wide = widened.steep.get((placed.cell.label, placed.cell.timing_point))
+        wide = steep.get((placed.cell.label, placed.cell.timing_point))
         estimate = None if wide is None else unbounded_estimate(wide, name)
         sds.append(0.0 if estimate is None else estimate.systematic_sd)
     return float(np.median(sds))
