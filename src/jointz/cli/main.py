@@ -16,6 +16,9 @@ def run() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Python would have workers look for modules in the working folder first, where data may lie.
     os.environ.setdefault("PYTHONSAFEPATH", "1")
+    # Numba takes these from a file in the working folder otherwise, and unpickles what is there.
+    os.environ.setdefault("NUMBA_CACHE_DIR", "")
+    os.environ.setdefault("NUMBA_CACHE_LOCATOR_CLASSES", "")
     try:
         listen_for_stops()
         from jointz.cli.command_line import run_command_line  # loads typer: a signal can come

@@ -142,6 +142,7 @@ class PolledDevice:
         self.failure: Exception | None = None
         self._polling_of = polling
         self._polling: Polling | None = None
+        self._letting_go: threading.Thread | None = None
 
     def begin(self, begun: Callable[[], None], poll: Poll) -> None:
         """Start the library's object and poll it.
@@ -197,13 +198,13 @@ class PolledDevice:
             Whether the object is let go; False where it hangs.
         """
         if self._polling is None:
-            return True
+            return self._letting_go is None or not self._letting_go.is_alive()
         ended = self._polling.end()
         self._polling = None
-        letting_go = threading.Thread(target=self._let_go, args=(last,), daemon=True)
-        letting_go.start()  # not here: it hangs where the object hangs
-        letting_go.join(_LIBRARY_STOP_S if ended else _END_S)
-        return not letting_go.is_alive()
+        self._letting_go = threading.Thread(target=self._let_go, args=(last,), daemon=True)
+        self._letting_go.start()  # not here: it hangs where the object hangs
+        self._letting_go.join(_LIBRARY_STOP_S if ended else _END_S)
+        return not self._letting_go.is_alive()
 
     def check(self) -> None:
         """Raise when the library raised.

@@ -312,7 +312,11 @@ def _damaged_line(path: Path, number: int) -> DataError:
 
 def _intact_lines(content: bytes) -> list[bytes]:
     """Return the lines whose checksum fits, also where the end of the one before is damaged."""
-    return [line for line in _ANY_LINE.findall(content) if checked_text(line) is not None]
+    lines: list[bytes] = []
+    for line in content.split(b"\n"):
+        found = [line] if checked_text(line) is not None else _ANY_LINE.findall(line)
+        lines += [one for one in found if checked_text(one) is not None]
+    return lines
 
 
 def _salvaged(lines: Iterable[bytes]) -> list[Event]:

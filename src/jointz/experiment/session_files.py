@@ -8,7 +8,7 @@ from typing import Any
 from jointz.core.errors import DataError
 from jointz.experiment.bench_plan import TimedPulse
 from jointz.experiment.plan import PlannedPulse
-from jointz.experiment.whole_files import read_twice, write_twice
+from jointz.experiment.whole_files import is_written, read_twice, write_twice
 
 JOURNAL_FILE = "journal.jsonl"
 #: Where the operator's page leaves its commands, while there is one.
@@ -92,7 +92,7 @@ def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     """
     file = folder / PLAN_FILE
     text = json.dumps(plan, indent=1)
-    if not file.exists():
+    if not is_written(file):
         write_twice(file, text)
         return ""
     content, damage = read_twice(file)
@@ -123,7 +123,7 @@ def keep_description(folder: Path, about: Mapping[str, Any]) -> str:
         When the file is damaged or of somebody else.
     """
     file = folder / SESSION_FILE
-    if not file.exists():
+    if not is_written(file):
         write_twice(file, json.dumps(about, indent=1))
         return ""
     content, damage = read_twice(file)

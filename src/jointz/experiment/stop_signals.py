@@ -21,6 +21,8 @@ STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(
 _AGAIN_S = 0.3
 #: A stop that came, and whether the work is over, so that none comes again.
 _noted = _over = False
+#: A session that ends its trial gently, so that none needs to come again.
+_acknowledged = False
 
 
 def listen_for_stops() -> None:
@@ -29,8 +31,8 @@ def listen_for_stops() -> None:
     So Python does itself with one that is raised in a callback of a compiler or of the garbage
     collector. What is ignored stays so: ``nohup`` is meant.
     """
-    global _noted, _over
-    _noted = _over = False
+    global _noted, _over, _acknowledged
+    _noted = _over = _acknowledged = False
     hide_consequences()
     for number in STOP_SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
@@ -44,6 +46,12 @@ def end_listening() -> bool:
         signal.signal(number, signal.SIG_IGN)
     came, _noted, _over = _noted, False, True
     return came
+
+
+def acknowledge_stop() -> None:
+    """Take note that the work ends by itself: the stop does not come again."""
+    global _acknowledged
+    _acknowledged = True
 
 
 def is_stop_noted() -> bool:
@@ -90,7 +98,7 @@ def _insist(number: signal.Signals) -> None:
     """Send a signal to the main thread until it ends its work, which it may be waiting in."""
     while True:
         time.sleep(_AGAIN_S)
-        if _over:
+        if _over or _acknowledged:
             return
         main = threading.main_thread().ident
         if CAN_WAIT and main is not None:

@@ -48,7 +48,7 @@ def write_whole(file: Path, text: str) -> None:
     WriteError
         When the system does not let it be written.
     """
-    with whole_file(file) as partial, partial.open("w", encoding="utf-8") as stream:
+    with whole_file(file) as partial, partial.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
         stream.flush()
         os.fsync(stream.fileno())
@@ -168,6 +168,11 @@ def write_twice(file: Path, text: str) -> None:
     """
     write_whole(_copy_of(file), checked_line(text.encode("ascii")).decode("ascii"))
     write_whole(file, text)
+
+
+def is_written(file: Path) -> bool:
+    """Tell whether a file that is written twice is there, or its copy."""
+    return file.exists() or _copy_of(file).exists()
 
 
 def read_twice(file: Path) -> tuple[dict[str, Any], str]:

@@ -119,7 +119,8 @@ def _pulse_table(path: Path) -> pd.DataFrame:
     named = "timing_point" in table.columns
     pulses["timing_point"] = table["timing_point"].to_numpy() if named else ""
     for row, name in zip(table.index, pulses["timing_point"], strict=True):
-        _check_name(path, "timing_point", str(name), row=int(row))
+        if not is_number(str(name)):
+            _check_name(path, "timing_point", str(name), row=int(row))
     return pulses
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 from jointz.core import provenance
 from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
-from jointz.core.study import Study, UserExclusion
+from jointz.core.study import Study, UserExclusion, name_problem
 from jointz.core.whole_file import whole_file
 from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.io.study import open_study
@@ -143,6 +143,8 @@ def _checked_reason(reason: str, action: Action) -> str:
         raise DataError(
             f"reason: expected at most {_LONGEST_REASON} letters, got {len(words)}. Shorten it."
         )
+    if problem := name_problem(words):
+        raise DataError(f"reason: {problem}. Write it in other words.")
     return words
 
 

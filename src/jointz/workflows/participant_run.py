@@ -15,7 +15,7 @@ from jointz.devices.interface import Rig
 from jointz.experiment.journal import read_journal, salvaged_texts
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
 from jointz.experiment.session_files import JOURNAL_FILE
-from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.experiment.stop_signals import STOP_SIGNALS, acknowledge_stop
 from jointz.experiment.whole_files import read_object, write_whole
 from jointz.workflows.bench_report import write_bench
 from jointz.workflows.run_settings import RunSettings
@@ -133,9 +133,13 @@ def _stopped_by_signals(session: Session) -> Iterator[None]:
         try:
             session.request_stop()
         except KeyboardInterrupt:  # no trial runs: as it is outside of sessions
-            if callable(handler):
-                handler(number, frame)
-            raise
+            pass
+        else:
+            acknowledge_stop()
+            return
+        if not callable(handler):
+            raise KeyboardInterrupt
+        handler(number, frame)  # no longer inside of except: it asks whether one is dealt with
 
     before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     for number, handler in before.items():

@@ -691,7 +691,7 @@ def test_a_stop_that_the_library_holds_up_is_reported_and_sent_as_soon_as_it_can
     since_s = time.perf_counter()
     told = r"actuator: could not be stopped \(TimeoutError: it did not confirm its stop\)"
     with pytest.raises(DeviceError, match=told):
-        _stop("actuator", actuator, None, None, None)
+        _stop("actuator", actuator, {"actuator"}, None, None, None)
     assert time.perf_counter() - since_s < 0.2
     time.sleep(0.2)
     assert "did not confirm zero torque. Use the emergency stop" in caplog.text
@@ -701,7 +701,7 @@ def test_a_stop_that_the_library_holds_up_is_reported_and_sent_as_soon_as_it_can
     released_s = time.perf_counter()
     fake.released.set()
     assert fake.zero_after_s(released_s) < ZERO_S
-    _stop("actuator", actuator, None, None, None)
+    _stop("actuator", actuator, {"actuator"}, None, None, None)
 
 
 @pytest.mark.alone
