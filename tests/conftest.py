@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 from urllib.parse import urlsplit
 
 import pandas as pd
@@ -220,7 +221,8 @@ def as_in_a_terminal() -> Iterator[None]:
     hooks = sys.unraisablehook, sys.excepthook
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        yield
+        with patch.dict(os.environ):  # a command sets variables for its workers
+            yield
     finally:
         sys.unraisablehook, sys.excepthook = hooks
         for number, handler in handlers.items():
