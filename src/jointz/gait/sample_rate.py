@@ -25,6 +25,8 @@ _FEWEST_ONSETS = 8
 _CURVED_S, _AROUND_S = 0.01, 0.03
 #: Mean rank of the torque's curvature at the onsets: chance gives 0.5, the right rate nearly 1.
 _DOUBTED, _CONVINCING = 0.75, 0.9
+#: Factors between units of time; least share of a recording over which pulses are spread.
+_UNITS, _SPANNED = (1000.0, 60.0, 1 / 60.0, 1e-3), 0.1
 
 
 def median_stride_s(recording: xr.Dataset) -> float | None:
@@ -60,27 +62,37 @@ def is_walking_stride(stride_s: float) -> bool:
     return SHORTEST_S <= stride_s <= LONGEST_S
 
 
-def rate_of_pulses(recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float) -> float | None:
-    """Return the usual rate at which pulses begin at their onsets, None where the own rate fits.
+def scale_of_onsets(
+    recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float, stamped: bool
+) -> float | None:
+    """Return the factor at which pulses begin at their onsets, None where they do as they are.
 
-    Pulses bend the command, else the torque. Chance makes no rate convincing, and without a
-    convincing one there is no answer.
+    Stamps of a recorder can be in another unit than their onsets; without stamps a usual rate can
+    be the right one. Pulses bend the command, else the torque. Chance makes no factor convincing,
+    and without a convincing one there is no answer.
     """
     name = next((n for n in ("command", "torque", "current") if n in recording), None)
     if name is None or onset_s.size < _FEWEST_ONSETS:
         return None
     signal = np.nan_to_num(recording[name].to_numpy())
-    start = float(recording["time"].to_numpy()[0]) * rate_hz
-    fits = {float(hz): _fit(signal, onset_s * hz - start, hz) for hz in {*USUAL_HZ, rate_hz}}
-    best = max(fits, key=lambda hz: fits[hz])
-    return best if fits[rate_hz] < _DOUBTED and fits[best] >= _CONVINCING else None
+    time = recording["time"].to_numpy()
+    if _fit(signal, np.searchsorted(time, onset_s), rate_hz) >= _DOUBTED:
+        return None
+    fits: dict[float, float] = {}
+    for scale in _UNITS if stamped else [hz / rate_hz for hz in USUAL_HZ]:
+        at = np.searchsorted(time, onset_s * scale)
+        if np.ptp(at) >= _SPANNED * time.size:
+            # It may be the stamps or the table that are in another unit.
+            rates = {rate_hz, rate_hz * scale} if stamped else {rate_hz * scale}
+            fits[scale] = max(_fit(signal, at, hz) for hz in rates)
+    best = max(fits, key=lambda scale: fits[scale], default=1.0)
+    return best if fits.get(best, 0.0) >= _CONVINCING else None
 
 
-def _fit(signal: np.ndarray, onset: np.ndarray, rate_hz: float) -> float:
+def _fit(signal: np.ndarray, at: np.ndarray, rate_hz: float) -> float:
     """Return the mean rank of the signal's curvature at the onsets, 0 where one lies outside."""
     half = max(1, round(_CURVED_S * rate_hz))
-    at = np.round(onset).astype(int)
-    if signal.size <= 4 * half or at.min() < 0 or at.max() >= signal.size:
+    if signal.size <= 4 * half or at.max() >= signal.size:
         return 0.0
     bend = np.zeros(signal.size)
     bend[half:-half] = np.abs(signal[2 * half :] - 2 * signal[half:-half] + signal[: -2 * half])

@@ -283,6 +283,7 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
                 '"perturbed", or say with [channels.condition] which column holds it.'
             )
     yield from _cell_problems(raw)
+    yield from _side_problems(raw)
     yield from _channel_problems(raw, channels)
     yield from _perturbation_problems(raw, channels)
 
@@ -305,8 +306,10 @@ def _cell_problems(raw: Mapping[str, Any]) -> Iterator[str]:
             which += f", side '{side}'" if side else ""
             yield (
                 f"recordings: {count} recordings for participant '{person}', condition "
-                f"'{condition or 'in the file'}'{which}. One cell has one recording: give each "
-                "its own session, or remove the others."
+                f"'{condition or 'in the file'}'{which}. One cell has one recording: join its "
+                "trials into one file (where time begins again, [channels.trial] names the column "
+                "that tells them apart), or remove the others. Another session is another day (on "
+                "a bench another case) and is estimated apart."
             )
     labels = Counter(row_label(*unit) for unit in {(p, s, side) for p, _, s, side in cells})
     for label, count in labels.items():
@@ -314,6 +317,24 @@ def _cell_problems(raw: Mapping[str, Any]) -> Iterator[str]:
             yield (
                 f"recordings: '{label}' would name two rows: an id or a session holds what another "
                 "recording states as its session or side. Change the id or the session."
+            )
+
+
+def _side_problems(raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield pulses of an unknown side, where the motion of both legs would be taken off."""
+    entries = _entries(raw, "recordings") if raw.get("kind") == "walking" else []
+    sides = {
+        (str(entry.get("participant", "")), entry.get("side"))
+        for entry in entries
+        if "condition" not in entry or _condition_of(entry) == "unperturbed"
+    }
+    for i, entry in enumerate(entries, start=1):
+        person = str(entry.get("participant", ""))
+        pulses = "condition" not in entry or _condition_of(entry) == "perturbed"
+        if pulses and "side" not in entry and {(person, "left"), (person, "right")} <= sides:
+            yield (
+                f"recordings[{i}].side: missing, and '{person}' has unperturbed recordings of both "
+                f"sides: state the side of {entry.get('file')}."
             )
 
 

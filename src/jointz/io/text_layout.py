@@ -28,21 +28,26 @@ DELIMITERS: Mapping[str, str] = {
     "|": "a bar",
     " ": "a blank",
 }
-#: What says a sampling rate, in lower case without accents, at the beginning of a line or cell.
+_HERTZ = r"(?:k?hz|1/s|s\^?-1|samples\s?(?:/|per)\s?s\w*)(?![a-z])"
+#: A number of Hz, in lower case without accents.
+_FREQUENCY = re.compile(
+    rf"""(?<![\d.,])(\d+(?:[.,]\d+)?) \s* ({_HERTZ})
+    | (?<![a-z])(k?hz) [^a-z\d.+-]* (\d+(?:[.,]\d+)?)""",
+    re.VERBOSE,
+)
+#: What says a sampling rate, likewise, at the beginning of a line or cell.
 _RATE = re.compile(
-    r"""\W*(?:
+    rf"""\W*(?:
         (?:sampl\w*|sampel|data|frame|capture|abtast|mess|meet|bemonsterings)[ _-]?
         (?:rate|freq\w*|hz|frequen[zt]\w*) | rate | sr | fs | f_s | sfreq | srate | abtastung
         | (?:frequence|taux|cadence)[ ]d.?[ ]?echantillonnage
         | (?:frecuencia|tasa|velocidad)[ ]de[ ]muestreo
         | (?:frequenza|tasso|velocita)[ ]di[ ]campionamento
-    )(?![a-z]) [^a-z\d.+-]* (?P<before>k?hz)? [^a-z\d.+-]*
-    (?P<number>\d+(?:[.,]\d+)?) \s* (?P<after>k?hz|1/s|s\^?-1|samples\s?(?:/|per)\s?s\w*)?
-    \W*$""",
+    )(?![a-z]) [^a-z\d.+-]* (?:k?hz)? [^a-z\d.+-]* \d+(?:[.,]\d+)? \s* (?:{_HERTZ})? \W*$""",
     re.VERBOSE,
 )
 _PARTS = re.compile(r"[;\t|]|,\s")
-_THOUSANDS = re.compile(r"\d{1,3}[.,]\d{3}")
+_THOUSANDS = re.compile(r"\d{1,3}[.,]000")
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
@@ -146,9 +151,11 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     above = lines[: skipped + (best.start or 0)]
     said = [part for line in above for part in (line, *_PARTS.split(line))]
     rates = {rate for part in said if (rate := _stated_rate(part))}
-    if len(rates) > 1:
-        told = ", ".join(f"{rate:g}" for rate in sorted(rates))
-        return replace(layout, notes=(*layout.notes, f"its first lines state {told} Hz: which?"))
+    others = {hz for line in above for hz in _frequencies(_plain(line))}
+    if rates and len(rates | others) > 1:
+        told = ", ".join(f"{hz:g}" for hz in sorted(rates | others))
+        note = f"its first lines state {told} Hz: which is the rate of the table?"
+        return replace(layout, notes=(*layout.notes, note))
     return replace(layout, rate_hz=min(rates, default=None))
 
 
@@ -158,14 +165,25 @@ def _stated_rate(line: str) -> float | None:
     >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
     (500.0, 1000.0, None)
     """
-    plain = unicodedata.normalize("NFKD", line.casefold())
-    said = _RATE.fullmatch("".join(c for c in plain if not unicodedata.combining(c)))
-    if said is None:
-        return None
-    number = float(said["number"].replace(",", "."))
-    if number < _SLOWEST_HZ and "k" not in f"{said['before']}{said['after']}":
-        number *= 1000 if _THOUSANDS.fullmatch(said["number"]) else 1
-    return number * (1000 if "khz" in (said["before"], said["after"]) else 1) or None
+    plain = _plain(line)
+    return next(iter(_frequencies(plain)), None) if _RATE.fullmatch(plain) else None
+
+
+def _frequencies(plain: str) -> list[float]:
+    """Return every number above 0 that stands beside Hz or kHz, in Hz."""
+    found = []
+    for after, unit, before_unit, before in _FREQUENCY.findall(plain):
+        text, unit = after or before, unit or before_unit
+        number = float(text.replace(",", "."))
+        exact = number < _SLOWEST_HZ and _THOUSANDS.fullmatch(text)
+        found.append(number * (1000 if unit == "khz" or exact else 1))
+    return [hz for hz in found if hz]
+
+
+def _plain(line: str) -> str:
+    """Return a line in lower case without accents."""
+    letters = unicodedata.normalize("NFKD", line.casefold())
+    return "".join(c for c in letters if not unicodedata.combining(c))
 
 
 def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:

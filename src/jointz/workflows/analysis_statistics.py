@@ -13,10 +13,12 @@ from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.participant_model import ParticipantModel
+from jointz.core.person_estimates import row_label
 from jointz.core.study import Study
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import SAME_TIME_S
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
@@ -73,6 +75,7 @@ def study_statistics(
             *_single_notes(cells, single),
             *_mean_notes(study),
             *_switch_notes(results),
+            *_session_notes(study, method, results),
             *_pulse_notes(study, pulses),
             *_quasi_stiffness_notes(results),
         ],
@@ -296,6 +299,32 @@ def _switch_notes(results: Collection[ParticipantResult]) -> list[str]:
         '"voltage" and unit = "V" under [channels.contact] in study.toml: heel strikes are then '
         "found in it as in a voltage."
     ]
+
+
+def _session_notes(study: Study, method: str, results: Collection[ParticipantResult]) -> list[str]:
+    """Say whose pulses of one session have unperturbed recordings of other sessions only."""
+    if study.spec.kind != "walking" or "pre_pulse" in (method, study.spec.perturbations.baseline):
+        return []
+    own = "" if method != RECOMMENDED else ", unless its own undisturbed strides were enough"
+    notes = []
+    for result in results:
+        there = {
+            (s.participant, s.session, s.side)
+            for s in result.strides
+            if s.condition == "unperturbed"
+        }
+        for person, session, side in dict.fromkeys(
+            (p.participant, p.session, p.side) for p in result.pulses
+        ):
+            others = {b for who, b, c in there if who == person and (c == side or "" in (c, side))}
+            if session and others and not others & {session, ""}:
+                told = " and ".join(f"'{name}'" for name in sorted(others))
+                notes.append(
+                    f"{row_label(person, session, side)}: no unperturbed recording of session "
+                    f"'{session}'; its unperturbed motion is that of session {told}{own}. The "
+                    "device may have sat differently."
+                )
+    return notes
 
 
 def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:

@@ -15,8 +15,8 @@ from jointz.gait.sample_rate import (
     USUAL_HZ,
     is_walking_stride,
     median_stride_s,
-    rate_of_pulses,
     rates_of_strides,
+    scale_of_onsets,
     told_rates,
 )
 from jointz.gait.timestamps import rate_hz
@@ -70,16 +70,19 @@ def check_onsets(
         return
     own_hz = rate_hz(perturbed[0]["time"].to_numpy())
     onset_s = table["onset_s"].to_numpy(dtype=float)
-    likely = rate_of_pulses(perturbed[0], onset_s, rate_hz=own_hz)
-    if likely is None:
+    stamped = "time" in study.spec.channels
+    scale = scale_of_onsets(perturbed[0], onset_s, rate_hz=own_hz, stamped=stamped)
+    if scale is None:
         _check_ends(study, entry, perturbed[0], onset_s)
         return
-    todo = "Correct the unit of time, or the table's onset_s."
-    if "time" not in study.spec.channels:
-        todo = f"Correct sample_rate_hz; likely {likely:g}."
+    likely = f"{own_hz * scale:.6g}"
+    where = f" at {own_hz:.6g} Hz, but they do at {likely} Hz."
+    todo = f"Correct sample_rate_hz; likely {likely}."
+    if stamped:
+        where = f", but they do at {scale:.4g} times them."
+        todo = "Correct the unit of time, or the table's onset_s."
     raise DataError(
-        f"{entry.file}: no pulses begin at the onsets of {entry.perturbations} at {own_hz:.6g} Hz, "
-        f"but they do at {likely:g} Hz. {todo}",
+        f"{entry.file}: no pulses begin at the onsets of {entry.perturbations}{where} {todo}",
         path=entry.file,
     )
 

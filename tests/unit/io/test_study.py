@@ -719,7 +719,9 @@ def test_two_recordings_of_one_cell_are_refused(study, condition):
 
     assert study.sole_problem() == (
         "recordings: 2 recordings for participant 'S01', condition 'perturbed'. One cell has one "
-        "recording: give each its own session, or remove the others."
+        "recording: join its trials into one file (where time begins again, [channels.trial] names "
+        "the column that tells them apart), or remove the others. Another session is another day "
+        "(on a bench another case) and is estimated apart."
     )
 
 
@@ -736,6 +738,22 @@ def test_two_recordings_of_one_session_are_refused_by_its_name(study):
     study.edit("[perturbations] ", again)
 
     assert "condition 'unperturbed', session 'a'." in study.sole_problem()
+
+
+@pytest.mark.parametrize("side", ["", 'side = "right"\n'])
+def test_pulses_of_an_unknown_side_beside_both_unperturbed_legs_are_refused(study, side):
+    study.edit('condition = "unperturbed" ', 'side = "left"\ncondition = "unperturbed" ')
+    other = SECOND.format(condition="ENP") + 'side = "right"\n'
+    study.edit("[perturbations] ", other + "[perturbations] ")
+    study.edit('condition = "perturbed"', f'{side}condition = "perturbed"')
+
+    if side:
+        study.open()
+    else:
+        assert study.sole_problem() == (
+            "recordings[2].side: missing, and 'S01' has unperturbed recordings of both sides: "
+            "state the side of S01_ewp.csv."
+        )
 
 
 def test_an_unknown_condition_is_one_problem(study):

@@ -3,11 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from jointz.core.codes import Doubt
-from jointz.core.events import PulseRecord
+from jointz.core.events import PulseRecord, StrideRecord
 from jointz.core.participant_model import ParticipantModel
-from jointz.core.study import ParticipantSpec, RecordingSpec, Study, StudySpec
-from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes, _side_notes
+from jointz.core.study import Study, StudySpec
+from jointz.identify.participant import ParticipantResult
+from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes, _session_notes
 
 
 def model(name, *, lag_s=0.006, resonance=0.02, inertia=0.95, curve=0.0, strides=900):
@@ -50,44 +53,51 @@ def test_who_is_doubted_is_named_with_what_may_be_why():
     assert _doubt_notes([model("S01")]) == []
 
 
-def study(recordings):
-    people = dict.fromkeys(person for person, _, _ in recordings)
-    spec = StudySpec(
-        jointz=1,
-        joint="knee",
-        kind="walking",
-        channels={},
-        participants=tuple(ParticipantSpec(id=person) for person in people),
-        recordings=tuple(
-            RecordingSpec(participant=person, file=file, condition="perturbed", side=side)
-            for person, file, side in recordings
-        ),
+def note_of_sessions(*recordings, method="dissertation", baseline=None):
+    """Return the notes about one pulse or stride a (condition, session, side)."""
+    spec = StudySpec.model_validate(
+        {
+            **{"jointz": 1, "joint": "knee", "kind": "walking", "channels": {}},
+            "participants": [{"id": "S01"}],
+            "recordings": [{"participant": "S01", "file": "p.csv"}],
+            "perturbations": {"baseline": baseline} if baseline else {},
+        }
     )
-    return Study(Path(), spec, "", {})
+    pulses = tuple(
+        PulseRecord("S01", "p.csv", 1.0, 0.1, 10.0, "LRE", session=session, side=side)
+        for condition, session, side in recordings
+        if condition == "perturbed"
+    )
+    strides = tuple(
+        StrideRecord("S01", "r.csv", condition, 0.0, 1.0, session=session, side=side)
+        for condition, session, side in recordings
+    )
+    result = ParticipantResult({}, (), pulses, strides, ())
+    return _session_notes(Study(Path(), spec, "", {}), method, [result])
 
 
-def pulse(person, file, code=""):
-    return PulseRecord(person, file, 1.0, 0.1, 10.0, "LRE", code=code)
+def test_unperturbed_motion_of_another_session_is_told_with_both_sessions():
+    days = [("perturbed", "b", "left"), ("unperturbed", "a", "left")]
+
+    (note,) = note_of_sessions(*days)
+
+    assert note.startswith(
+        "S01, b, left: no unperturbed recording of session 'b'; its unperturbed motion is that of "
+        "session 'a'."
+    )
+    assert "own undisturbed strides" in note_of_sessions(*days, method="recommended")[0]
 
 
-def test_whose_sides_are_averaged_is_told_with_how_to_keep_them_apart():
-    both = study(
-        [
-            ("S01", "l.csv", "left"), ("S01", "r.csv", "right"),
-            ("S02", "l2.csv", "left"), ("S02", "l3.csv", "left"),
-            ("S03", "u.csv", None), ("S03", "r3.csv", "right"),
-        ]
-    )  # fmt: skip
-    pulses = [pulse(r.participant, r.file) for r in both.spec.recordings]
-
-    (note,) = _side_notes(both, pulses)
-
-    assert note.startswith("S01: perturbed recordings are of both sides, and one row a timing")
-    assert note.endswith("name them as two participants in study.toml.")
+@pytest.mark.parametrize("unperturbed", [("b", "left"), ("", ""), ("b", "")])
+def test_unperturbed_motion_of_the_session_itself_or_of_none_has_no_note(unperturbed):
+    assert not note_of_sessions(
+        ("perturbed", "b", "left"), ("unperturbed", "a", "left"), ("unperturbed", *unperturbed)
+    )
 
 
-def test_a_side_whose_pulses_are_all_left_out_is_averaged_with_nothing():
-    both = study([("S01", "l.csv", "left"), ("S01", "r.csv", "right")])
+def test_a_level_before_the_pulse_has_no_note_of_sessions():
+    days = [("perturbed", "b", ""), ("unperturbed", "a", "")]
 
-    assert _side_notes(both, [pulse("S01", "l.csv"), pulse("S01", "r.csv", "gap")]) == []
-    assert _side_notes(study([("S01", "l.csv", "left")]), [pulse("S01", "l.csv")]) == []
+    assert note_of_sessions(*days)
+    assert not note_of_sessions(*days, method="pre_pulse")
+    assert not note_of_sessions(*days, baseline="pre_pulse")

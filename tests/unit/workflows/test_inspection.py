@@ -188,10 +188,18 @@ def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(
     [
         ("Abtastrate: 500 Hz", 500.0),
         ("Sampling rate: 1000 Hz;;;", 1000.0),
-        ("sample frequency = 500", 500.0),
+        ("sample frequency = 500 Hz", 500.0),
+        ("sample frequency = 500", None),
         ("# subject 3; fs: 1 kHz", 1000.0),
         ("Abtastfrequenz [Hz];500,0", 500.0),
         ("Messrate: 1.000 Hz", 1000.0),
+        ("Messrate: 10,000 Hz", 10000.0),
+        ("Messrate: 1.000 kHz", 1000.0),
+        ("Sampling rate: 19.531 Hz", 19.531),
+        ("Sampling rate: 12.500 Hz", 12.5),
+        ("Data rate: 115200", None),
+        ("Rate: 9600", None),
+        ("SR: 2", None),
         ("Fréquence d'échantillonnage : 250 Hz", 250.0),
         ("frecuencia de muestreo (Hz): 100", 100.0),
         ("Frequenza di campionamento = 2 kHz", 2000.0),
@@ -199,6 +207,7 @@ def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(
         ("Cut-off frequency: 20 Hz", None),
         ("heart rate: 70", None),
         ("Abtastrate: 500 Hz\nSampling rate: 1000 Hz", None),
+        ("Abtastrate: 1000 Hz\nfs: 1 kHz", 1000.0),
     ],
 )
 def test_a_rate_that_a_header_line_states_is_written_as_stated(line, rate_hz, tmp_path):
@@ -210,6 +219,17 @@ def test_a_rate_that_a_header_line_states_is_written_as_stated(line, rate_hz, tm
     stated = [line for line in found.toml.splitlines() if line.startswith("sample_rate_hz")]
     assert stated == ([] if rate_hz is None else [f"sample_rate_hz = {rate_hz}"])
     assert found.clocks[0].rate_hz == rate_hz
+
+
+@pytest.mark.parametrize("other", ["Analog sampling rate: 2000 Hz", "Analog [Hz];2000"])
+def test_a_rate_beside_that_of_another_instrument_is_asked_for(other, tmp_path):
+    body = walking().drop(columns="Time (s)").to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "S12.csv").write_text(f"Frame rate: 100 Hz\n{other}\n{body}")
+
+    found = inspect_file(tmp_path / "S12.csv")
+
+    assert "\n# sample_rate_hz" in found.toml
+    assert "its first lines state 100, 2000 Hz: which is the rate of the table?" in found.notes
 
 
 def test_strides_at_which_nobody_walks_are_told_with_the_likely_rate(tmp_path):

@@ -91,6 +91,22 @@ def test_pulses_that_cannot_be_seen_make_no_rate_likely(small_study):
     assert not problem_of(small_study)
 
 
+@pytest.mark.parametrize("own_hz", [300.0, 240.0])
+@pytest.mark.parametrize("factor", [1.0, 1000.0, 1 / 60.0])
+def test_rounded_stamps_fit_their_onsets_and_another_unit_does_not(small_study, own_hz, factor):
+    """Whole milliseconds at 300 Hz have a median step of 333 Hz."""
+    with_tables(small_study, factor * 500.0 / own_hz)
+    for file in small_study.root.glob("*perturbed.csv"):
+        small_study.edit_table(
+            file.name, lambda t: t.assign(time=(np.arange(len(t)) / own_hz).round(3))
+        )
+
+    problem = problem_of(small_study)
+
+    assert (f"but they do at {1 / factor:.4g} times them" in problem) == (factor != 1.0)
+    assert ("no pulses begin" in problem) == (factor != 1.0)
+
+
 @pytest.mark.parametrize("refused", [True, False])
 def test_onsets_beyond_the_end_are_told_with_a_rate_at_which_they_fit(small_study, refused):
     """Too few to tell the rate by what they do to the torque."""
