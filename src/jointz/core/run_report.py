@@ -91,10 +91,7 @@ class RunReport:
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {told}" if told else done)
         for name, row in self.pooled_onsets().iterrows():
-            lines.append(
-                f"{name}: onset error {row['error_mean_pct']:+.2f} % of the cycle, "
-                f"SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
-            )
+            lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])
 
     def pooled_onsets(self) -> pd.DataFrame:
@@ -116,7 +113,7 @@ class RunReport:
             squares = np.nansum((n - 1.0) * sd**2) + np.nansum(n * (mean - centre) ** 2)
             pooled[name] = {
                 "planned_pct": rows["planned_pct"].iloc[0],
-                **rows[list(_COUNTS)].sum(),
+                **rows[list(_COUNTS)].sum().astype(int),
                 "error_mean_pct": centre,
                 "error_sd_pct": np.sqrt(squares / (total - 1.0)) if total > 1 else np.nan,
                 "theory_sd_pct": rows["theory_sd_pct"].astype(float).pow(2).mean() ** 0.5,
@@ -174,6 +171,15 @@ class RunReport:
             timing=tuple(values["timing"]),
             salvaged=tuple(values.get("salvaged", ())),
         )
+
+
+def _onset_sentence(row: Mapping[str, Any]) -> str:
+    if not row["n"]:
+        return "no onsets"
+    mean = f"onset error {row['error_mean_pct']:+.2f} % of the cycle"
+    if isnan(row["error_sd_pct"]):
+        return f"{mean}, one onset"
+    return f"{mean}, SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,24 +49,41 @@ class SecondOrderCheck:
             )
         return "the residual was not tested for a stretch reflex or a higher order"
 
-    def advice(self) -> str:
-        """Return what a refuted second-order joint means and what to do."""
+    def advice(self, model: str = "kbj") -> str:
+        """Return what a refuted second-order joint means and what to do.
+
+        Parameters
+        ----------
+        model : str
+            The model of the fit, which is not advised again.
+        """
         if self.finding == "reflex":
             return (
                 "K, B and J of a second-order joint include reflex torque and are not intrinsic. "
                 "Use --model reflex, which separates the two"
             )
-        lag = "a lag between the sensors"
         if self.lag_s is not None:
-            lag = f"a torque {self._lag()}, which would explain it; correct that first"
+            return self._lag_advice(self.lag_s)
+        response = (
+            "The frequency response shows a soft attachment"
+            if model == "frf"
+            else "Use --model frf, which shows a soft attachment"
+        )
         return (
-            f"K, B and J of a second-order joint depend on the perturbation. Look for {lag}; for a "
-            "soft attachment (--model frf), or a reflex (--model reflex decides)"
+            "K, B and J of a second-order joint depend on the perturbation, because of a soft "
+            f"attachment or a reflex. {response}; use --model reflex to test for a reflex"
         )
 
-    def _lag(self) -> str:
-        late = "late" if (self.lag_s or 0.0) > 0.0 else "early"
-        return f"{1e3 * abs(self.lag_s or 0.0):.2g} ms too {late}"
+    @staticmethod
+    def _lag_advice(lag_s: float) -> str:
+        late, other = ("torque", "angle") if lag_s > 0.0 else ("angle", "torque")
+        size = f"{1e3 * abs(lag_s):.2g}"
+        return (
+            f"the {late} is recorded {size} ms later than the {other}, which biases K, B and J and "
+            f"explains the residual. Set {late}_lag_s = {1e-3 * float(size):g} under [calibration] "
+            f"in a study, or shift the {late} column {size} ms earlier before identify; then run "
+            "again"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""

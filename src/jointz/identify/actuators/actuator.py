@@ -216,16 +216,16 @@ def _known_torque(record: ActuatorRecord, rotor_inertia: float | None) -> np.nda
 
 def _inertia_doubt(regression: Regression) -> str | None:
     """Say why a fitted inertia is none."""
-    if "rotor_inertia" not in regression.names or regression.doubt:
+    if "rotor_inertia" not in regression.names or regression.is_saturated:
         return None
     low, high = regression.interval("rotor_inertia")
     if low > 0.0:
         return None
-    reason = (
-        "a sign of acceleration, speed or torque is turned"
-        if high < 0.0
-        else "the record hardly accelerates, or the torque record is late"
-    )
+    reason = "the record hardly accelerates, or the torque record is late"
+    if regression.doubt:
+        reason = "the record is too short"
+    elif high < 0.0:
+        reason = "a sign of acceleration, speed or torque is turned"
     return (
         f"acceleration cannot be fitted: the interval of the inertia, {low:.2g} to {high:.2g} "
         f"kg*m^2, does not lie above zero: {reason}. The inertia itself can be given"
@@ -282,14 +282,13 @@ def _parameter(
             name, None, None, None, "undecided", level, "none", unbounded=raw.get(name)
         )
     value = regression.value(name)
-    if regression.doubt:
-        # As many parameters as samples fit whatever the values are.
-        shown = value if regression.residual.size > len(regression.names) else None
-        return ParameterEstimate(name, shown, None, None, "undecided", level, "none")
     if name == "torque_constant" and explains_nothing(regression):
         return ParameterEstimate(
             name, None, None, None, "undecided", level, regression.ci_method, unbounded=value
         )
+    if regression.doubt:
+        shown = None if regression.is_saturated else value
+        return ParameterEstimate(name, shown, None, None, "undecided", level, "none")
     low, high = regression.interval(name)
     return ParameterEstimate(name, value, low, high, "ok", level, regression.ci_method)
 

@@ -29,7 +29,7 @@ def explains_nothing(regression: Regression) -> bool:
     regression : Regression
         The fit.
     """
-    if regression.doubt:
+    if regression.is_saturated:
         return False
     low, high = regression.interval("torque_constant")
     return low <= 0.0 <= high
@@ -51,15 +51,19 @@ def notes(
     gear_ratio : float
         Motor turns a turn of the output.
     """
-    found = (
-        [f"undecided, the values have no interval: {regression.doubt}"] if regression.doubt else []
-    )
+    found = []
+    if regression.doubt:
+        missing = (
+            "there are no values" if regression.is_saturated else "the values have no interval"
+        )
+        found.append(f"undecided, {missing}: {regression.doubt}")
     found += [regression.caution] if regression.caution else []
     found += [f"{name} is undecided: {why}" for name, why in terms.left_out.items()]
-    found += _on_constant(regression)
-    found += _on_signs(record, regression)
     found += _on_speed(record, regression)
-    found += _on_inertia(record, regression, gear_ratio)
+    if not regression.is_saturated:
+        found += _on_constant(regression)
+        found += _on_signs(record, regression)
+        found += _on_inertia(record, regression, gear_ratio)
     return tuple(found)
 
 
@@ -74,7 +78,7 @@ def _on_constant(regression: Regression) -> list[str]:
     found = []
     value = regression.value("torque_constant")
     low, high = PLAUSIBLE_TORQUE_CONSTANT
-    if value < 0.0:
+    if value < 0.0 and not regression.doubt:
         found.append(
             f"the torque constant is negative ({value:.3g} N*m/A): the sensor counts against the "
             "current. Turn it with torque_sign -1 (--torque-sign -1), or 1 if it was -1"

@@ -36,7 +36,8 @@ class Regression:
     covariance : (p, p) float
         Of the estimates; (0, 0) where the record is too short for any.
     half_width : (p,) float
-        Of the intervals; empty as the covariance.
+        Of the intervals. Where the record is too short for them, those of independent errors,
+        which are the narrowest: they can show that a value is not known, and nothing else.
     condition_number : float
         Of the regressors, each scaled to length one.
     ci_method : str
@@ -66,6 +67,11 @@ class Regression:
             The parameter.
         """
         return float(self.values[self.names.index(name)])
+
+    @property
+    def is_saturated(self) -> bool:
+        """Whether there are as many parameters as samples, which fit whatever the values are."""
+        return self.residual.size <= len(self.names)
 
     def interval(self, name: str) -> tuple[float, float]:
         """Return the ends of an interval.
@@ -112,7 +118,7 @@ def regress(
     residual = measured - scaled @ values
     scores = scaled * residual[:, None]
     plan = BlockPlan.of(measured, residual, scores, rate_hz)
-    covariance, half = np.empty((0, 0)), np.empty(0)
+    covariance, half = np.empty((0, 0)), np.full(len(names), np.inf)
     if plan.n_blocks > len(names):
         # As many parameters as were fitted make the block sums smaller than they are.
         spent = (plan.n_blocks - 1) / (plan.n_blocks - len(names))
@@ -120,6 +126,10 @@ def regress(
         covariance = scaled_covariance / np.outer(length, length)
         wide = float(student_t.ppf((1.0 + ci_level) / 2.0, plan.n_blocks - len(names)))
         half = wide * np.sqrt(np.diag(covariance))
+    elif (spare := measured.size - len(names)) > 0:
+        variance = np.diag(np.linalg.inv(scaled.T @ scaled)) * (residual @ residual) / spare
+        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, spare))
+        half = wide * np.sqrt(variance) / length
     return Regression(
         names=names,
         values=values / length,

@@ -124,7 +124,7 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
     raw = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
     record = prepare_record(raw, torque_acts_on)
     found = joint_spectra(record, perturbed=input, cutoff_hz=cutoff_hz, where=_WHERE)
-    joint, _ = estimate_second_order(record, found, ci_level=ci_level, where=_WHERE)
+    joint, _ = estimate_second_order(record, found, ci_level=ci_level, model="frf", where=_WHERE)
     return FrequencyResponseFit(
         model="frf",
         estimator=joint.estimator,

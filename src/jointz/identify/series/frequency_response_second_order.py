@@ -12,7 +12,7 @@ from jointz.identify.series.frequency_response_spectra import JointSpectra
 from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.identify.series.joint_record import JointRecord, sign_warnings
 from jointz.identify.series.joint_signals import default_estimator, prepare_signals
-from jointz.identify.series.second_order_check import check_second_order, refused
+from jointz.identify.series.second_order_check import check_second_order, withhold_parameters
 from jointz.kernels.spectra_second_order import (
     RecordSpectra,
     SpectrumFit,
@@ -80,7 +80,7 @@ class SecondOrder:
 
     @property
     def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """(3, 3) of K, B, J; empty where they are refused."""
+        """(3, 3) of K, B, J; empty where they are withheld."""
         return () if self.check.fails else tuple(map(tuple, self.fit.covariance.tolist()))
 
     @property
@@ -91,7 +91,7 @@ class SecondOrder:
 
 
 def estimate_second_order(
-    record: JointRecord, found: JointSpectra, *, ci_level: float, where: str
+    record: JointRecord, found: JointSpectra, *, ci_level: float, model: str, where: str
 ) -> tuple[SecondOrder, RecordSpectra]:
     """Fit K, B, J to the whole record inside the band.
 
@@ -103,6 +103,8 @@ def estimate_second_order(
         Of :func:`joint_spectra`.
     ci_level : float
         Level of the intervals.
+    model : str
+        ``frf`` or ``irf``, for messages.
     where : str
         Name of the calling function, for messages.
 
@@ -148,9 +150,9 @@ def estimate_second_order(
     ci_method = f"sandwich over {fit.n_bins} frequencies, Student's t" if settled else "none"
     parameters = _parameters(fit, settled=settled, ci_level=ci_level, ci_method=ci_method)
     noise = spectra.noise[1 if found.perturbed == "torque" else 0] if command is None else 0.0
-    check = _check(record, found, parameters)
+    check = _check(record, found, fit.covariance)
     if check.fails:
-        parameters, note = refused(parameters, check)
+        parameters, note = withhold_parameters(parameters, check, model)
         warnings, ci_method = (note, *warnings), "none"
     result = SecondOrder(
         fit=fit,
@@ -165,9 +167,7 @@ def estimate_second_order(
     return result, spectra
 
 
-def _check(
-    record: JointRecord, found: JointSpectra, parameters: tuple[ParameterEstimate, ...]
-) -> SecondOrderCheck:
+def _check(record: JointRecord, found: JointSpectra, covariance: np.ndarray) -> SecondOrderCheck:
     """Test the residual of the same joint fitted in time, inside the same band."""
     has_command = "command" in record.channels
     estimate = ESTIMATORS[default_estimator(found.perturbed, has_command=has_command)]
@@ -179,7 +179,7 @@ def _check(
     if solution.doubt:
         return SecondOrderCheck()
     return check_second_order(
-        estimate, solution, signals, cutoff_hz=found.highest_hz, parameters=parameters
+        estimate, solution, signals, cutoff_hz=found.highest_hz, covariance=covariance
     )
 
 

@@ -149,7 +149,7 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
     record = prepare_record(raw, torque_acts_on)
     _check_length(record, length_s)
     found = joint_spectra(record, perturbed=input, cutoff_hz=cutoff_hz, where=_WHERE)
-    joint, _ = estimate_second_order(record, found, ci_level=ci_level, where=_WHERE)
+    joint, _ = estimate_second_order(record, found, ci_level=ci_level, model="irf", where=_WHERE)
     longest_s = length_s or _default_length_s(joint.fit.values, input)
     _check_length(record, longest_s)
     thin = _decimate(record, found.highest_hz, perturbed=input)

@@ -29,7 +29,7 @@ from jointz.identify.series.joint_signals import (
     prepare_signals,
 )
 from jointz.identify.series.reflex import identify_reflex
-from jointz.identify.series.second_order_check import check_second_order, refused
+from jointz.identify.series.second_order_check import check_second_order, withhold_parameters
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     FEWEST_BLOCKS,
@@ -221,11 +221,11 @@ def _report(
     check = SecondOrderCheck()
     if not doubt:
         check = check_second_order(
-            ESTIMATORS[estimator], solution, signals, cutoff_hz=cutoff_hz, parameters=parameters
+            ESTIMATORS[estimator], solution, signals, cutoff_hz=cutoff_hz, covariance=covariance
         )
     notes = _warnings(solution, signals, estimator, perturbed, doubt)
     if check.fails:
-        parameters, note = refused(parameters, check)
+        parameters, note = withhold_parameters(parameters, check, model)
         covariance, ci_method, notes = np.empty((0, 3)), "none", (note, *notes)
     statuses = [p.status for p in parameters]
     return JointFit(

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_toeplitz
 from scipy.signal import bilinear, lfilter
 
-from jointz.core.estimates import ParameterEstimate
+from jointz.core.estimates import REACH_95, ParameterEstimate
 from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.joint_estimators import JointSignals, Solution, simulate_motion
 from jointz.kernels.block_sandwich import autocorrelation, correlation_time, count_blocks
@@ -49,7 +49,7 @@ def check_second_order(
     signals: JointSignals,
     *,
     cutoff_hz: float,
-    parameters: Sequence[ParameterEstimate],
+    covariance: np.ndarray,
 ) -> SecondOrderCheck:
     """Test whether more than K, B and J answers the motion.
 
@@ -59,7 +59,7 @@ def check_second_order(
     random signs of the blocks (Hansen 1996), so that neither the colour of the noise nor the
     number of candidates matters. Paths of the reflex are also freed of all linear dynamics of
     the angle: a lag is no reflex. The check fails where a p-value is small and a path moves K, B
-    or J out of their intervals.
+    or J out of their 95 % intervals, whatever the level of those that are shown.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def check_second_order(
         The record.
     cutoff_hz : float
         Low-pass on the signals.
-    parameters : sequence of ParameterEstimate
-        K, B, J with their intervals.
+    covariance : (3, 3) float
+        Of K, B, J.
     """
-    reach = np.array([_reach(parameter) for parameter in parameters])
+    reach = np.fmax(REACH_95 * np.sqrt(np.diag(covariance)), _SMALLEST_SHIFT * np.abs(solution.kbj))
     equations = _Equations.of(solution, signals, cutoff_hz)
     check = _check(equations, cutoff_hz, reach)
     if check.finding != "higher_order" or not equations.is_regression:
@@ -112,8 +112,8 @@ def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
     return replace(shifted, **{name: getattr(shifted, name)[edge:-edge] for name in names})
 
 
-def refused(
-    parameters: Sequence[ParameterEstimate], check: SecondOrderCheck
+def withhold_parameters(
+    parameters: Sequence[ParameterEstimate], check: SecondOrderCheck, model: str
 ) -> tuple[tuple[ParameterEstimate, ...], str]:
     """Return K, B, J without values, which stay as ``unbounded``, and the note that says why.
 
@@ -123,26 +123,27 @@ def refused(
         Of the second-order joint.
     check : SecondOrderCheck
         That refutes it.
+    model : str
+        The model of the fit.
     """
     kept = tuple(
         ParameterEstimate(
-            p.name, None, None, None, "undecided", p.ci_level, "none", unbounded=p.value
+            p.name,
+            None,
+            None,
+            None,
+            "undecided",
+            p.ci_level,
+            "none",
+            unbounded=p.value if p.unbounded is None else p.unbounded,
         )
         for p in parameters
     )
     values = ", ".join(
-        f"{p.name} {p.value:.3g} {p.unit}" for p in parameters if p.value is not None
+        f"{p.name} {p.unbounded:.3g} {p.unit}" for p in kept if p.unbounded is not None
     )
     fit = f". The second-order fit reads {values}" if values else ""
-    return kept, f"undecided: {check.advice()}{fit}"
-
-
-def _reach(parameter: ParameterEstimate) -> float:
-    """Return how far an interval reaches from its value, or the smallest shift that counts."""
-    value, high = parameter.value, parameter.ci_high
-    if value is None or high is None:
-        return 0.0
-    return max(high - value, _SMALLEST_SHIFT * abs(value))
+    return kept, f"undecided: {check.advice(model)}{fit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +188,10 @@ class _Equations:
 
         Only significant paths count: (3,), zero if there is none.
         """
-        own, whiten = self._seen(paths), self._whitening()
+        own, whiten = self._unit_columns(paths), self._whitening()
         Z, X = whiten(self.instruments), whiten(self.regressors)
         if nuisance is not None:
-            more = _basis(_free(whiten(self._seen(nuisance)), Z, Z))
+            more = _basis(_free(whiten(self._unit_columns(nuisance)), Z, Z))
             Z, X = np.hstack([Z, more]), np.hstack([X, more])
         white = whiten(own)
         free = _free(white, Z, X)
@@ -205,10 +206,10 @@ class _Equations:
             return None, np.zeros(3)
         free, own = free[:, testable], own[:, testable]
         n_blocks = count_blocks(seconds, correlation_time_s=times[testable].max())
-        p_value, found = _largest_score(free * residual[:, None], n_blocks)
-        if not found.any():
+        p_value, significant = _largest_score(free * residual[:, None], n_blocks)
+        if not significant.any():
             return p_value, np.zeros(3)
-        return p_value, np.abs(self._added(own[:, found])[0]).max(axis=1)
+        return p_value, np.abs(self._shift_and_gain(own[:, significant])[0]).max(axis=1)
 
     def _whitening(self) -> Callable[[np.ndarray], np.ndarray]:
         """Return a filter along time that makes the residual nearly white inside the band."""
@@ -224,10 +225,10 @@ class _Equations:
 
     def lag(self) -> float:
         """Return how late the torque is: a lag T adds -T*J of jerk."""
-        shift, gain = self._added(self._torque_in_fit(_linear_paths(self)[:, :1]))
+        shift, gain = self._shift_and_gain(self._torque_in_fit(_linear_paths(self)[:, :1]))
         return float(-gain[0] / (self.values[2] + shift[2, 0]))
 
-    def _added(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _shift_and_gain(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return by how much each of further columns moves K, B, J, (3, m), and its gain (m,)."""
         Z, X = self.instruments, self.regressors
         rows, size = np.linalg.norm(Z, axis=0), np.linalg.norm(X, axis=0)
@@ -245,7 +246,7 @@ class _Equations:
         centred: np.ndarray = paths - paths.mean(axis=0)
         return centred
 
-    def _seen(self, paths: np.ndarray) -> np.ndarray:
+    def _unit_columns(self, paths: np.ndarray) -> np.ndarray:
         columns = self._torque_in_fit(paths)
         size = np.linalg.norm(columns, axis=0)
         scaled: np.ndarray = columns[:, size > 0.0] / size[size > 0.0]

@@ -356,6 +356,19 @@ def test_a_current_that_explains_nothing_leaves_the_torque_constant_undecided():
     assert any("the current explains none of the torque" in w for w in fit.warnings)
 
 
+@pytest.mark.parametrize("model", ["current", "motor"])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_few_samples_of_random_torque_tell_no_constant_no_inertia_and_no_sign(seed, model):
+    rng = np.random.default_rng(seed)
+    names = ("current", "torque", "velocity", "acceleration")
+    record = dict(zip(names, rng.standard_normal((4, 6)), strict=True))
+    fit = identify_actuator(**record, gear_ratio=9, model=model)
+    shown = {p.name for p in fit.parameters if p.value is not None}
+    assert not shown & {"torque_constant", "rotor_inertia"}
+    assert any("the current explains none of the torque" in w for w in fit.warnings)
+    assert not any("torque_sign" in w or "is turned" in w for w in fit.warnings)
+
+
 def test_a_misfit_as_slow_as_the_levels_keeps_its_values_with_a_caution():
     """The torque-speed test in the order of its protocol: 30 s a torque, 5 s a speed."""
     current = np.repeat(np.linspace(-10, 10, 7) / (GEAR * 0.11), 3000)
@@ -500,6 +513,8 @@ def test_a_handful_of_samples_has_no_interval_and_no_crash(n, rate_hz):
     assert any(f"it has {n} samples" in w for w in fit.warnings)
     if n < 4:  # as many parameters as samples: their values mean nothing
         assert {p.value for p in fit.parameters} == {None}
+        assert "there are no values" in fit.warnings[0]
+        assert not any("the values have" in w or "torque constant" in w for w in fit.warnings)
 
 
 # --- refusals ------------------------------------------------------------------------------------
