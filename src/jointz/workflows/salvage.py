@@ -51,8 +51,8 @@ def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
     if not (root / STUDY_FILE).is_file():
         return []
     sentences = []
-    for problem, *recording in _damaged(root):
-        _make_again(*recording)
+    for problem, file, session, condition, protocol in _damaged(root):
+        _make_again(file, session, condition, protocol)
         sentences.append(f"{problem} It was made again from the session's logs.")
     return sentences
 
