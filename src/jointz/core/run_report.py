@@ -90,7 +90,7 @@ class RunReport:
         told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {told}" if told else done)
-        for name, row in self.pooled_onsets().iterrows():
+        for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])
 
