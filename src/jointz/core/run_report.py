@@ -173,7 +173,7 @@ class RunReport:
         )
 
 
-def _onset_sentence(row: Mapping[str, Any]) -> str:
+def _onset_sentence(row: Mapping[Any, Any]) -> str:
     if not row["n"]:
         return "no onsets"
     mean = f"onset error {row['error_mean_pct']:+.2f} % of the cycle"
