@@ -538,7 +538,7 @@ def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
     problems += [
         f"exclusions.csv, row {row}, column 'reason': {wrong}."
         for row, text in enumerate(reasons, 2)
-        if (wrong := name_problem(text))
+        if (wrong := name_problem(" ".join(text.split())))  # a reason may have several lines
     ]
     rows = tuple(
         UserExclusion(

@@ -82,6 +82,7 @@ def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
         yield from commands(f"{name} {own}", inner)
 
 
+REFERENCE = set(re.findall(r"\w+", (Path(__file__).parents[3] / "docs/reference.md").read_text()))
 COMMANDS = dict(commands("jointz", typer.main.get_command(app)))
 
 
@@ -104,6 +105,8 @@ def test_every_public_name_has_a_docstring(name):
 @pytest.mark.parametrize("name", [*FUNCTIONS, *CLASSES])
 def test_every_argument_is_described(name):
     doc = inspect.getdoc(OBJECTS[name]) or ""
+    if "\n" not in doc and name.rpartition(".")[2] not in REFERENCE:
+        return  # one line is enough for a name that no page lists
 
     assert [a for a in arguments(OBJECTS[name]) if a not in described(doc)] == []
 

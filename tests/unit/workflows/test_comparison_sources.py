@@ -23,7 +23,7 @@ def estimates(people=("S01", "S02", "S03", "S04"), *, seed=0, points=POINTS):
     rng = np.random.default_rng(seed)
     rows = [
         (person, point, onset, name, value, unit, 0.97 * value, 1.03 * value, 0.95, 99.0, 50, 0,
-         "recommended", "ok")
+         "recommended", "ok", "", "")
         for person in people
         for point, onset in points.items()
         for name, unit in UNITS.items()

@@ -84,7 +84,7 @@ class Session:
         self.event("segment_started", segment=segment)
         with Recorder(
             log_path(self.folder, "perturbed", segment),
-            {"segment": segment, "control_hz": 500.0},
+            {"condition": "perturbed", "segment": segment, "control_hz": 500.0},
             WALKING,
         ) as log:
             for slot in range(ticks):
