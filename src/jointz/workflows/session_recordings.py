@@ -369,7 +369,7 @@ def _pulses(
     name, segment = log.header["condition"], log.header["segment"]
     done = pulses_done(events, name)
     ended = {
-        event["onset_slot"]: event["slot"]
+        event["onset_slot"]: event.get("slot")
         for event in events
         if event["event"] == "pulse_completed"
         and (event["condition"], event["segment"]) == (name, segment)
