@@ -18,6 +18,7 @@ import pandas as pd
 from benchmarks.accuracy.people import cell_truth, rig_of, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, all_rows
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
+from scipy.special import ndtr, ndtri
 
 from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
@@ -31,6 +32,8 @@ _METHOD = "recommended"
 #: People whose bodies are drawn to know the mean of the population.
 _POPULATION = 20_000
 _Z = 1.96
+#: Points that are looked at together: six timing points of K, B and J.
+_POINTS = 18
 
 Entry = dict[str, Any]
 
@@ -151,26 +154,30 @@ def table(rows: pd.DataFrame, *, people: int, size: int) -> pd.DataFrame:
 
 def _summary(parameter: str, point: str, rows: pd.DataFrame, *, people: int, size: int) -> Entry:
     given = rows[rows["given"]]
-    n = max(len(given), 1)
-    # The mean of the pool is off by sd/sqrt(people): all studies drawn from it share that error.
-    off = _Z * np.sqrt(size / people)
-    ends = [_shifted_coverage(share * off) for share in (0.0, 1.0)]
+    low, high = _band(max(len(given), 1), people=people, size=size)
     return {
         "parameter": parameter,
         "timing_point": point,
         "given": len(given) / len(rows),
         "coverage": given["held"].mean() if len(given) else None,
-        "band_low": min(ends) - _Z * np.sqrt(0.95 * 0.05 / n),
-        "band_high": min(0.95 + _Z * np.sqrt(0.95 * 0.05 / n), 1.0),
+        "band_low": low,
+        "band_high": high,
         "half_width_pct": given["half_width_pct"].median(),
         "bias_pct": given["bias_pct"].mean(),
     }
 
 
-def _shifted_coverage(shift: float) -> float:
-    from scipy.special import ndtr
+def _band(n: int, *, people: int, size: int) -> tuple[float, float]:
+    """Return where the coverage of n studies at a rate of 0.95 lies, at all points at once.
 
-    return float(ndtr(_Z - shift) - ndtr(-_Z - shift))
+    Studies of one pool share its people: where the mean of the pool is off by chance, by
+    sd/sqrt(people), the coverage of all of them falls.
+    """
+    z = float(ndtri(1.0 - 0.025 / _POINTS))  # Bonferroni
+    off = z * np.sqrt(size / people)
+    lowest = float(ndtr(_Z - off) - ndtr(-_Z - off))
+    reach = z * np.sqrt(0.95 * 0.05 / n)
+    return max(lowest - reach, 0.0), min(0.95 + reach, 1.0)
 
 
 def main() -> None:
