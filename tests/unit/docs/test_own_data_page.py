@@ -138,10 +138,8 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
     named = re.findall(r"^\d\. \*\*(.*?)\*\*", PAGE, re.MULTILINE)
     assert len(named) == 4
     assert [name for name in named if name not in report] == []
-    mean = pd.read_csv("results/population.csv").query("parameter == 'inertia'").iloc[0]
-    words = " ".join(PAGE.split())
-    assert f"mean inertia, of {mean['value']:.3f} kg·m² in {mean['timing_point']}" in words
-    assert f"its interval, {mean['ci_low']:.3f} to {mean['ci_high']:.3f}," in words
+    means = pd.read_csv("results/population.csv").query("parameter == 'inertia'")
+    assert set(means["status"]) == {"undecided"}
 
     Path("my-study/exclusions.csv").write_text(blocks("csv")[0], encoding="utf-8")
     Path("my-study/study.toml").write_text(with_lags(whole, later), encoding="utf-8")
