@@ -238,7 +238,7 @@ def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
         [
             name,
             p.name,
-            f"{p.value:.4g}" if p.value is not None else p.status,
+            f"{p.value:.4g}" if p.value is not None else "-",
             f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
             p.unit,
             p.status,

@@ -38,9 +38,9 @@ from jointz.core.errors import (
     WriteError,
 )
 from jointz.experiment.stop_signals import is_stop_noted
+from jointz.io.memory_limit import VARIABLE
 
 _EXIT_BUG = 70
-LIMIT_VARIABLE = "JOINTZ_MEMORY_LIMIT"  # read by jointz.io.memory_limit
 
 #: Wrong options; typer gives it no name of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -97,7 +97,7 @@ def _jointz(
     """
     del version, debug
     if memory_limit:
-        os.environ[LIMIT_VARIABLE] = memory_limit  # workers inherit it
+        os.environ[VARIABLE] = memory_limit  # workers inherit it
 
 
 def run_command_line() -> int:

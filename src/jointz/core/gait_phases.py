@@ -1,6 +1,6 @@
 """Phases of the gait cycle (Perry) and the timing points in their middles."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite
 from types import MappingProxyType
 from typing import TypeVar
@@ -88,3 +88,32 @@ def phase_difference(first: _Phase, second: float) -> _Phase:
     2.0
     """
     return (first - second + 50.0) % 100.0 - 50.0
+
+
+def circular_mean_pct(phases: Iterable[float]) -> float:
+    """Return the mean of phases of the gait cycle, where 99 and 1 % lie side by side.
+
+    Parameters
+    ----------
+    phases : iterable of float, %
+        At least one.
+
+    Examples
+    --------
+    >>> round(circular_mean_pct([99.0, 3.0]), 6)
+    1.0
+    """
+    angles = np.asarray(list(phases)) * 2 * np.pi / 100.0
+    return float(np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi) % 100.0)
+
+
+def mean_phase(phases: Iterable[float | None]) -> float | None:
+    """Return the circular mean of the known phases in %, None if there is none.
+
+    Parameters
+    ----------
+    phases : iterable of float or None, %
+        Of the gait cycle.
+    """
+    known = [p for p in phases if p is not None]
+    return circular_mean_pct(known) if known else None

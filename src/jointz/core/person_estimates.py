@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointz.core.gait_phases import mean_phase
+
 if TYPE_CHECKING:
     from jointz.core.estimates import CellEstimate, ParameterEstimate
 
@@ -58,8 +60,8 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
         kept[0],
         session="",
         side="",
-        onset_gait_pct=_mean_phase([c.onset_gait_pct for c in kept]),
-        centre_gait_pct=_mean_phase([c.centre_gait_pct for c in kept]),
+        onset_gait_pct=mean_phase([c.onset_gait_pct for c in kept]),
+        centre_gait_pct=mean_phase([c.centre_gait_pct for c in kept]),
         parameters=tuple(_parameter(kept, p.name) for p in kept[0].parameters),
         vaf_pct=None,
         n_used=sum(c.n_used for c in cells),
@@ -116,10 +118,3 @@ def _prior_effect(cells: Sequence["CellEstimate"], name: str) -> tuple[float, fl
 def _mean(values: Sequence[float | None]) -> float | None:
     known = [v for v in values if v is not None]
     return float(np.mean(known)) if len(known) == len(values) else None
-
-
-def _mean_phase(phases: Sequence[float | None]) -> float | None:
-    known = np.array([p for p in phases if p is not None])
-    if not known.size:
-        return None
-    return float(np.angle(np.exp(2j * np.pi * known / 100.0).mean()) / (2 * np.pi) * 100.0 % 100.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class SecondOrderCheck:
-    """Whether the residual of K, B, J holds a stretch reflex or further dynamics.
+    """Tests of the residual of K, B, J for a stretch reflex and for further dynamics.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class SecondOrderCheck:
 
     @property
     def fails(self) -> bool:
-        """Whether a second-order joint is refuted."""
+        """True if the residual refutes a second-order joint."""
         return self.finding in ("reflex", "higher_order")
 
     def sentence(self) -> str:

@@ -97,7 +97,7 @@ class DephyActPack(Lived):
 
     @property
     def stop_confirmed(self) -> bool:
-        """Whether flexsea took the last stop."""
+        """True if flexsea took the last stop."""
         return self._stop_confirmed
 
     @property

@@ -22,11 +22,6 @@ class Lived:
         """Where the device is in its life."""
         return self._state
 
-    @property
-    def stop_confirmed(self) -> bool:
-        """Whether the device took the last stop; True for a driver that cannot tell."""
-        return True
-
     def _require(self, *states: Lifecycle) -> None:
         if self._state not in states:
             expected = " or ".join(state.value for state in states)

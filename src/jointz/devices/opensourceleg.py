@@ -136,7 +136,7 @@ class OpenSourceLegActuator(Lived):
 
     @property
     def stop_confirmed(self) -> bool:
-        """Whether the library took a zero after the last torque."""
+        """True if the library took a zero after the last torque."""
         return self._output.is_zero
 
     def describe(self) -> ActuatorDescription:

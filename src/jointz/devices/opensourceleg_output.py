@@ -42,7 +42,7 @@ class TorqueOutput:
 
     @property
     def is_zero(self) -> bool:
-        """Whether a zero was taken after the last other torque."""
+        """True if the library took a zero after the last other torque."""
         return self._zeroed == self._begun
 
     def write(self, torque_nm: float) -> None:

@@ -198,18 +198,14 @@ def read_twice(file: Path) -> tuple[dict[str, Any], str]:
     copy = _copy_of(file)
     if not copy.exists():
         return read_object(file), ""
-    text = checked_text(_bytes(copy)[:-1])
+    text = checked_text(copy.read_bytes()[:-1])
     if text is None:
         return read_object(file), f"{copy.name}: damaged; {file.name} was taken."
-    damaged = not file.exists() or _bytes(file) != text
+    damaged = not file.exists() or file.read_bytes() != text
     note = (
         f"{file.name}: damaged or altered; {copy.name} is intact and was taken." if damaged else ""
     )
     return dict(json.loads(text)), note
-
-
-def _bytes(file: Path) -> bytes:
-    return file.read_bytes().replace(b"\r\n", b"\n")  # as Windows ends lines
 
 
 def _copy_of(file: Path) -> Path:

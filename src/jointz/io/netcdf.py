@@ -59,7 +59,7 @@ class NetcdfReader:
         missing = [name for name in names if name not in available]
         if missing:
             raise missing_columns(path, missing, available)
-        variables = _variables(path, names)
+        variables, history = _variables(path, names)
         columns = {
             str(c): number_column(path, str(c), variables[str(c)].values) for c in request.numeric
         }
@@ -67,7 +67,7 @@ class NetcdfReader:
             str(c): label_column(path, str(c), variables[str(c)].values) for c in request.labels
         }
         units = {n: str(v.attrs["units"]) for n, v in variables.items() if "units" in v.attrs}
-        return RawTable(columns, units, file_sha256(path), history=_history(path))
+        return RawTable(columns, units, file_sha256(path), history=history)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
         """Return the variables of all groups.
@@ -144,18 +144,17 @@ def read_recording(path: Path) -> xr.Dataset:
     """
     if not path.is_file():
         raise DataError(f"{path}: no such recording. Correct the name.", path=str(path))
-    recording = _load(path, "")
+    with opened_netcdf(path) as file:
+        recording = load_group(file)
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in recording.attrs.items()}
     recording.attrs = plain
     return validate_recording(recording.drop_encoding())
 
 
-def _history(path: Path) -> tuple[dict[str, Any], ...]:
+def _history(file: Any) -> tuple[dict[str, Any], ...]:
     """Return the history of a recording of jointz; that of other programs is plain text."""
-    with opened_netcdf(path) as file:
-        text = file.attrs.get("history", "")
     try:
-        steps = json.loads(text)
+        steps = json.loads(file.attrs.get("history", ""))
     except (ValueError, TypeError):
         return ()
     return tuple(s for s in steps if isinstance(s, dict)) if isinstance(steps, list) else ()
@@ -173,16 +172,20 @@ def _walk(group: Any, prefix: str) -> list[str]:
     return names
 
 
-def _variables(path: Path, names: list[str]) -> dict[str, xr.DataArray]:
+def _variables(
+    path: Path, names: list[str]
+) -> tuple[dict[str, xr.DataArray], tuple[dict[str, Any], ...]]:
+    """Return variables by name, and the history of the file."""
     by_group = defaultdict(list)
     for name in names:
         by_group[name.rpartition("/")[0]].append(name)
-    found = {}
-    for group, members in by_group.items():
-        own = {member: member.rpartition("/")[2] for member in members}
-        dataset = _load(path, group, own.values())
-        found.update({member: _variable(dataset, name) for member, name in own.items()})
-    return found
+    variables = {}
+    with opened_netcdf(path) as file:
+        for group, members in by_group.items():
+            own = {member: member.rpartition("/")[2] for member in members}
+            dataset = load_group(file[group] if group else file, own.values())
+            variables.update({member: _variable(dataset, name) for member, name in own.items()})
+        return variables, _history(file)
 
 
 def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
@@ -191,11 +194,6 @@ def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
         return dataset[name]
     matrix, _, number = name.rpartition(".")
     return dataset[matrix][:, int(number) - 1]
-
-
-def _load(path: Path, group: str, only: Collection[str] | None = None) -> xr.Dataset:
-    with opened_netcdf(path) as file:
-        return load_group(file[group] if group else file, only)
 
 
 def load_group(group: Any, only: Collection[str] | None = None) -> xr.Dataset:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jointz.core.analysis import PopulationEstimate, StudyAnalysis
 from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
     BLUE,
     COLUMN_MM,
@@ -16,7 +16,6 @@ from jointz.report.style import (
     INK,
     SKY,
     WIDTH_MM,
-    circular_mean_pct,
     legend_line,
     new_figure,
     panel_heading,

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from scipy.special import stdtrit
 
 from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate, decides
+from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.person_estimates import person_cells
+from jointz.stats.population import decided_mean
 
 
 def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
@@ -81,9 +81,4 @@ def _students_mean(estimates: Sequence[ParameterEstimate]) -> tuple[float, float
             np.nan if e is None else e for e in (estimates[0].ci_low, estimates[0].ci_high)
         )
         return float(values[0]), low, high
-    quantile = stdtrit(values.size - 1, 0.5 + 0.5 * estimates[0].ci_level)
-    half = float(quantile * values.std(ddof=1) / np.sqrt(values.size))
-    mean = float(values.mean())
-    if mean <= 0.0 or not decides(mean, half):
-        return np.nan, np.nan, np.nan
-    return mean, mean - half, mean + half
+    return decided_mean(values, level=estimates[0].ci_level) or (np.nan, np.nan, np.nan)

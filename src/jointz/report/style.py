@@ -297,23 +297,6 @@ def ticks_at(positions: np.ndarray, low: float, high: float) -> tuple[np.ndarray
     return broken_line((np.array([x, x]), np.array([low, high])) for x in positions)
 
 
-def circular_mean_pct(values_pct: Iterable[float]) -> float:
-    """Return the mean of phases of the gait cycle, where 99 and 1 % lie side by side.
-
-    Parameters
-    ----------
-    values_pct : iterable of float
-        % of the gait cycle.
-
-    Examples
-    --------
-    >>> round(circular_mean_pct([99.0, 3.0]), 6)
-    1.0
-    """
-    turns = np.exp(2j * np.pi * np.asarray(list(values_pct)) / 100.0)
-    return float(np.angle(turns.mean()) / (2 * np.pi) * 100.0 % 100.0)
-
-
 def to_svg(figure: "Figure") -> str:
     """Write a figure as SVG without date, prologue or outside references.
 

@@ -8,6 +8,7 @@ import numpy as np
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
 from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.core.gait_phases import mean_phase
 from jointz.core.pooled_estimates import POOLED_METHOD, estimate_without_priors
 from jointz.kernels.bounded_normal import bounded_interval
 from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
@@ -140,7 +141,7 @@ def _mean(
     onsets = [cells[i].onset_gait_pct for i in group.places]
     row = PopulationEstimate(
         timing_point=group.timing_point,
-        onset_gait_pct=mean_on_the_circle(np.array([o for o in onsets if o is not None])),
+        onset_gait_pct=mean_phase(onsets),
         parameter=group.name,
         value=None,
         unit=parameter.unit,
@@ -186,22 +187,3 @@ def _own(
         ci_method=_MADE,
         unbounded=value,
     )
-
-
-def mean_on_the_circle(pct: np.ndarray) -> float | None:
-    """Return the mean of phases, % of the cycle; None of none.
-
-    Parameters
-    ----------
-    pct : (n,) float
-        Phases, %.
-
-    Examples
-    --------
-    >>> round(mean_on_the_circle(np.array([98.0, 4.0])), 6)
-    1.0
-    """
-    if pct.size == 0:
-        return None
-    angle = np.angle(np.exp(2j * np.pi * pct / 100.0).mean())
-    return float(angle * 100.0 / (2 * np.pi) % 100.0)

@@ -10,8 +10,9 @@ from scipy.special import stdtrit
 from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
 from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.core.gait_phases import mean_phase
 from jointz.core.pooled_estimates import has_budget
-from jointz.stats.partial_pooling import mean_on_the_circle, pool_people
+from jointz.stats.partial_pooling import pool_people
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
@@ -54,7 +55,7 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     first, n = rows.iloc[0], values.size
     row = PopulationEstimate(
         timing_point=str(first["timing_point"]),
-        onset_gait_pct=mean_on_the_circle(onsets),
+        onset_gait_pct=mean_phase(onsets),
         parameter=str(first["parameter"]),
         value=None,
         unit=str(first["unit"]),
@@ -68,8 +69,24 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     )
     if n < _FEWEST_PEOPLE:
         return row
-    mean, sd = float(values.mean()), float(values.std(ddof=1))
-    half = float(stdtrit(n - 1, (1 + _LEVEL) / 2)) * sd / np.sqrt(n)
-    if mean <= 0.0 or not decides(mean, half):
+    mean = decided_mean(values, level=_LEVEL)
+    if mean is None:
         return replace(row, status="undecided")
-    return replace(row, value=mean, sd=sd, ci_low=mean - half, ci_high=mean + half, status="ok")
+    value, low, high = mean
+    sd = float(values.std(ddof=1))
+    return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
+
+
+def decided_mean(values: np.ndarray, *, level: float) -> tuple[float, float, float] | None:
+    """Return mean and Student's interval over people, None if they are undecided.
+
+    Parameters
+    ----------
+    values : (n,) float
+        One of each person, at least two.
+    level : float
+        Of the interval.
+    """
+    mean, sd, n = float(values.mean()), float(values.std(ddof=1)), values.size
+    half = float(stdtrit(n - 1, (1 + level) / 2) * sd / np.sqrt(n))
+    return (mean, mean - half, mean + half) if mean > 0.0 and decides(mean, half) else None

@@ -70,7 +70,7 @@ class Regression:
 
     @property
     def is_saturated(self) -> bool:
-        """Whether there are as many parameters as samples, which fit whatever the values are."""
+        """True with as many parameters as samples: any values fit."""
         return self.residual.size <= len(self.names)
 
     def interval(self, name: str) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.gait_phases import mean_phase
 from jointz.identify.bench.pulse_estimates import pulse_estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.methods.cell_windows import WindowCutter, unfiltered_source
@@ -201,19 +202,3 @@ class CellEstimator:
         if kinds == {Exclusion.NO_HEEL_STRIKES.value}:
             return Failure.NO_HEEL_STRIKES
         return Failure.ALL_PULSES_EXCLUDED
-
-
-def mean_phase(phases: Sequence[float | None]) -> float | None:
-    """Return the circular mean of the known phases in %, None if there is none.
-
-    Parameters
-    ----------
-    phases : sequence of float or None, %
-        Of the gait cycle.
-    """
-    known = [p for p in phases if p is not None]
-    if not known:
-        return None
-    angles = np.asarray(known) * 2 * np.pi / 100.0
-    mean = np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi)
-    return float(mean % 100.0)

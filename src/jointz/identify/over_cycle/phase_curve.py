@@ -15,6 +15,7 @@ from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.estimates import REACH_95, CellEstimate, decides
+from jointz.core.gait_phases import mean_phase
 from jointz.core.person_estimates import person_cells
 from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
 from jointz.core.pooled_estimates import (
@@ -23,7 +24,6 @@ from jointz.core.pooled_estimates import (
     unbounded_estimate,
 )
 from jointz.core.provenance import software
-from jointz.identify.methods.cell_estimator import mean_phase
 from jointz.identify.recommended.steep_change import Widened, widen_steep
 from jointz.kernels.partial_pooling import partial_pooling
 from jointz.kernels.periodic_process import periodic_curve

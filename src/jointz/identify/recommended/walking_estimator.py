@@ -15,8 +15,8 @@ import numpy as np
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.gait_phases import mean_phase
 from jointz.core.participant_model import ParticipantModel
-from jointz.identify.methods.cell_estimator import mean_phase
 from jointz.identify.methods.cells import failed_parameters
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.calibration import pooled_calibration

@@ -8,7 +8,8 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from jointz.core.errors import DataError
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
 from jointz.gait import timestamps
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
@@ -213,3 +214,25 @@ def _check_one_rate(time: np.ndarray) -> None:
             f"{1.0 / steps.min():.4g} Hz; expected one rate. Cut the record where it changes.",
             channel="time",
         )
+
+
+def refuse_constant(record: JointRecord) -> None:
+    """Refuse a record whose angle or torque never changes.
+
+    Parameters
+    ----------
+    record : JointRecord
+        As given.
+
+    Raises
+    ------
+    EstimationError
+        ``constant_angle`` or ``constant_torque``.
+    """
+    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
+        values = record.channels[name]
+        if np.ptp(values) <= 1e-12 * np.abs(values).max():
+            raise EstimationError(
+                code.value,
+                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
+            )

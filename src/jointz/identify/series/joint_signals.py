@@ -4,10 +4,9 @@ from typing import Literal
 
 import numpy as np
 
-from jointz.core.codes import Failure
-from jointz.core.errors import DataError, EstimationError
+from jointz.core.errors import DataError
 from jointz.identify.series.joint_estimators import JointSignals
-from jointz.identify.series.joint_record import JointRecord
+from jointz.identify.series.joint_record import JointRecord, refuse_constant
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 
@@ -62,13 +61,7 @@ def prepare_signals(
         ``constant_angle`` or ``constant_torque``.
     """
     _check_length(record, cutoff_hz)
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
-        values = record.channels[name]
-        if np.ptp(values) <= 1e-12 * np.abs(values).max():
-            raise EstimationError(
-                code.value,
-                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
-            )
+    refuse_constant(record)
     rate = record.rate_hz
     smooth = {
         name: lowpass_zero_phase(values - values.mean(), cutoff_hz=cutoff_hz, rate_hz=rate)

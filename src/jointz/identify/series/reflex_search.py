@@ -7,7 +7,7 @@ from scipy.signal import butter, sosfreqz
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.series.joint_record import JointRecord
+from jointz.identify.series.joint_record import JointRecord, refuse_constant
 from jointz.kernels.block_sandwich import block_sandwich, correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
@@ -181,13 +181,7 @@ def _check(record: JointRecord, cutoff_hz: float) -> None:
             f"{_WHERE}: the record lasts {seconds:.4g} s, at least {_SHORTEST_S:g} s are needed "
             "to tell a reflex. Give a longer record."
         )
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
-        values = record.channels[name]
-        if np.ptp(values) <= 1e-12 * np.abs(values).max():
-            raise EstimationError(
-                code.value,
-                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
-            )
+    refuse_constant(record)
 
 
 def _check_moves(record: JointRecord, angle: np.ndarray, torque: np.ndarray) -> None:

@@ -220,7 +220,7 @@ class _Equations:
 
     @property
     def is_regression(self) -> bool:
-        """Whether the regressors are their own instruments."""
+        """True if the regressors are their own instruments."""
         return np.allclose(self.instruments[:, :3], self.regressors[:, :3])
 
     def lag(self) -> float:

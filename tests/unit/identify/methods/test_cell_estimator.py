@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.core.gait_phases import mean_phase
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.methods import cell_resampling
-from jointz.identify.methods.cell_estimator import CellEstimator, mean_phase
+from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_windows import _stacked
 from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
