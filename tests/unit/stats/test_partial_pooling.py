@@ -102,7 +102,9 @@ def test_inertia_is_pooled_in_its_logarithm():
     assert mean.value == pytest.approx(np.exp(np.log(values).mean()), rel=0.01)
     assert mean.ci_low > 0.0
     # An inertia below zero, as after a device's is taken out, has no logarithm.
-    (linear,) = pool_people([*cells, cell("S9", -0.001, 0.002, name="inertia")]).population
+    (linear,) = pool_people(
+        [*cells, *cells, *cells, cell("S9", -0.001, 0.002, name="inertia")]
+    ).population
     assert linear.value is not None
 
 
