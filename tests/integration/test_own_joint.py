@@ -113,7 +113,7 @@ def test_two_ankles_relaxed_and_contracted_come_back_under_their_own_names(
     assert sum(held) >= 10  # of 12, at 95 %
     means = pd.read_csv(tmp_path / "r" / "population.csv")
     mean = means.set_index(["timing_point", "parameter"]).loc[("relaxed", "stiffness")]
-    assert mean["value"] == pytest.approx((35 + 48) / 2, rel=0.02)
+    assert mean["status"] == "undecided"  # two people as unlike as these decide no mean
     assert mean["n_participants"] == 2
     text = words_of(tmp_path / "r" / "report.html")
     assert "Impedance of the right ankle" in text

@@ -129,7 +129,9 @@ def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
             & (estimates["timing_point"] == value.timing_point)
             & (estimates["parameter"] == value.parameter)
         ]
-        if rows["value"].notna().any() and value.status != "mean_over_points":
+        if (rows["status"] == "undecided").any():
+            assert value.status == "undecided"
+        elif rows["value"].notna().any() and value.status != "mean_over_points":
             assert value.value == pytest.approx(rows["value"].mean())
 
     found = open_results(tmp_path / "results", study=study)

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -167,7 +168,12 @@ def test_figures_are_plain_json(explorer):
     assert {t["name"] for t in figures[2]["data"]} == {
         "recorded", "measured", "baseline", "response", "fit", "residual"
     }  # fmt: skip
-    assert mean_curve(analysis, "stiffness_per_mass", colour="#000000") is not None
+    assert mean_curve(analysis, "stiffness_per_mass", colour="#000000") is None  # undecided
+    means = [replace(row, value=4.0, status="ok") for row in analysis.population]
+    decided = replace(analysis, population=tuple(means))
+    curve = mean_curve(decided, "stiffness_per_mass", colour="#000000")
+    assert curve is not None
+    assert set(curve.values) == {4.0}
 
 
 async def _traced(explorer):

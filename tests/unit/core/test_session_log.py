@@ -70,12 +70,19 @@ def test_no_sample_is_no_time_of_a_device():
     assert NO_SAMPLE < 0
 
 
-def test_the_header_is_one_line_of_ascii_and_says_how_to_read_the_rest():
-    line = WALKING.encode_header({"participant": "Jörg\nS01", "segment": 2})
-    assert line.endswith(b"\n")
-    assert line.count(b"\n") == 1
-    assert line.isascii()
-    header = json.loads(line)
+def header_of(encoded):
+    """One of the two copies without its checksum."""
+    first, second = encoded.splitlines(keepends=True)
+    assert first == second
+    assert first.endswith(b"\n")
+    assert first.isascii()
+    text, checksum = first.rsplit(maxsplit=1)
+    assert int(checksum, 16) == zlib.crc32(text)
+    return json.loads(text)
+
+
+def test_the_header_is_two_lines_of_ascii_that_say_how_to_read_the_rest():
+    header = header_of(WALKING.encode_header({"participant": "Jörg\nS01", "segment": 2}))
     assert (header["participant"], header["segment"]) == ("Jörg\nS01", 2)
     assert (header["jointz_log"], header["record_bytes"]) == (VERSION, WALKING.record_bytes)
     format_ = "<" + "".join(field["code"] for field in header["fields"])
@@ -83,7 +90,5 @@ def test_the_header_is_one_line_of_ascii_and_says_how_to_read_the_rest():
 
 
 def test_a_header_cannot_give_a_size_of_its_own():
-    assert (
-        json.loads(WALKING.encode_header({"record_bytes": 1}))["record_bytes"]
-        == WALKING.record_bytes
-    )
+    header = header_of(WALKING.encode_header({"record_bytes": 1}))
+    assert header["record_bytes"] == WALKING.record_bytes

@@ -115,7 +115,7 @@ def test_one_participant_can_be_asked_for():
     cells = [c for k in range(3) for c in walker(f"S{k}")]
     curve = phase_curve(StudyAnalysis(tuple(cells)), "S1")
     assert [band.participant for band in curve.bands] == ["S1"]
-    with pytest.raises(DataError, match="S0, S1, S2"):
+    with pytest.raises(DataError, match="S0; S1; S2"):
         phase_curve(StudyAnalysis(tuple(cells)), "S7")
 
 
