@@ -9,6 +9,7 @@ import jointz
 from jointz.core.errors import StudyError
 from jointz.io.study import open_study
 from jointz.report.details import details_frame, models_frame
+from jointz.report.methods_text import methods_text
 from jointz.report.page import render_report
 from jointz.report.tables import paper_tables
 from jointz.sim.direct_walk import WalkPlan
@@ -107,9 +108,10 @@ def test_a_person_is_one_person_in_means(analysed):
 
 
 def test_report_and_tables_hold_every_row(analysed):
-    _, both, _, of_half = analysed
+    _, both, column, of_half = analysed
     labels = [f"S01, {stated}" for stated in of_half.values()]
     page = render_report(both, {}, title="both")
+    assert f"Each {column} was analysed separately" in methods_text(both)
     table = paper_tables(both)["estimates"].to_frame()
     for label in labels:
         assert label in page

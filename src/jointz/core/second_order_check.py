@@ -41,7 +41,7 @@ class SecondOrderCheck:
         if self.finding == "reflex":
             return f"the residual contains a stretch reflex{reflex}"
         if self.finding == "higher_order":
-            return f"the residual shows dynamics of more than second order{order}"
+            return f"the residual shows dynamics beyond a second-order joint{order}"
         if self.finding == "none":
             return (
                 f"the residual shows no stretch reflex{reflex} and no higher order{order} that "
@@ -71,7 +71,7 @@ class SecondOrderCheck:
         )
         return (
             "K, B and J of a second-order joint depend on the perturbation, because of a soft "
-            f"attachment or a reflex. {response}; use --model reflex to test for a reflex"
+            f"attachment, friction or a reflex. {response}; use --model reflex to test for a reflex"
         )
 
     @staticmethod

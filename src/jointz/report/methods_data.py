@@ -58,7 +58,15 @@ def people_sentences(analysis: StudyAnalysis) -> list[str]:
     joint = "" if words.loads else f"the {analysis.settings.get('joint', 'joint')} of "
     served = {c.participant for c in analysis.cells if c.n_used}
     lead = "Impedance was measured of" if served == set(people) else "Recordings are of"
-    return [f"{lead} {joint}{words.counted(len(people))} ({names})."] + [
+    apart = [key for key in ("session", "side") if any(getattr(c, key) for c in analysis.cells)]
+    return [
+        f"{lead} {joint}{words.counted(len(people))} ({names}).",
+        *[
+            f"Each {' and '.join(apart)} was analysed separately; {words.many} are the unit of "
+            "analysis."
+        ]
+        * bool(apart),
+    ] + [
         f"{name.capitalize()}: {_spread(values, unit)} ({len(values)} of {len(people)})."
         for name, key, unit in (("body mass", "mass_kg", "kg"), ("body height", "height_m", "m"))
         if not words.loads and (values := _known(analysis, people, key))

@@ -235,10 +235,14 @@ def _doubt_notes(models: Sequence[ParticipantModel]) -> list[str]:
         people = [m.label for m in models if doubt.value in m.doubts]
         if people:
             told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
-            notes.append(
-                f"{doubt.value} in {len(people)} of {len(models)} ({told}): {doubt.meaning}."
-            )
+            notes.append(f"{doubt.value} in {_counted(people, models)} ({told}): {doubt.meaning}.")
     return notes
+
+
+def _counted(some: Sequence[str], models: Sequence[ParticipantModel]) -> str:
+    """Return "2 of 6 participants", or what else has a model of its own."""
+    apart = any(m.session or m.side for m in models)
+    return f"{len(some)} of {len(models)} {'sessions or sides' if apart else 'participants'}"
 
 
 def _spanned(values: Sequence[float], form: str) -> str:

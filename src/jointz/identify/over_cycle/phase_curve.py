@@ -108,6 +108,9 @@ def phase_curve(
     timing points the band is the process', not the data's. Bands are pointwise.
     """
     people = list(dict.fromkeys(cell.label for cell in analysis.cells))
+    rows = {cell.label for cell in analysis.cells if cell.participant == participant}
+    if len(rows) == 1:  # a plain id says enough
+        (participant,) = rows
     if participant is not None and participant not in people:
         raise DataError(
             f"phase_curve: expected one of the participants {'; '.join(people)}, got "

@@ -1,5 +1,7 @@
 """Curves over the cycle from cells whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,8 @@ def test_one_participant_can_be_asked_for():
     cells = [c for k in range(3) for c in walker(f"S{k}")]
     curve = phase_curve(StudyAnalysis(tuple(cells)), "S1")
     assert [band.participant for band in curve.bands] == ["S1"]
+    one_side = StudyAnalysis(tuple(replace(c, side="left") for c in walker("S1")))
+    assert phase_curve(one_side, "S1").bands[0].participant == "S1, left"
     with pytest.raises(DataError, match="S0; S1; S2"):
         phase_curve(StudyAnalysis(tuple(cells)), "S7")
 
