@@ -232,16 +232,57 @@ def test_a_damaged_recording_is_made_again_from_the_logs(complete, tmp_path):
     file = out / "S01_perturbed.nc"
     whole, table = read_recording(file), (out / "S01_perturbed_pulses.csv").read_bytes()
     assert salvage_recordings(out) == []
-    assert salvage_advice(out) == ""
+    assert salvage_advice(out, file.name) == ""
     spoilt = bytearray(file.read_bytes())
     spoilt[len(spoilt) // 2] ^= 1
     file.write_bytes(spoilt)
-    assert "--salvage" in salvage_advice(out)
+    assert "--salvage" in salvage_advice(out, file.name)
     (told,) = salvage_recordings(out)
     assert "S01_perturbed.nc" in told
     assert read_recording(file).identical(whole)
     assert (out / "S01_perturbed_pulses.csv").read_bytes() == table
     assert (out / "S01_perturbed.nc.damaged").read_bytes() == bytes(spoilt)
+
+
+def test_a_lost_end_of_a_log_is_told_with_its_seconds(protocol, out, session, complete, tmp_path):
+    log = session / "logs" / f"{CONDITION}-0.jzlog"
+    read = read_log(log)
+    hz, size = protocol.rates.control_hz, read.records.itemsize
+    content, n_lost = log.read_bytes(), 2000
+    spoilt = content[: -n_lost * size] + b"\xff" * (n_lost * size)
+    begin_s = read.records["slot"][-n_lost - 1] / hz
+    log.write_bytes(spoilt)
+    write_down_losses(session, protocol, salvage=True)
+    (told,) = [e["text"] for e in events_of(session) if e["event"] == "salvaged"]
+    assert f"{n_lost} damaged records left out, from {begin_s:.3f} to" in told
+    assert float(told.split(" to ")[1].split()[0]) == pytest.approx(
+        read.records["slot"][-1] / hz, abs=0.1
+    )
+
+    study = shutil.copytree(complete, tmp_path / "complete")
+    (study / "sessions" / "S01" / "logs" / log.name).write_bytes(spoilt)
+    (study / "S01_perturbed.nc").write_bytes(b"damaged")
+    assert len(salvage_recordings(study)) == 1
+    made = read_recording(study / "S01_perturbed.nc")
+    ((begin, end),) = damage_of(made)
+    assert begin == made["time"].to_numpy()[-1]
+    assert end - begin == pytest.approx(read.records["slot"][-1] / hz - begin_s, abs=0.1)
+
+
+def test_a_recording_over_the_memory_limit_is_refused_not_salvaged(complete, tmp_path, monkeypatch):
+    study = shutil.copytree(complete, tmp_path / "study")
+    content = {file: file.read_bytes() for file in study.glob("*.nc")}
+    monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "1kB")
+    with pytest.raises(DataError, match=r"S01_\w+.nc: unpacks to more than"):
+        jointz.analyze(study, salvage=True)
+    assert {file: file.read_bytes() for file in study.glob("*.nc*")} == content
+
+
+def test_advice_reads_only_the_recordings_that_an_error_names(complete, tmp_path):
+    study = shutil.copytree(complete, tmp_path / "study")
+    (study / "S01_perturbed.nc").write_bytes(b"damaged")
+    assert salvage_advice(study, "study.toml: a problem") == ""
+    assert "--salvage" in salvage_advice(study, "S01_perturbed.nc: damaged")
 
 
 def test_a_trial_of_a_bench_with_a_flipped_bit_is_coded(tmp_path):

@@ -1,7 +1,7 @@
 """``jointz analyze``: recordings to impedance, figures and report."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +20,7 @@ from jointz.cli.options import Debug, Json, Quiet, SchedulerOption
 if TYPE_CHECKING:
     from jointz.core.analysis import StudyAnalysis
     from jointz.core.estimates import CellEstimate
+    from jointz.workflows.task_store import TaskStore
 
 _USUAL = "recommended"
 
@@ -88,13 +89,12 @@ def analyze(
     ) as engine:
         from jointz.workflows.analysis import analyze as analyze_study
         from jointz.workflows.results_folder import ANALYSIS, MARKER, check_free, write_results
-        from jointz.workflows.task_store import TaskStore
 
-        store = TaskStore(out)  # a run that ends early goes on from what is there
+        store = _store(out)  # a run that ends early goes on from what is there
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with (
             progress_bar(shown=not (quiet or as_json)) as progress,
-            store.told_with_errors(),
+            store.told_with_errors() if store else nullcontext(),
             _salvage_advised(study),
         ):
             analysis = analyze_study(
@@ -109,9 +109,10 @@ def analyze(
             if progress:
                 progress(1, 1, "drawing the report")
             report = write_results(analysis, out, overwrite=overwrite, engine=engine)
-        if not (broke := _broke(analysis)):
+        broke = _broke(analysis)
+        if store and not broke:
             store.clear()
-    if broke and not quiet:
+    if store and broke and not quiet:
         typer.echo(
             f"{store.folder}: keeps everybody whose analysis did not break; the same command with "
             "--overwrite does only the others again.",
@@ -124,6 +125,20 @@ def analyze(
     raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NOTHING_STANDS)
 
 
+def _store(out: Path) -> "TaskStore | None":
+    """Return where finished participants are kept, None with a warning where none can be."""
+    from jointz.core.errors import WriteError
+    from jointz.workflows.task_store import TaskStore
+
+    store = TaskStore(out)
+    try:
+        store.check_writable()
+    except WriteError as exc:
+        typer.echo(f"warning: {exc} Until then nothing is kept of a run that ends early.", err=True)
+        return None
+    return store
+
+
 @contextmanager
 def _salvage_advised(study: Path) -> Iterator[None]:
     """Say how to go on where the sessions of an unreadable study are there."""
@@ -134,7 +149,7 @@ def _salvage_advised(study: Path) -> Iterator[None]:
     except DataError as exc:
         from jointz.workflows.salvage import salvage_advice
 
-        advice = salvage_advice(study)
+        advice = salvage_advice(study, str(exc))
         if advice:
             exc.add_note(advice)
         raise

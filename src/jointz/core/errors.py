@@ -6,6 +6,7 @@
     │   ├── ProtocolError           a protocol, with all its problems
     │   ├── DeviceFileError         a device.toml, with all its problems
     │   ├── EntryError              an entry.toml and its files, with all their problems
+    │   ├── TooLargeError           a file that unpacks to more than the memory limit
     │   └── UnitError               a unit that cannot be read or does not fit
     ├── DeviceError                 a device that cannot go on; exit status 3
     │   ├── NotConnectedError       it does not answer
@@ -98,6 +99,10 @@ class DeviceFileError(_ProblemsError):
 
 class EntryError(_ProblemsError):
     """One or more problems of an ``entry.toml`` or of the files that it names."""
+
+
+class TooLargeError(DataError):
+    """A file that unpacks to more than the memory limit."""
 
 
 class UnitError(DataError):

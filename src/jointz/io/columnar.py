@@ -80,7 +80,7 @@ class ParquetReader:
 
 
 def read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> tuple[Any, Any]:
-    """Return the schema of a file, and a table of the named columns or of all that are flat.
+    """Return the schema of a file, and a table of the named columns, else of all of known kinds.
 
     Parameters
     ----------
@@ -94,17 +94,20 @@ def read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> 
     Raises
     ------
     DataError
-        When they take more memory than the limit.
+        When they take more memory than the limit, or one holds lists or the like.
     """
-    kind = arrow.types
     schema = arrow.parquet.read_schema(path)
     if names is None:
-        names = [field.name for field in schema if not kind.is_nested(field.type)]
-    texts = [
-        field.name
-        for field in schema
-        if field.name in names and (kind.is_string(field.type) or kind.is_binary(field.type))
-    ]
+        names = [field.name for field in schema if _is_flat(arrow.types, field.type)]
+    for field in schema:
+        if field.name in names and not _is_flat(arrow.types, field.type):
+            raise DataError(
+                f"{path.name}, column '{field.name}': expected numbers, times or text, found "
+                f"{field.type}. Choose another column, or export it as one of these.",
+                path=str(path),
+                channel=field.name,
+            )
+    texts = [f.name for f in schema if f.name in names and _is_text(arrow.types, f.type)]
     # A text that a dictionary names a million times is held once until its size is known.
     with arrow.parquet.ParquetFile(path, read_dictionary=texts) as file:
         check_unpacked(path, declared_bytes(file.metadata, names))
@@ -117,6 +120,20 @@ def read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> 
     wanted = arrow.schema([coded.field(n) for n in dict.fromkeys(names)], metadata=coded.metadata)
     table = arrow.Table.from_batches(batches, schema=batches[0].schema if batches else wanted)
     return schema, table.cast(arrow.schema([schema.field(n) for n in table.column_names]))
+
+
+def _is_text(kind: Any, column_type: Any) -> bool:
+    return any(
+        is_it(column_type) for is_it in (kind.is_string, kind.is_large_string, kind.is_binary)
+    )
+
+
+def _is_flat(kind: Any, column_type: Any) -> bool:
+    """Whether a column is of a kind whose size is known before it is read, or while it is."""
+    if kind.is_dictionary(column_type):
+        column_type = column_type.value_type
+    known = (kind.is_primitive, kind.is_decimal, kind.is_null)
+    return _is_text(kind, column_type) or any(is_it(column_type) for is_it in known)
 
 
 def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:

@@ -26,7 +26,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.memory_limit import NUMBER_BYTES, check_unpacked
+from jointz.io.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 from jointz.io.registry import (
     RawTable,
     TableRequest,
@@ -111,7 +111,7 @@ class DelimitedReader:
         numeric = sorted({wanted[c] for c in request.numeric})
         labels = sorted({wanted[c] for c in request.labels})
         with ThreadPoolExecutor(max_workers=1) as pool:
-            scanning = pool.submit(_scan, layout)
+            scanning = pool.submit(_scan, layout, len(labels))
             if _compressed(path):
                 scanning.result()  # refuses what unpacks to too much, before pandas holds it
             parsed = _parse(layout, numeric=numeric, labels=labels)
@@ -405,7 +405,7 @@ def _pandas_may_open(layout: _Layout) -> bool:
     return not odd and not _compressed(layout.path)
 
 
-def _scan(layout: _Layout) -> _Scan:
+def _scan(layout: _Layout, n_labels: int) -> _Scan:
     """Hash the file and compare its delimiters and line ends with the header's period."""
     period = layout.delimiter.encode() * (len(layout.names) - 1) + b"\n"
     others = bytes(set(range(256)) - set(period))
@@ -421,7 +421,8 @@ def _scan(layout: _Layout) -> _Scan:
             broken_at = seen + next(i for i, b in enumerate(found) if b != expected[i])
         seen += len(found)
         if _compressed(layout.path):
-            check_unpacked(layout.path, NUMBER_BYTES * seen)
+            texts = n_labels * seen // len(period)
+            check_unpacked(layout.path, NUMBER_BYTES * seen + OBJECT_BYTES * texts)
         tail = body[-_TAIL_BYTES:] if len(body) >= _TAIL_BYTES else (tail + body)[-_TAIL_BYTES:]
     lines = tail.rstrip(b"\r\n")
     ends = tail[len(lines) :].count(b"\n")

@@ -1,6 +1,7 @@
 """MATLAB files, version 5 to 7.3, through pymatreader."""
 
 import io
+import math
 import struct
 import warnings
 import zlib
@@ -10,7 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 import pymatreader
-from scipy.io.matlab import MatReadError
+from scipy.io import whosmat
+from scipy.io.matlab import MatReadError, matfile_version
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
@@ -29,9 +31,13 @@ from jointz.io.registry import (
 
 _MOST_COLUMNS = 64  # of a matrix that is wider than long, to be taken apart
 _HEADER_BYTES = 128
+_MOST_NAMES_BYTES = 1 << 20  # of a variable's dimensions or the names of its fields
 _BLOCK_BYTES = 1 << 20
 _PACKED_BYTES = 1 << 16
+_VERSION_4, _VERSION_5 = 0, 1
 _MATRIX, _COMPRESSED = 14, 15  # types of the elements of a version 5 file
+#: Classes of arrays that scipy makes at their stated size, whatever the file holds of them.
+_CELL, _STRUCT, _OBJECT, _CHAR = 1, 2, 3, 4
 #: Bytes of a number of each type in the file; letters of other types count as numbers of one byte.
 _NUMBER_SIZES = {3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
 
@@ -134,20 +140,23 @@ def _check_elements(path: Path) -> None:
     if h5py.is_hdf5(path):
         with h5py.File(path, "r") as content:
             check_hdf5(path, content, skip=("#refs#",))
-        return
     total = 0
     with path.open("rb") as file:
-        header = file.read(_HEADER_BYTES)
-        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(header[124:])
-        if order is None:
-            return  # version 4
+        major, _ = matfile_version(file)  # by which pymatreader chooses how to read
+        if major == _VERSION_4:
+            shapes = [(s, math.prod(s)) for _, s, _ in whosmat(file)]
+            check_unpacked(path, NUMBER_BYTES * sum(max(*s, n) for s, n in shapes))
+        if major != _VERSION_5:
+            return
+        file.seek(0)
+        order = "<" if file.read(_HEADER_BYTES).endswith(b"IM") else ">"
         while tag := file.read(8):
             kind, size = struct.unpack(f"{order}2I", tag)
             content = file.read(size)
             if len(content) < size or kind not in (_MATRIX, _COMPRESSED):
                 raise EOFError("a variable is cut off")
             packed = kind == _COMPRESSED
-            stream = io.BufferedReader(_Inflated(content)) if packed else io.BytesIO(content)
+            stream = io.BufferedReader(_Inflated(content)) if packed else io.BytesIO(tag + content)
             for n_bytes in _sizes(stream, order):
                 total += n_bytes
                 check_unpacked(path, total)
@@ -158,12 +167,35 @@ def _sizes(stream: IO[bytes], order: str) -> Iterator[int]:
     while len(tag := stream.read(8)) == 8:
         kind, size = struct.unpack(f"{order}2I", tag)
         if kind == _MATRIX:  # its parts follow
-            yield OBJECT_BYTES
+            yield OBJECT_BYTES + (_size_of_places(stream, order) if size else 0)
         elif not kind >> 16:  # else its few numbers stand in the tag
             yield NUMBER_BYTES * size // _NUMBER_SIZES.get(kind, 1)
             left = size + -size % 8
             while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
                 left -= len(block)
+
+
+def _size_of_places(stream: IO[bytes], order: str) -> int:
+    """Return the bytes that a cell array, a struct or a text takes before its parts are read."""
+    array_class = struct.unpack(f"{order}4I", stream.read(16))[2] & 0xFF
+    if array_class not in (_CELL, _STRUCT, _OBJECT, _CHAR):
+        return 0
+    n = int(math.prod(np.frombuffer(_part(stream, order), f"{order}u4").tolist()))
+    if array_class in (_CELL, _CHAR):
+        return NUMBER_BYTES * n
+    *_, width, names = [_part(stream, order) for _ in range(array_class + 1)]
+    n_fields = len(names) // max(1, int(np.frombuffer(width, f"{order}u4")[0]))
+    return (NUMBER_BYTES * n + OBJECT_BYTES) * n_fields
+
+
+def _part(stream: IO[bytes], order: str) -> bytes:
+    """Return the next element of an array's description."""
+    kind, size = struct.unpack(f"{order}2I", tag := stream.read(8))
+    if kind >> 16:  # it stands in the tag
+        return tag[4 : 4 + (kind >> 16)]
+    if size > _MOST_NAMES_BYTES:
+        raise EOFError("the description of a variable is damaged")
+    return stream.read(size + -size % 8)[:size]
 
 
 class _Inflated(io.RawIOBase):

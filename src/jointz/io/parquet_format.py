@@ -148,7 +148,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     if changed:
         notes[f"{READING}jointz"] = f"{_CHANGED} ({changed})"
     if left_out:
-        notes[f"{READING}left_out"] = f"nested columns: {listed(left_out)}"
+        notes[f"{READING}left_out"] = f"columns of other kinds: {listed(left_out)}"
     return Acquisition((group,), (), notes)
 
 

@@ -155,6 +155,7 @@ def _text_table(path: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(
             path,
+            compression=None,  # by its name, it could unpack to more than memory
             encoding="utf-8-sig",
             dtype=str,
             keep_default_na=False,
@@ -163,7 +164,7 @@ def _text_table(path: Path) -> pd.DataFrame:
     except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
         raise DataError(
             f"{path.name}: not a readable pulse table ({str(exc).strip()}). Correct it, or export "
-            "it again.",
+            "it again, as plain text that is not compressed.",
             path=str(path),
         ) from exc
     if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long

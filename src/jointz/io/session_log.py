@@ -45,7 +45,8 @@ class SessionLog:
         Of the header and all up to the last whole record, and of what follows: a record that
         was cut off, or an end that the disk never got right.
     damage : tuple of Damage
-        Stretches that were left out, in order; empty unless they were to be.
+        Stretches that were left out, in order; empty unless they were to be. Of a torn end, one
+        too long for what a crash leaves.
     damaged_copy : str
         Copy of the header that is damaged, ``first`` or ``second``; "" where none is.
     """
@@ -100,11 +101,17 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
     begins = np.array([*starts, *_further_records(body, whole * size, size)], dtype=int)
     ends = np.concatenate([[0], begins + size])
     left_out = begins - ends[:-1]
+    rest = body[int(ends[-1]) :]
+    if len(rest) // size > _MOST_TORN and any(rest):
+        begins, left_out = np.append(begins, len(body)), np.append(left_out, len(rest))
     return SessionLog(
         header.values,
-        np.frombuffer(b"".join(body[at : at + size] for at in begins), dtype=header.layout.dtype),
+        np.frombuffer(
+            b"".join(body[at : at + size] for at in begins[: ends.size - 1]),
+            dtype=header.layout.dtype,
+        ),
         header.size_bytes + int(ends[-1]),
-        len(body) - int(ends[-1]),
+        len(rest),
         tuple(Damage(int(at), int(left_out[at])) for at in np.flatnonzero(left_out)),
         header.damaged_copy,
     )

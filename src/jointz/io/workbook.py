@@ -35,7 +35,7 @@ _LIBRARY_ERRORS = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
 )
 _BLOCK_BYTES = 1 << 16
-_CELL_BYTES = 1000  # of one cell in memory, values and formulas together
+_ELEMENT_BYTES = 700  # of one element of XML in memory; a cell with a value is two
 _MOST_COLUMNS = 16_384
 _MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
 
@@ -177,7 +177,7 @@ def _check_parts(path: Path) -> None:
     zipfile.BadZipFile
         When a part is not what its checksum or its name says.
     DataError
-        When its parts, or its cells, take more memory than the limit.
+        When its parts, or their elements, take more memory than the limit.
     """
     total = 0
     with zipfile.ZipFile(path) as parts:
@@ -185,20 +185,18 @@ def _check_parts(path: Path) -> None:
         check_unpacked(path, sum(part.file_size for part in parts.infolist()))
         for part in parts.infolist():
             with parts.open(part) as stream:
-                for n_cells in _counted_cells(stream):
-                    total += n_cells
-                    check_unpacked(path, _CELL_BYTES * total)
+                for n_elements in _counted_elements(stream):
+                    total += n_elements
+                    check_unpacked(path, _ELEMENT_BYTES * total)
 
 
-def _counted_cells(stream: IO[bytes]) -> Iterator[int]:
-    """Yield how many cells openpyxl makes of a part, block by block; merged ranges are full."""
+def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
+    """Yield how many elements a part has, block by block; of merged ranges each cell is one."""
     found = [0]
 
     def count(tag: str, attributes: dict[str, str]) -> None:
-        name = tag.rpartition(":")[2]
-        if name == "c":
-            found[0] += 1
-        elif name in ("mergeCell", "hyperlink"):
+        found[0] += 1
+        if tag.rpartition(":")[2] in ("mergeCell", "hyperlink"):
             found[0] += _cells_of(attributes.get("ref", ""))
 
     parser = expat.ParserCreate()

@@ -100,7 +100,7 @@ def bench_record(
         if repeated:
             channels["trial"] = np.full(time.size, float(number))
         pieces.append((time, channels))
-        end_s = float(time[-1])
+        end_s = max([float(time[-1]), *(end + offset_s for _, end in holes_s)])
     recording = build_recording(
         np.concatenate([time for time, _ in pieces]),
         {name: np.concatenate([c[name] for _, c in pieces]) for name in pieces[0][1]},

@@ -2,11 +2,12 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, TooLargeError
 from jointz.core.protocol import ConditionSpec, Protocol
 from jointz.experiment.journal import read_journal
 from jointz.experiment.session_files import (
@@ -57,13 +58,15 @@ def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
     return sentences
 
 
-def salvage_advice(study: str | os.PathLike[str]) -> str:
+def salvage_advice(study: str | os.PathLike[str], message: str) -> str:
     """Return how to go on with a study that cannot be read, "" where nothing can be salvaged.
 
     Parameters
     ----------
     study : path
         The study's folder, or its study.toml.
+    message : str
+        Of the error; only the recordings that it names are read.
     """
     root = _root(study)
     if (root / RUN_FILE).is_file() and not (root / STUDY_FILE).is_file():
@@ -71,7 +74,9 @@ def salvage_advice(study: str | os.PathLike[str]) -> str:
             "The run in it is not complete: jointz run with --resume goes on with it, with "
             "--salvage also where a file is damaged."
         )
-    if any(_damaged(root)):
+    with suppress(TooLargeError):
+        if not any(_damaged(root, message)):
+            return ""
         return "The logs of the session are there: --salvage makes damaged recordings of them."
     return ""
 
@@ -80,12 +85,16 @@ def _root(study: str | os.PathLike[str]) -> Path:
     return Path(study) if Path(study).is_dir() else Path(study).parent
 
 
-def _damaged(root: Path) -> Iterator[tuple[str, Path, Path, ConditionSpec, Protocol]]:
-    """Yield recordings that cannot be read: why, file, session, condition and protocol."""
+def _damaged(
+    root: Path, message: str | None = None
+) -> Iterator[tuple[str, Path, Path, ConditionSpec, Protocol]]:
+    """Yield recordings (those a message names) that cannot be read: why, file and origin."""
     for session in sorted(path.parent for path in root.glob(f"{SESSIONS}/*/{JOURNAL_FILE}")):
         protocol = _protocol(session / SESSION_FILE)
         for condition in protocol.conditions:
             file = root / recording_name(session.name, condition.name)
+            if message is not None and file.name not in message:
+                continue
             problem = _problem(file)
             if problem:
                 yield problem, file, session, condition, protocol
@@ -105,6 +114,8 @@ def _problem(file: Path) -> str:
     """Say why a recording cannot be read, "" where it can."""
     try:
         read_recording(file)
+    except TooLargeError:  # intact, as far as can be told
+        raise
     except DataError as exc:
         return str(exc)
     return ""

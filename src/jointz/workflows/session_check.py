@@ -21,7 +21,12 @@ from jointz.experiment.journal import (
 from jointz.experiment.session_files import JOURNAL_FILE, has_content, log_path, plan_of
 from jointz.experiment.trial import COOL_DOWN_STRIDES
 from jointz.io.session_log import SessionLog, read_log
-from jointz.workflows.session_recordings import begun_pulses, pulses_of_log, ticks_of
+from jointz.workflows.session_recordings import (
+    begun_pulses,
+    damaged_ticks,
+    pulses_of_log,
+    ticks_of,
+)
 
 _SAME = ("event", "condition", "segment", "pulse", "slot")
 
@@ -167,12 +172,10 @@ def _damage_texts(logs: list[tuple[Path, SessionLog | None]], events: list[Event
 
 
 def _damage_text(file: Path, log: SessionLog, events: list[Event]) -> str:
-    slot, hz = log.records["slot"].astype(int), log.header["control_hz"]
-    seconds = [
-        f"{(slot[at - 1] if at else 0) / hz:.3f} to {slot[at] / hz:.3f} s" for at, _ in log.damage
-    ]
+    hz = log.header["control_hz"]
+    seconds = [f"{max(a, 0) / hz:.3f} to {b / hz:.3f} s" for a, b in damaged_ticks(log)]
     n_records = sum(-(-n // log.header["record_bytes"]) for _, n in log.damage)
-    touched = [str(number) for number in _touched(log, events)]
+    touched = [str(number) for number in [*_touched(log, events), *_beyond_end(log, events)]]
     cost = f"pulses {', '.join(touched)} are lost" if touched else "no pulse is lost"
     return (
         f"{file.name}: {n_records} damaged records left out, from {', '.join(seconds)} after its "
@@ -186,6 +189,18 @@ def _touched(log: SessionLog, events: list[Event]) -> list[int]:
         return []
     begun = begun_pulses(events, log.header["condition"], log.header["segment"])
     return [pulse.number for pulse in pulses_of_log(log, begun) if pulse.touched]
+
+
+def _beyond_end(log: SessionLog, events: list[Event]) -> list[int]:
+    """Return the numbers of the pulses that ended behind the last intact record."""
+    last, about = log.records["slot"].max(initial=0), ("condition", "segment")
+    return [
+        event["pulse"]
+        for event in events
+        if event["event"] == "pulse_completed"
+        and event.get("slot", 0) - 1 > last
+        and all(event[key] == log.header[key] for key in about)
+    ]
 
 
 def _losses(

@@ -121,7 +121,7 @@ def condition_record(
         pieces.append((time + offset_s, channels))
         stretches.append(Stretch(int(log.header["segment"]), offset_s, float(time[-1])))
         tables.append(_pulses(log, time + offset_s, plan, events, worn=worn))
-        end_s = float(time[-1]) + offset_s
+        end_s = max([float(time[-1]), *(end for _, end in holes_s)]) + offset_s
     hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
     volts = gives_volts(logs[0].header.get("devices", {}))
     recording = build_recording(
@@ -200,11 +200,14 @@ def damaged_s(log: SessionLog, time_s: np.ndarray, master: str) -> list[tuple[fl
     records = log.records
     before = np.concatenate([[0], np.cumsum(fresh(records, master))])
     holes = []
-    for at in (damage.at for damage in log.damage):
+    for at, (_, after) in zip((d.at for d in log.damage), damaged_ticks(log), strict=True):
         first = before[at] == 0  # how long it was is told by the ticks alone
-        lost_s = float(records["slot"][at]) / log.header["control_hz"] if first else 0.0
+        lost_s = after / log.header["control_hz"] if first else 0.0
         begin = time_s[0] - lost_s if first else time_s[before[at] - 1]
-        holes.append((float(begin), float(time_s[min(before[at], time_s.size - 1)])))
+        end = time_s[min(before[at], time_s.size - 1)]
+        if at == records.size:
+            end = end + (after - int(records["slot"][-1])) / log.header["control_hz"]
+        holes.append((float(begin), float(end)))
     return holes
 
 
@@ -321,7 +324,8 @@ def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]
     """
     ticks = ticks_of(log.records)
     number, slot = ticks["pulse"].astype(int), ticks["slot"].astype(int)
-    holes = _holes(log)
+    # What lies in a lost end shows in the journal alone, and is lost.
+    holes = [hole for hole in damaged_ticks(log) if hole[1] <= slot.max(initial=-1)]
     onsets = {}
     for at in np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0)):
         onsets[int(slot[at])] = int(number[at])
@@ -350,11 +354,22 @@ def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]
     return found
 
 
-def _holes(log: SessionLog) -> list[tuple[int, int]]:
-    """Return the ticks before and after every stretch that was left out."""
-    slot = log.records["slot"].astype(int)
-    at = [damage.at for damage in log.damage]
-    return [(int(slot[k - 1]) if k else -1, int(slot[k])) for k in at]
+def damaged_ticks(log: SessionLog) -> list[tuple[int, int]]:
+    """Return the ticks before and after every stretch left out, after a lost end by its size.
+
+    Parameters
+    ----------
+    log : SessionLog
+        The log.
+    """
+    slot = log.records["slot"].astype(int).tolist()
+    last = slot[-1] if slot else -1
+    ticks = []
+    for at, n_bytes in log.damage:
+        n_lost = n_bytes / log.header["record_bytes"] * ((last + 1) / len(slot) if slot else 1.0)
+        after = slot[at] if at < len(slot) else last + round(n_lost)
+        ticks.append((slot[at - 1] if at else -1, after))
+    return ticks
 
 
 def _pulses(

@@ -1,5 +1,6 @@
 """Results of tasks, kept as they come: what was done once is not done again."""
 
+import errno
 import hashlib
 import json
 import os
@@ -46,6 +47,20 @@ class TaskStore:
         """Make the place absolute: workers may run in another folder."""
         object.__setattr__(self, "place", self.place.resolve())
 
+    def check_writable(self) -> None:
+        """Refuse a cache folder in which nothing can be kept.
+
+        Raises
+        ------
+        WriteError
+            When it cannot be made or written to.
+        OutputError
+            When another user may write to it.
+        """
+        root = _own_root()
+        if not os.access(root, os.W_OK):
+            raise WriteError(str(root), PermissionError(errno.EACCES, "read-only"), _ANOTHER)
+
     @property
     def folder(self) -> Path:
         """The folder, which is made when the first result comes."""
@@ -77,7 +92,6 @@ class TaskStore:
     @contextmanager
     def told_with_errors(self) -> Iterator[None]:
         """Say with an error that leaves a block which results are kept."""
-        _own_root()  # one that cannot be used is told before the work, not after
         try:
             yield
         except Exception as exc:
@@ -124,7 +138,7 @@ def _own_root() -> Path:
     named = os.environ.get("XDG_CACHE_HOME", "")
     cache = Path(named if os.path.isabs(named) else os.path.expanduser("~/.cache"))
     if not cache.is_absolute():
-        raise OutputError(f"{cache}: there is no home folder. {_ANOTHER}")
+        raise WriteError(str(cache), FileNotFoundError(errno.ENOENT, "no home folder"), _ANOTHER)
     return _own(_own(cache / "jointz") / "tasks")
 
 

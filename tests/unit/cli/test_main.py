@@ -146,15 +146,6 @@ def test_whatever_happens_there_is_no_traceback(
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
 
 
-def test_a_stopped_run_says_what_is_kept_whatever_stands_before_it(jointz, tmp_path, monkeypatch):
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("jointz.workflows.run.run", stopped)
-    outcome = jointz("--memory-limit", "8GB", "run", "walking", "--out", tmp_path / "out")
-    assert (outcome.code, outcome.err) == (130, f"jointz: Stopped. {main.STILL_THERE}\n")
-
-
 def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):
     def broken(*_, **__):
         raise OSError(errno.ENOSPC, "no space left on device")
@@ -175,6 +166,42 @@ def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp
     monkeypatch.setattr(participants, "analyze_participant", None)
     assert jointz("analyze", small_study.root, "--out", out, *FEW).code == 0
     assert list(out.parent.iterdir()) == [out]
+
+
+def test_a_cache_folder_that_cannot_be_written_costs_a_warning(
+    jointz, small_study, tmp_path, monkeypatch
+):
+    (tmp_path / "home").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW, "--json")
+
+    assert (outcome.code, outcome.json["n_standing"] > 0) == (0, True)
+    assert outcome.err.count("nothing is kept of a run that ends early") == 1
+
+
+def test_a_numba_configuration_in_the_working_folder_changes_nothing(
+    small_study, tmp_path, monkeypatch
+):
+    """Numba takes the folder of its cache, whose content runs, from such a file."""
+    data = small_study.root
+    (data / ".numba_config.yaml").write_text(
+        f"cache_dir: {tmp_path / 'planted'}\ncache_locator_classes: planted.Locator\n"
+    )
+    for name in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):
+        monkeypatch.delenv(name, raising=False)
+    script = (
+        "import sys; from jointz.cli.main import run\n"
+        "sys.argv = ['jointz', '--version']\n"
+        "try: run()\n"
+        "except SystemExit: pass\n"
+        "from numba import config\n"
+        "print([config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES])"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=data, capture_output=True, text=True, check=True
+    )
+
+    assert ended.stdout.splitlines()[-1] == "['', '']"
 
 
 class Planted:

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import struct
 import zipfile
 from pathlib import Path
 
@@ -38,6 +39,33 @@ def mat_small_numbers(path: Path) -> None:
 
 def mat_many_pieces(path: Path) -> None:
     savemat(path, {"angle": np.full(90_000, np.zeros(1), object)}, do_compression=True)
+
+
+def mat4_sparse(path: Path) -> None:
+    """Version 4: one number in a matrix of 1 x 100,000,000, in 68 bytes."""
+    header = struct.pack("<5i", 2, 2, 3, 0, 6) + b"angle\0"
+    path.write_bytes(header + np.array([[1, 1, 1], [1, 100 * MB, 0]], "<f8").tobytes("F"))
+
+
+def mat_places(path: Path, places: bytes, *, of: np.ndarray, version: bytes = b"\0\1IM") -> None:
+    """A million times as many cells, elements or letters as the file holds."""
+    savemat(path, {"angle": of})
+    content = path.read_bytes()
+    content = content.replace(np.array(of.shape, "<i4").tobytes(), places, 1)
+    path.write_bytes(content.replace(b"\0\1IM", version, 1))
+
+
+def mat_cells(path: Path, **kinds) -> None:
+    mat_places(path, np.array([2, 4 * MB], "<i4").tobytes(), of=np.zeros((2, 4), object), **kinds)
+
+
+def mat_cells_of_odd_version(path: Path) -> None:
+    mat_cells(path, version=b"\1\1IM")
+
+
+def mat_struct(path: Path) -> None:
+    fields = [(f"field{k}", object) for k in range(40)]
+    mat_places(path, np.array([2, MB // 20], "<i4").tobytes(), of=np.zeros((2, 4), fields))
 
 
 def hdf5(path: Path, **kinds) -> None:
@@ -90,6 +118,11 @@ def parquet_texts(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": ["x" * 100_000] * 1000}), path)
 
 
+def parquet_large_texts(path: Path) -> None:
+    texts = pa.array(["x" * 100_000] * 1000).cast(pa.large_string())
+    pa.parquet.write_table(pa.table({"angle": texts}), path)
+
+
 def workbook(path: Path, rows: str, more: str = "") -> None:
     import openpyxl
 
@@ -110,6 +143,10 @@ def workbook_cells(path: Path) -> None:
     workbook(path, "<row>" + "<c/>" * 30_000 + "</row>")
 
 
+def workbook_rows(path: Path) -> None:
+    workbook(path, '<row ht="1"/>' * 30_000)
+
+
 def workbook_merged(path: Path) -> None:
     workbook(path, "", '<mergeCells><mergeCell ref="A1:XFD1048576"/></mergeCells>')
 
@@ -123,6 +160,10 @@ BOMBS = [
     ("a.mat", mat_numbers),
     ("a.mat", mat_small_numbers),
     ("a.mat", mat_many_pieces),
+    ("a.mat", mat4_sparse),
+    ("a.mat", mat_cells),
+    ("a.mat", mat_cells_of_odd_version),
+    ("a.mat", mat_struct),
     ("a.mat", hdf5),
     ("a.mat", hdf5_references),
     ("a.nc", hdf5),
@@ -131,7 +172,9 @@ BOMBS = [
     ("a.nc", hdf5_texts),
     ("a.parquet", parquet_numbers),
     ("a.parquet", parquet_texts),
+    ("a.parquet", parquet_large_texts),
     ("a.xlsx", workbook_cells),
+    ("a.xlsx", workbook_rows),
     ("a.xlsx", workbook_merged),
     ("a.xlsx", workbook_part),
 ]
@@ -151,6 +194,29 @@ def test_a_file_that_unpacks_to_more_than_the_limit_is_refused_by_name(
         read_acquisition(path)
 
 
+def test_labels_of_packed_text_count_as_texts(tmp_path, monkeypatch):
+    monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "20MB")
+    path = tmp_path / "a.csv.gz"
+    with gzip.open(path, "wt") as file:
+        file.write("t,trial\n" + "".join(f"1,{k}\n" for k in range(110_000)))
+
+    assert len(read_table(path, numeric=["t"], files=FilesSpec()).columns["t"]) == 110_000
+    with pytest.raises(DataError, match=r"a.csv.gz: unpacks to more than 0.02 GB"):
+        read_table(path, numeric=["t"], labels=["trial"], files=FilesSpec())
+
+
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.binary(3), pa.string_view()])
+def test_a_parquet_column_of_unknown_size_is_refused_only_where_it_is_wanted(kind, tmp_path):
+    path = tmp_path / "a.parquet"
+    odd = pa.nulls(2, kind)
+    pa.parquet.write_table(pa.table({"angle": [1.0, 2.0], "odd": odd}), path)
+
+    assert len(read_table(path, numeric=["angle"], files=FilesSpec()).columns["angle"]) == 2
+    assert "odd" in str(read_acquisition(path).metadata)
+    with pytest.raises(DataError, match=r"a.parquet, column 'odd': expected numbers, times or"):
+        read_table(path, numeric=[], labels=["odd"], files=FilesSpec())
+
+
 @pytest.mark.parametrize(
     ("name", "make"),
     [("a.csv.gz", packed_text), ("a.mat", mat_small_numbers), ("a.parquet", parquet_numbers)],
@@ -164,8 +230,20 @@ def test_a_raised_limit_takes_the_file(name, make, tmp_path, monkeypatch):
     assert len(read_table(path, numeric=[column], files=FilesSpec()).columns[column]) == N
 
 
+@pytest.mark.parametrize(("stated", "share"), [("1000000\n", 250_000), ("max\n", None)])
+def test_the_limit_of_a_container_is_taken_where_it_is_less(stated, share, tmp_path, monkeypatch):
+    monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
+    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
+    whole, file = memory_limit(), tmp_path / "memory.max"
+    file.write_text(stated)
+    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", (tmp_path / "none", file))
+
+    assert memory_limit() == (share or whole)
+
+
 def test_the_limit_is_a_quarter_of_memory_unless_another_is_given(jointz, tmp_path, monkeypatch):
     monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
+    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
     assert memory_limit() == os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 4
 
     monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "1kB")

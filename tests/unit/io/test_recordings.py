@@ -852,6 +852,14 @@ def test_a_pulse_table_is_read_as_it_stands(study):
     assert [str(dtype) for dtype in table.dtypes.iloc[:3]] == ["float64"] * 3
 
 
+@pytest.mark.parametrize("suffix", [".gz", ".xz", ".bz2", ".zip"])
+def test_a_packed_pulse_table_is_refused(study, suffix):
+    study.text = study.text.replace("S01_pulses.csv", f"S01_pulses.csv{suffix}")
+    pd.DataFrame({"onset_s": [0.5]}).to_csv(study.root / f"S01_pulses.csv{suffix}")
+    with pytest.raises(DataError, match=rf"csv{suffix}: not a readable.* that is not compressed"):
+        pulse_table(study)
+
+
 @pytest.mark.parametrize(
     "content",
     [
@@ -971,7 +979,7 @@ def test_a_pulse_table_that_is_no_table_is_refused(study, content, cause):
 
     assert message.startswith("S01_pulses.csv: not a readable pulse table (")
     assert cause in message
-    assert message.endswith("). Correct it, or export it again.")
+    assert message.endswith("or export it again, as plain text that is not compressed.")
 
 
 def test_a_pulse_table_that_vanished_is_a_data_error(study):
