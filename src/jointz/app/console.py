@@ -42,30 +42,6 @@ def open_console(
     """Start a session, or find the one that runs, and serve its page until it is told to end.
 
     A session that nobody has started by then ends with its page.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        The study's folder.
-    arguments : sequence of str
-        Of ``jointz run``; empty to look on only.
-    resume : bool
-        Whether to go on with a run that was interrupted.
-    host, port : str, int
-        Where to listen.
-    announce : callable
-        Told the page's address.
-
-    Returns
-    -------
-    str
-        What became of the session when the page was closed.
-
-    Raises
-    ------
-    DataError
-        When NiceGUI is not installed, the system is not Linux, there is no session to look at,
-        or the address cannot be listened on.
     """
     refuse_where_unseen()
     require_app()
@@ -118,17 +94,7 @@ def _left(desk: Desk) -> str:
 
 
 def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:
-    """Add what the page's script asks for, without NiceGUI between.
-
-    Parameters
-    ----------
-    app : FastAPI
-        The application.
-    feed : LiveFeed
-        What is told.
-    desk : Desk
-        What is asked for.
-    """
+    """Add what the page's script asks for, without NiceGUI between."""
     from starlette.responses import JSONResponse
     from starlette.routing import Mount, Route, WebSocketRoute
     from starlette.staticfiles import StaticFiles

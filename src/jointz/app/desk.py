@@ -78,17 +78,7 @@ _ORDERS = {"start": Order.START, "pause": Order.PAUSE, "go_on": Order.GO_ON, "no
 
 
 class Desk:
-    """Passes on what was asked for.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        The study's folder.
-    process : SessionProcess
-        What runs the session.
-    look : callable
-        Returns the status of the session as it is now.
-    """
+    """Passes on what was asked for."""
 
     def __init__(
         self, study: Path, process: SessionProcess, look: Callable[[], dict[str, Any]]
@@ -116,13 +106,7 @@ class Desk:
         return asked
 
     def unheard(self, asked: int) -> str:
-        """Return why no session has received a stop; empty where one has.
-
-        Parameters
-        ----------
-        asked : int
-            What :meth:`stop` has returned.
-        """
+        """Return why no session has received a stop; empty where one has."""
         if not self._process.alive():
             return (
                 "No session runs: nobody has received the stop. If a device still moves, use the "
@@ -136,13 +120,7 @@ class Desk:
         return ""
 
     def leave(self) -> str:
-        """End the session that this page began where nobody has started it; the page closes.
-
-        Returns
-        -------
-        str
-            What became of the session.
-        """
+        """End the session that this page began where nobody has started it; the page closes."""
         if self._process.is_own and self._ended_unstarted():
             return (
                 "The page is closed, and with it its session, which nobody had started. Nothing "
@@ -180,18 +158,7 @@ class Desk:
             return True
 
     def ask(self, message: bytes) -> None:
-        """Check a command and pass it on.
-
-        Parameters
-        ----------
-        message : bytes
-            JSON with ``order`` and what belongs to it.
-
-        Raises
-        ------
-        DataError
-            When it is malformed, or does not fit the state of the session.
-        """
+        """Check a command and pass it on."""
         try:
             asked = _ANY.validate_json(message)
         except ValidationError as exc:
@@ -235,15 +202,7 @@ def _see_that_it_fits(
 
 
 class Beat:
-    """Gives the session signs of life, as long as somebody looks at the page.
-
-    Parameters
-    ----------
-    live : LiveSession
-        The session.
-    somebody : callable
-        Whether a page is connected and answers.
-    """
+    """Gives the session signs of life, as long as somebody looks at the page."""
 
     def __init__(self, live: LiveSession, somebody: Callable[[], bool]) -> None:
         self._live = live

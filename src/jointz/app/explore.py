@@ -26,24 +26,7 @@ _MOST_TRACED = 20
 
 
 class Explorer:
-    """Results that several pages look at: one state, and work that blocks none of them.
-
-    Parameters
-    ----------
-    found : Exploration
-        The results as they were opened.
-    pool : concurrent.futures.Executor or None
-        Where people are estimated; None for a thread of this process.
-
-    Attributes
-    ----------
-    version : int
-        Grows with every change: pages look at it and draw anew.
-    problem : str
-        What went wrong last, for people; empty where nothing did.
-    working : dict
-        Participant -> what is being done.
-    """
+    """Results that several pages look at: one state, and work that blocks none of them."""
 
     def __init__(self, found: Exploration, pool: Executor | None) -> None:
         self._found = found
@@ -75,33 +58,15 @@ class Explorer:
         return self._changed
 
     def waiting(self, person_id: str) -> bool:
-        """Tell whether a participant's numbers are older than the exclusions that stand.
-
-        Parameters
-        ----------
-        person_id : str
-            Which participant.
-        """
+        """Tell whether a participant's numbers are older than the exclusions that stand."""
         return person_id in self._waiting
 
     def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
-        """Return a participant's traces, None until they are there.
-
-        Parameters
-        ----------
-        person_id : str
-            Which participant.
-        """
+        """Return a participant's traces, None until they are there."""
         return self._traces.get(person_id)
 
     def want(self, person_id: str) -> None:
-        """Have a participant's traces made, and numbers of all whose exclusions have changed.
-
-        Parameters
-        ----------
-        person_id : str
-            Which participant.
-        """
+        """Have a participant's traces made, and numbers of all whose exclusions have changed."""
         if self._found.study is None:
             return
         missing = [person_id] if person_id not in self._traces else []
@@ -110,22 +75,7 @@ class Explorer:
                 self._begin(person, self._estimate(person))
 
     async def decide(self, pulse: PulseRecord, action: Action, *, reason: str) -> bool:
-        """Exclude or restore a pulse in the study, and estimate its participant again.
-
-        Parameters
-        ----------
-        pulse : PulseRecord
-            The pulse.
-        action : str
-            ``exclude`` or ``restore``.
-        reason : str
-            In the user's words.
-
-        Returns
-        -------
-        bool
-            Whether it stands in the study now; :attr:`problem` says why not.
-        """
+        """Exclude or restore a pulse in the study, and estimate its participant again."""
         study = self._found.study
         if study is None:
             return False
@@ -157,13 +107,7 @@ class Explorer:
         self._take(changed)
 
     def compare(self, method: str) -> None:
-        """Have everybody estimated by one more method.
-
-        Parameters
-        ----------
-        method : str
-            By its own name.
-        """
+        """Have everybody estimated by one more method."""
         if method in self._found.more_methods():
             for person in self._found.people:
                 self._begin(f"{method} {person}", self._estimate_by(method, person))
@@ -245,13 +189,7 @@ class Explorer:
             self._done(f"{method} {person}")
 
     async def call(self, work: Callable[[], Found]) -> Found:
-        """Have something done where it blocks no page.
-
-        Parameters
-        ----------
-        work : callable
-            Without arguments, fit for pickling.
-        """
+        """Have something done where it blocks no page."""
         try:
             return await asyncio.get_running_loop().run_in_executor(self._pool, work)
         except BrokenProcessPool:  # a worker was killed, most likely for want of memory
@@ -296,26 +234,7 @@ def explore(
     port: int = 0,
     announce: Callable[[str], None],
 ) -> None:
-    """Serve the explorer until the process is told to end.
-
-    Parameters
-    ----------
-    found : Exploration
-        The results.
-    pool : concurrent.futures.Executor or None
-        Where people are estimated; None for a thread of this process.
-    host : str
-        Address to listen on.
-    port : int
-        To listen on; 0 for one that is free.
-    announce : callable
-        Told the page's address when it answers.
-
-    Raises
-    ------
-    DataError
-        When NiceGUI is not installed, or the address cannot be listened on.
-    """
+    """Serve the explorer until the process is told to end."""
     require_app()
     from jointz.app.explore_page import ExplorePage
 

@@ -33,17 +33,7 @@ METHOD_COLOURS: Final = (
 def cycle_figure(
     parameter: str, curves: Sequence["Curve"], references: Sequence[ReferenceCurve]
 ) -> Figure:
-    """Draw one parameter over the gait cycle, beside the values of others.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness``.
-    curves : sequence of Curve
-        Of people and methods.
-    references : sequence of ReferenceCurve
-        Published values.
-    """
+    """Draw one parameter over the gait cycle, beside the values of others."""
     data = [trace for reference in references for trace in _reference(reference)]
     data += [trace for curve in curves for trace in _curve(curve)]
     layout = base_layout(plain(parameter_label(parameter)), "Gait cycle (%)")
@@ -69,35 +59,17 @@ def cycle_figure(
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Estimates over the gait cycle.
+    """Estimates over the gait cycle."""
 
-    Parameters
-    ----------
-    name : str
-        As the legend has it.
-    x : tuple of float, % of the gait cycle, or tuple of str
-        Where.
-    values, lows, highs : tuple of float or None
-        SI.
-    bounds : tuple of bool
-        Where the value stands at its bound: only an upper limit is known.
-    colour : str
-        Of line and marks.
-    faint : bool
-        One of many in the background.
-    symbol : str
-        Of the marks.
-    """
-
-    name: str
-    x: tuple[float | str, ...]
-    values: tuple[float | None, ...]
+    name: str  # as the legend has it
+    x: tuple[float | str, ...]  # % of the gait cycle, or tuple of str: where
+    values: tuple[float | None, ...]  # SI
     lows: tuple[float | None, ...]
     highs: tuple[float | None, ...]
-    bounds: tuple[bool, ...]
-    colour: str
-    faint: bool = False
-    symbol: str = "circle"
+    bounds: tuple[bool, ...]  # where the value stands at its bound: only an upper limit is known
+    colour: str  # of line and marks
+    faint: bool = False  # one of many in the background
+    symbol: str = "circle"  # of the marks
 
 
 def curve_of_cells(
@@ -110,21 +82,7 @@ def curve_of_cells(
     symbol: str = "circle",
     shift: float = 0.0,
 ) -> Curve:
-    """Return the estimates that stand as a curve.
-
-    Parameters
-    ----------
-    cells : iterable of CellEstimate
-        Of one participant and method.
-    parameter : str
-        Which parameter.
-    name, colour, symbol : str
-        Of the curve.
-    faint : bool
-        One of many in the background.
-    shift : float, % of the gait cycle
-        Sideways, so that bars do not hide each other.
-    """
+    """Return the estimates that stand as a curve."""
     placed = [
         (cell.onset_gait_pct + shift, p)
         for cell in cells
@@ -147,17 +105,7 @@ def curve_of_cells(
 
 
 def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve | None:
-    """Return the means over people, None where there are none.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    parameter : str
-        Which parameter.
-    colour : str
-        Of the curve.
-    """
+    """Return the means over people, None where there are none."""
     rows = [
         row
         for row in analysis.population
@@ -182,15 +130,7 @@ def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve
 
 
 def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
-    """Draw methods side by side at every timing point.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness``.
-    curves : sequence of Curve
-        One a method; ``x`` are timing points.
-    """
+    """Draw methods side by side at every timing point."""
     data = []
     for k, curve in enumerate(curves):
         offset = (k - (len(curves) - 1) / 2) * min(0.14, 0.7 / max(1, len(curves)))
@@ -294,11 +234,5 @@ def _reference(reference: ReferenceCurve) -> list[dict[str, Any]]:
 
 
 def method_label(method: str) -> str:
-    """Return a method as legends name it.
-
-    Parameters
-    ----------
-    method : str
-        By its own name.
-    """
+    """Return a method as legends name it."""
     return plain(method_name(method))

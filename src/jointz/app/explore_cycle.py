@@ -23,13 +23,7 @@ _SHIFT_PCT = 0.8
 
 
 class CycleTab:
-    """Curves over the gait cycle.
-
-    Parameters
-    ----------
-    view : View
-        What the page shows.
-    """
+    """Curves over the gait cycle."""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -116,13 +110,7 @@ class CycleTab:
 
 
 class MethodsTab:
-    """Methods on the same recordings.
-
-    Parameters
-    ----------
-    view : View
-        What the page shows.
-    """
+    """Methods on the same recordings."""
 
     def __init__(self, view: View) -> None:
         self._view = view

@@ -15,30 +15,14 @@ GREY: Final = "#8b95a1"
 
 
 def plain(text: str) -> str:
-    """Return text that Plotly draws as it is: it would take a part in < > for a tag.
-
-    Parameters
-    ----------
-    text : str
-        From a study, or from anywhere.
-    """
+    """Return text that Plotly draws as it is: it would take a part in < > for a tag."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def span(
     ends: tuple[float, float], *, x: str = "x", y: str = "y", colour: str = "rgba(43,134,209,0.08)"
 ) -> dict[str, Any]:
-    """Return a shaded stretch, as high as the panel.
-
-    Parameters
-    ----------
-    ends : tuple of float
-        Where it begins and ends.
-    x, y : str
-        Axes of the panel.
-    colour : str
-        Of the shade.
-    """
+    """Return a shaded stretch, as high as the panel."""
     return {
         "type": "rect",
         "xref": x,
@@ -54,13 +38,7 @@ def span(
 
 
 def axis(title: str) -> dict[str, Any]:
-    """Return an axis.
-
-    Parameters
-    ----------
-    title : str
-        Of the axis.
-    """
+    """Return an axis."""
     return {
         "title": {"text": title, "font": {"size": 12}, "standoff": 6},
         "gridcolor": "rgba(139,149,161,0.18)",
@@ -76,13 +54,7 @@ def axis(title: str) -> dict[str, Any]:
 
 
 def base_layout(y: str, x: str) -> dict[str, Any]:
-    """Return the layout of a figure of one panel.
-
-    Parameters
-    ----------
-    y, x : str
-        Titles of the axes.
-    """
+    """Return the layout of a figure of one panel."""
     return {
         "margin": {"l": 56, "r": 12, "t": 34, "b": 42},
         "paper_bgcolor": "rgba(0,0,0,0)",
@@ -102,17 +74,7 @@ def base_layout(y: str, x: str) -> dict[str, Any]:
 
 
 def figure(data: list[dict[str, Any]], layout: Mapping[str, Any], *, name: str) -> Figure:
-    """Return a figure; its own menu saves it as SVG.
-
-    Parameters
-    ----------
-    data : list of dict
-        The traces.
-    layout : mapping
-        The layout.
-    name : str
-        Of the file that it can be saved as.
-    """
+    """Return a figure; its own menu saves it as SVG."""
     return {
         "data": data,
         "layout": dict(layout),

@@ -21,13 +21,7 @@ _COLUMNS = ("participant", "point", "onset", "reason", "since")
 
 
 class FilesTab:
-    """Downloads and exclusions.
-
-    Parameters
-    ----------
-    view : View
-        What the page shows.
-    """
+    """Downloads and exclusions."""
 
     def __init__(self, view: View) -> None:
         self._view = view

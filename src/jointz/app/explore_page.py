@@ -36,13 +36,7 @@ _FIRST_TAB = "Pulses"
 
 
 class ExplorePage:
-    """A page of one browser.
-
-    Parameters
-    ----------
-    explorer : Explorer
-        What all pages share.
-    """
+    """A page of one browser."""
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer

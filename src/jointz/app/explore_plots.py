@@ -29,39 +29,17 @@ _MS: Final = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Overlaid:
-    """A pulse among the others of its timing point.
+    """A pulse among the others of its timing point."""
 
-    Parameters
-    ----------
-    number : int
-        Its place in the list, from 0.
-    window : Window
-        What the method makes of it.
-    used : bool
-        Whether it counts.
-    """
-
-    number: int
-    window: Window
-    used: bool
+    number: int  # its place in the list, from 0
+    window: Window  # what the method makes of it
+    used: bool  # whether it counts
 
 
 def overlay_figure(
     pulses: Sequence[Overlaid], cell: CellEstimate | None, picked: int | None, *, quantity: str
 ) -> Figure:
-    """Draw the responses of all pulses of a timing point, their average and the fit.
-
-    Parameters
-    ----------
-    pulses : sequence of Overlaid
-        The pulses.
-    cell : CellEstimate or None
-        The estimate they make.
-    picked : int or None
-        Number of the pulse that is looked at.
-    quantity : str
-        ``angle`` or ``torque``.
-    """
+    """Draw the responses of all pulses of a timing point, their average and the fit."""
     scale = _DEG if quantity == "angle" else 1.0
     data = [_among(p, quantity, scale) for p in pulses if p.number != picked]
     if cell is not None and cell.response is not None:
@@ -97,15 +75,7 @@ def _among(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:
 
 
 def pulse_figure(trace: PulseTrace | None, window: Window | None) -> Figure:
-    """Draw one pulse: measured with baseline, response with fit, and the residual.
-
-    Parameters
-    ----------
-    trace : PulseTrace or None
-        The recording around it; None where there is none.
-    window : Window or None
-        What the method makes of it; None where it makes nothing.
-    """
+    """Draw one pulse: measured with baseline, response with fit, and the residual."""
     data: list[dict[str, Any]] = []
     for column, quantity in enumerate(("angle", "torque")):
         scale = _DEG if quantity == "angle" else 1.0

@@ -38,15 +38,7 @@ _ROW = """
 
 
 class PulsesTab:
-    """The tab of pulses.
-
-    Parameters
-    ----------
-    view : View
-        What the page shows.
-    changed : callable
-        To be called when the rest of the page has to follow.
-    """
+    """The tab of pulses."""
 
     def __init__(self, view: View, changed: Callable[[], None]) -> None:
         self._view = view
@@ -115,13 +107,7 @@ class PulsesTab:
         self._plot = ui.plotly(pulse_figure(None, None)).classes("plot tall")
 
     def step(self, by: int) -> None:
-        """Look at a pulse further on.
-
-        Parameters
-        ----------
-        by : int
-            How many further.
-        """
+        """Look at a pulse further on."""
         number = self._view.number()
         if number is not None:
             self._view.pick(number + by)

@@ -9,26 +9,7 @@ from jointz.workflows.exploration_traces import PulseKey, PulseTrace, Window
 
 
 class View:
-    """The participant, timing point and pulse that a page shows.
-
-    Parameters
-    ----------
-    explorer : Explorer
-        What all pages share.
-
-    Attributes
-    ----------
-    person, point : str
-        Participant with session and side, and timing point.
-    picked : PulseKey or None
-        The pulse; None for the first.
-    method : str
-        Whose windows are shown.
-    quantity : str
-        ``angle`` or ``torque``, of all pulses together.
-    parameter : str
-        Drawn over the gait cycle and between methods.
-    """
+    """The participant, timing point and pulse that a page shows."""
 
     def __init__(self, explorer: Explorer) -> None:
         self.explorer = explorer
@@ -52,13 +33,7 @@ class View:
         return timing_points(cells)
 
     def choose(self, *, person: str | None = None, point: str | None = None) -> None:
-        """Look at another participant or timing point; what is not known is ignored.
-
-        Parameters
-        ----------
-        person, point : str, optional
-            Which.
-        """
+        """Look at another participant or timing point; what is not known is ignored."""
         if person in self.explorer.found.labels and person is not None:
             self.person = person
             if self.point not in self.points():
@@ -79,13 +54,7 @@ class View:
         return 0 if keys else None
 
     def pick(self, number: int) -> None:
-        """Look at another pulse; beyond the last comes the first.
-
-        Parameters
-        ----------
-        number : int
-            Its place.
-        """
+        """Look at another pulse; beyond the last comes the first."""
         pulses = self.pulses()
         if pulses:
             self.picked = PulseKey.of(pulses[number % len(pulses)])
@@ -96,13 +65,7 @@ class View:
         return None if number is None else self.pulses()[number]
 
     def cell(self, method: str | None = None) -> CellEstimate | None:
-        """Return the estimate at the timing point as it stands now.
-
-        Parameters
-        ----------
-        method : str, optional
-            By which; the chosen one by default.
-        """
+        """Return the estimate at the timing point as it stands now."""
         return cell_of(self.explorer.analysis, self.person, self.point, method=method)
 
     def cell_as_analysed(self) -> CellEstimate | None:
@@ -110,24 +73,12 @@ class View:
         return cell_of(self.explorer.found.analysed, self.person, self.point)
 
     def trace_of(self, pulse: PulseRecord) -> PulseTrace | None:
-        """Return what a pulse was estimated from, None until that is known.
-
-        Parameters
-        ----------
-        pulse : PulseRecord
-            The pulse.
-        """
+        """Return what a pulse was estimated from, None until that is known."""
         traces = self.explorer.traces(self.participant)
         return None if traces is None else traces.get(PulseKey.of(pulse))
 
     def window_of(self, pulse: PulseRecord) -> Window | None:
-        """Return what the method makes of a pulse.
-
-        Parameters
-        ----------
-        pulse : PulseRecord
-            The pulse.
-        """
+        """Return what the method makes of a pulse."""
         trace = self.trace_of(pulse)
         return None if trace is None else trace.windows.get(self.method)
 

@@ -34,15 +34,7 @@ _DECIMALS = (3, 4, 2, 2, 2, 1, 0)
 
 
 class LiveFeed:
-    """Follows a session in a thread and tells browsers of it.
-
-    Parameters
-    ----------
-    live : LiveSession
-        The session.
-    process : SessionProcess
-        What runs it.
-    """
+    """Follows a session in a thread and tells browsers of it."""
 
     def __init__(self, live: LiveSession, process: SessionProcess) -> None:
         self._live = live
@@ -103,13 +95,7 @@ class LiveFeed:
         return sum(now - seen < ALIVE_S for seen in list(self._seen.values()))
 
     def frame(self, known: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
-        """Return what is new since what a browser knows, as JSON, and what it knows then.
-
-        Parameters
-        ----------
-        known : tuple of int
-            Stretch, row, version of the status.
-        """
+        """Return what is new since what a browser knows, as JSON, and what it knows then."""
         with self._lock:
             generation = self._live.generation
             anew = generation != known[0]
@@ -123,13 +109,7 @@ class LiveFeed:
         return "{" + ",".join(parts) + "}", (generation, last, version)
 
     async def answer(self, socket: "WebSocket") -> None:
-        """Talk to one browser until it goes, or says what it must not.
-
-        Parameters
-        ----------
-        socket : WebSocket
-            Its connection.
-        """
+        """Talk to one browser until it goes, or says what it must not."""
         from starlette.websockets import WebSocketDisconnect
 
         await socket.accept()

@@ -50,13 +50,7 @@ _HEADERS = [
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address or name is of this machine alone.
-
-    Parameters
-    ----------
-    host : str
-        Address or name, without a port.
-    """
+    """Tell whether an address or name is of this machine alone."""
     if host == "localhost":
         return True
     try:
@@ -66,22 +60,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Access:
-    """Whom a page answers.
-
-    Parameters
-    ----------
-    host : str
-        What it listens on.
-    port : int
-        The same; names the cookie, since cookies do not tell ports apart.
-
-    Attributes
-    ----------
-    token : str
-        That a browser shows once in the address.
-    cookie : str
-        Name of what it shows from then on.
-    """
+    """Whom a page answers."""
 
     def __init__(self, host: str, port: int) -> None:
         self._loopback = is_loopback(host)
@@ -91,17 +70,7 @@ class Access:
         self.cookie = f"jointz_{port}"
 
     def refusal(self, method: str, headers: Headers, *, socket: bool) -> str:
-        """Return why a request is refused, whoever makes it; empty where it is not.
-
-        Parameters
-        ----------
-        method : str
-            Of the request.
-        headers : dict
-            Of the request.
-        socket : bool
-            Whether a WebSocket is to be opened.
-        """
+        """Return why a request is refused, whoever makes it; empty where it is not."""
         hosts = headers.get("host", [])
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return "not the name of this page"
@@ -115,24 +84,12 @@ class Access:
         return ""
 
     def is_known(self, headers: Headers) -> bool:
-        """Tell whether the browser has shown the token.
-
-        Parameters
-        ----------
-        headers : dict
-            Of the request.
-        """
+        """Tell whether the browser has shown the token."""
         shown = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
         return any(compare_digest(one.encode(), self._secret.encode()) for one in shown)
 
     def introduces(self, query: bytes) -> bool:
-        """Tell whether an address holds the token.
-
-        Parameters
-        ----------
-        query : bytes
-            What follows its question mark.
-        """
+        """Tell whether an address holds the token."""
         shown = parse_qs(query.decode("latin-1")).get("token", [""])[0]
         return compare_digest(shown.encode(), self.token.encode())
 
@@ -161,43 +118,19 @@ class Strangers:
         self._transports: dict[Client, asyncio.Transport] = {}
 
     def add(self, client: Client, transport: asyncio.Transport) -> None:
-        """Take note of a new connection.
-
-        Parameters
-        ----------
-        client : tuple of str, int or None
-            Its other end.
-        transport : asyncio.Transport
-            The connection.
-        """
+        """Take note of a new connection."""
         self.forget(client)
         if len(self._transports) >= _MOST_STRANGERS:
             self._transports.pop(next(iter(self._transports))).abort()
         self._transports[client] = transport
 
     def forget(self, client: Client) -> None:
-        """Take note that a connection has shown the token, or is gone.
-
-        Parameters
-        ----------
-        client : tuple of str, int or None
-            Its other end.
-        """
+        """Take note that a connection has shown the token, or is gone."""
         self._transports.pop(client, None)
 
 
 class Guard:
-    """Lets through to an application what :class:`Access` allows, and nothing else.
-
-    Parameters
-    ----------
-    app : callable
-        ASGI application.
-    access : Access
-        Whom it answers.
-    strangers : Strangers
-        Told who has shown the token.
-    """
+    """Lets through to an application what :class:`Access` allows, and nothing else."""
 
     def __init__(self, app: Application, access: Access, strangers: Strangers) -> None:
         self.app = app
@@ -205,13 +138,7 @@ class Guard:
         self._strangers = strangers
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or pass it on.
-
-        Parameters
-        ----------
-        scope, receive, send
-            Of ASGI.
-        """
+        """Answer a request, or pass it on."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return

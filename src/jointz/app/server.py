@@ -26,28 +26,7 @@ def serve(
     routes: "Callable[[FastAPI], None] | None" = None,
     announce: Callable[[str], None],
 ) -> None:
-    """Serve a page until the process is told to end.
-
-    Parameters
-    ----------
-    build : callable
-        Makes the page, once for every browser that opens it.
-    title : str
-        Of the page.
-    host : str
-        Address to listen on.
-    port : int
-        To listen on; 0 for one that is free.
-    routes : callable, optional
-        Given the application, adds answers of its own.
-    announce : callable
-        Told the page's address, with its token, when it answers.
-
-    Raises
-    ------
-    DataError
-        When NiceGUI is not installed, or the address cannot be listened on.
-    """
+    """Serve a page until the process is told to end."""
     require_app()
     import uvicorn
     from fastapi import FastAPI
@@ -100,13 +79,7 @@ def serve(
 
 
 def require_app() -> None:
-    """See that what pages need is installed.
-
-    Raises
-    ------
-    DataError
-        When it is not.
-    """
+    """See that what pages need is installed."""
     try:
         import nicegui  # noqa: F401 - only whether it is there
     except ImportError as exc:

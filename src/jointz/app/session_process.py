@@ -17,15 +17,7 @@ _PATIENCE_S, _LOOK_S = 5.0, 0.05
 
 
 class SessionProcess:
-    """Runs a session in a process of its own, or looks on while another does.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        The study's folder.
-    arguments : sequence of str
-        Of ``jointz run``, without ``--resume``; empty to look on only.
-    """
+    """Runs a session in a process of its own, or looks on while another does."""
 
     def __init__(self, study: Path, arguments: Sequence[str]) -> None:
         self._study = study
@@ -59,18 +51,7 @@ class SessionProcess:
         return self.number is not None
 
     def start(self, *, resume: bool) -> None:
-        """Start the session, or go on with it.
-
-        Parameters
-        ----------
-        resume : bool
-            Whether to go on.
-
-        Raises
-        ------
-        DataError
-            When its process lives, or it is not known how to start it.
-        """
+        """Start the session, or go on with it."""
         with self._lock:
             if not self.can_start:
                 raise DataError(

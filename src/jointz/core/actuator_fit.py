@@ -33,25 +33,14 @@ _REGIME_SHARES = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)
 
 @dataclass(frozen=True, slots=True)
 class ActuatorSeries:
-    """Samples of a record, thinned to what a figure can show.
+    """Samples of a record, thinned to what a figure can show."""
 
-    Parameters
-    ----------
-    position : tuple of float
-        Time, s; the number of the sample where the record has no rate.
-    measured, modelled : tuple of float
-        Torque of the sensor and of the model, N*m, bias included.
-    velocity : tuple of float
-        At the output, rad/s; empty where none was given.
-    in_seconds : bool
-        Whether ``position`` is a time.
-    """
-
+    # time, s; the number of the sample where the record has no rate
     position: tuple[float, ...] = ()
-    measured: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()  # torque of the sensor and of the model, N*m, bias included
     modelled: tuple[float, ...] = ()
-    velocity: tuple[float, ...] = ()
-    in_seconds: bool = True
+    velocity: tuple[float, ...] = ()  # at the output, rad/s; empty where none was given
+    in_seconds: bool = True  # whether ``position`` is a time
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -60,13 +49,7 @@ class ActuatorSeries:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "ActuatorSeries":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-        """
+        """Rebuild from :meth:`to_dict`."""
         numbers = {n: tuple(v) for n, v in data.items() if n != "in_seconds"}
         return cls(**numbers, in_seconds=data["in_seconds"])
 

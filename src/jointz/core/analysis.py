@@ -38,36 +38,20 @@ EXCLUDED_COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class PopulationEstimate:
-    """Mean of one parameter over people, with an interval over people.
+    """Mean of one parameter over people, with an interval over people."""
 
-    Parameters
-    ----------
-    timing_point, parameter, unit : str
-        What it is the mean of.
-    onset_gait_pct : float or None
-        Mean measured onset, % of the gait cycle.
-    value, sd, ci_low, ci_high : float or None
-        Mean, standard deviation between people, and Student's interval.
-    n_participants : int
-        People with a value.
-    method, status : str
-        As in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed.
-    ci_level : float
-        Level of the interval.
-    """
-
-    timing_point: str
-    onset_gait_pct: float | None
+    timing_point: str  # what it is the mean of
+    onset_gait_pct: float | None  # mean measured onset, % of the gait cycle
     parameter: str
-    value: float | None
+    value: float | None  # mean, standard deviation between people, and Student's interval
     unit: str
     sd: float | None
     ci_low: float | None
     ci_high: float | None
-    n_participants: int
-    method: str
+    n_participants: int  # people with a value
+    method: str  # as in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed
     status: str
-    ci_level: float = 0.95
+    ci_level: float = 0.95  # level of the interval
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,19 +194,6 @@ def estimate(
 ) -> ParameterEstimate:
     """Return a parameter with a symmetric interval; undecided where the data do not decide.
 
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    value, sd : float
-        Estimate and its standard deviation.
-    t_factor : float
-        Half-width of the interval in standard deviations.
-    common : mapping
-        ``ci_level`` and ``ci_method``.
-
-    Notes
-    -----
     Stiffness and inertia of a load are positive: one whose interval reaches zero, or that
     has no finite sd, is ``undecided`` and has no value. Damping, friction and lag may be
     zero and need a finite sd only.

@@ -56,28 +56,14 @@ ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class CalibrationEntry:
-    """One calibrated value.
+    """One calibrated value."""
 
-    Parameters
-    ----------
-    name : str
-        A key of :data:`ENTRY_UNITS`.
-    value, sd : float or None
-        SI; None where there is none.
-    status : str
-        ``ok``, ``undecided`` or ``failed:CODE`` (:class:`CalibrationFailure`).
-    reason : str
-        Why it is not ``ok``.
-    uncertainty : mapping of str to float
-        Source of error -> its sd, in the unit of the value; their squares add up to that of
-        ``sd``.
-    """
-
-    name: str
-    value: float | None
+    name: str  # a key of :data:`ENTRY_UNITS`
+    value: float | None  # SI; None where there is none
     sd: float | None
-    status: str = "ok"
-    reason: str = ""
+    status: str = "ok"  # ``ok``, ``undecided`` or ``failed:CODE`` (:class:`CalibrationFailure`)
+    reason: str = ""  # why it is not ``ok``
+    # source of error -> its sd, in the unit of the value; their squares add up to that of ``sd``
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -98,19 +84,7 @@ def decided(
     *,
     largest_sd: float | None = None,
 ) -> CalibrationEntry:
-    """Return an entry, undecided where its sd is larger than what is of use.
-
-    Parameters
-    ----------
-    name : str
-        A key of :data:`ENTRY_UNITS`.
-    value : float
-        SI.
-    uncertainty : mapping of str to float
-        Source -> sd; independent of each other.
-    largest_sd : float, optional
-        Beyond it the entry is ``undecided``; value and sd are kept, to be looked at.
-    """
+    """Return an entry, undecided where its sd is larger than what is of use."""
     parts = {source: float(sd) for source, sd in uncertainty.items() if sd > 0.0}
     sd = sqrt(sum(part**2 for part in parts.values()))
     status, reason = "ok", ""
@@ -125,72 +99,34 @@ def decided(
 def failed(
     names: Sequence[str], code: CalibrationFailure, detail: str
 ) -> tuple[CalibrationEntry, ...]:
-    """Return entries without value.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Keys of :data:`ENTRY_UNITS`.
-    code : CalibrationFailure
-        What is wrong.
-    detail : str
-        Where, expected and found; the code's meaning is put behind it.
-    """
+    """Return entries without value."""
     reason = f"{detail}; {code.meaning}"
     return tuple(CalibrationEntry(name, None, None, code.status, reason) for name in names)
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSeries:
-    """What a figure of the step shows.
+    """What a figure of the step shows."""
 
-    Parameters
-    ----------
-    x, measured, modelled : tuple of float
-        In the units of the labels.
-    x_label, y_label : str
-        Of the axes, with their units.
-    """
-
-    x: tuple[float, ...] = ()
+    x: tuple[float, ...] = ()  # in the units of the labels
     measured: tuple[float, ...] = ()
     modelled: tuple[float, ...] = ()
-    x_label: str = ""
+    x_label: str = ""  # of the axes, with their units
     y_label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFit:
-    """The result of one calibration step of one participant.
+    """The result of one calibration step of one participant."""
 
-    Parameters
-    ----------
-    step : str
-        One of :data:`STEPS`.
-    entries : tuple of CalibrationEntry
-        What goes into ``[calibration]``, also where it failed.
-    reported : tuple of CalibrationEntry
-        What was found beside, which no analysis uses.
-    method : str
-        How values and sd were made.
-    n_samples : int
-        Samples that were used.
-    notes : tuple of str
-        What a reader must know.
-    settings : mapping
-        What was chosen or known before.
-    series : CalibrationSeries
-        For the figure.
-    """
-
-    step: str
-    entries: tuple[CalibrationEntry, ...]
-    reported: tuple[CalibrationEntry, ...] = ()
-    method: str = ""
-    n_samples: int = 0
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    series: CalibrationSeries = field(default_factory=CalibrationSeries)
+    step: str  # one of :data:`STEPS`
+    entries: tuple[CalibrationEntry, ...]  # what goes into ``[calibration]``, also where it failed
+    reported: tuple[CalibrationEntry, ...] = ()  # what was found beside, which no analysis uses
+    method: str = ""  # how values and sd were made
+    n_samples: int = 0  # samples that were used
+    notes: tuple[str, ...] = ()  # what a reader must know
+    settings: Mapping[str, Any] = field(default_factory=dict)  # what was chosen or known before
+    series: CalibrationSeries = field(default_factory=CalibrationSeries)  # for the figure
 
     @property
     def status(self) -> str:
@@ -198,18 +134,7 @@ class CalibrationFit:
         return next((e.status for e in self.entries if not e.stands), "ok")
 
     def entry(self, name: str) -> CalibrationEntry:
-        """Return an entry, or a reported value, by name.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``angle_lag_s``.
-
-        Raises
-        ------
-        KeyError
-            When the step has none of that name.
-        """
+        """Return an entry, or a reported value, by name."""
         both = {entry.name: entry for entry in (*self.reported, *self.entries)}
         if name not in both:
             raise KeyError(f"step {self.step!r} has no {name!r}; it has {', '.join(both)}")
@@ -248,18 +173,7 @@ class CalibrationFit:
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw what was measured and what the model makes of it.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw what was measured and what the model makes of it."""
         import matplotlib.pyplot as plt
 
         axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
@@ -295,18 +209,7 @@ class CalibrationFit:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "CalibrationFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         values = checked_values(data, SCHEMA)
         del values["status"]
         for name in ("entries", "reported"):

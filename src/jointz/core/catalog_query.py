@@ -58,28 +58,16 @@ class CatalogFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QueryResult:
-    """Rows of a catalog.
+    """Rows of a catalog."""
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        In the columns of the catalog; texts may be categories.
-    asked : CatalogFilter
-        What for.
-    also : int
-        Rows of the other kind of values that the same question would find: printed beside
-        estimates, or the other way.
-    cites : mapping of str to str
-        Study -> how to cite it.
-    without_onset : int
-        Rows that are not in it for want of an onset, where phases were asked for: failures, and
-        values that all timing points share.
-    """
-
-    table: pd.DataFrame
-    asked: CatalogFilter
+    table: pd.DataFrame  # in the columns of the catalog; texts may be categories
+    asked: CatalogFilter  # what for
+    # rows of the other kind of values that the same question would find: printed beside estimates,
+    # or the other way
     also: int = 0
-    cites: Mapping[str, str] = field(default_factory=dict)
+    cites: Mapping[str, str] = field(default_factory=dict)  # study -> how to cite it
+    # rows that are not in it for want of an onset, where phases were asked for: failures, and
+    # values that all timing points share
     without_onset: int = 0
 
     def __eq__(self, other: object) -> bool:
@@ -95,16 +83,7 @@ class QueryResult:
         return typed_table(self.table, CATALOG_COLUMNS)
 
     def groups(self) -> pd.DataFrame:
-        """Return one row a joint, condition, timing point and parameter: how much there is.
-
-        Returns
-        -------
-        pandas.DataFrame
-            ``joint``, ``condition``, ``timing_point``, ``parameter``, ``unit``, ``statistic``,
-            ``onset_gait_pct`` (median on the cycle, where 99 and 1 are 2 apart), ``studies``,
-            ``people``, ``estimates`` (that stand), ``median`` (of those: to look at, not pooled),
-            in the order of the gait cycle.
-        """
+        """Return one row a joint, condition, timing point and parameter: how much there is."""
         keys = ["joint", "condition", "timing_point", "parameter", "unit", "statistic"]
         held = self._standing()
         who = held["study"].astype(object) + "/" + held["participant"].astype(object)
@@ -145,18 +124,7 @@ class QueryResult:
         return "\n".join(lines + [f"  cite: {text}" for text in self.cites.values()])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the values of the parameter with most of them, over the gait cycle where it is told.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw the parameter with the most values, over the gait cycle if that is known."""
         import matplotlib.pyplot as plt
 
         axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
@@ -188,18 +156,7 @@ class QueryResult:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "QueryResult":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         held = checked_values(data, SCHEMA)
         asked: dict[str, Any] = {
             k: tuple(v) if isinstance(v, list) else v for k, v in held["asked"].items()
@@ -210,13 +167,7 @@ class QueryResult:
 
 
 def without_onset_told(n: int) -> str:
-    """Return a sentence on rows that a range of phases leaves out for want of an onset.
-
-    Parameters
-    ----------
-    n : int
-        How many.
-    """
+    """Return a sentence on rows that a range of phases leaves out for want of an onset."""
     rows = "1 row" if n == 1 else f"{n} rows"
     return f"--phase leaves out {rows} without an onset: failures, and what timing points share."
 

@@ -26,36 +26,19 @@ _SMALL = 0.1
 
 @dataclass(frozen=True, slots=True)
 class VirtualEstimate:
-    """One parameter of a response that was injected, and what was made of it.
+    """One parameter of a response that was injected, and what was made of it."""
 
-    Parameters
-    ----------
-    participant : str
-        Whose strides it was injected into.
-    replicate : int
-        Which of the injections; those of one replicate share sensor and inertia.
-    timing_point, parameter : str
-        What was estimated.
-    truth : float
-        What was injected, SI; mean over the window, weighted as the response tells of it.
-    value, ci_low, ci_high : float or None
-        The estimate and its interval; None where undecided.
-    status : str
-        As in :class:`jointz.core.estimates.ParameterEstimate`.
-    session, side : str
-        Whose strides; "" where the study does not state them.
-    """
-
-    participant: str
-    replicate: int
-    timing_point: str
+    participant: str  # whose strides it was injected into
+    replicate: int  # which of the injections; those of one replicate share sensor and inertia
+    timing_point: str  # what was estimated
     parameter: str
+    # what was injected, SI; mean over the window, weighted as the response tells of it
     truth: float
-    value: float | None
+    value: float | None  # the estimate and its interval; None where undecided
     ci_low: float | None
     ci_high: float | None
-    status: str
-    session: str = ""
+    status: str  # as in :class:`jointz.core.estimates.ParameterEstimate`
+    session: str = ""  # whose strides; "" where the study does not state them
     side: str = ""
 
     @property
@@ -66,43 +49,26 @@ class VirtualEstimate:
 
 @dataclass(frozen=True, slots=True)
 class ExpectedError:
-    """Error to expect of one parameter, at a timing point or over all.
+    """Error to expect of one parameter, at a timing point or over all."""
 
-    Parameters
-    ----------
-    parameter, timing_point : str
-        Of what; timing point ``all`` is every one.
-    n : int
-        Virtual estimates.
-    undecided_pct : float
-        Share of them without a value.
-    bias_pct, rmse_pct : float or None
-        Mean, and root mean square, of estimate / truth - 1, decided ones whose truth is not
-        small; None where none is left.
-    rmse_sd_pct : float or None
-        How well the RMSE is known from so many injections, standard deviation.
-    rmse : float or None
-        Root mean square error, SI, of all that are decided.
-    coverage, coverage_sd : float or None
-        Share of the 95 % intervals that hold the truth, and how well it is known; of all that
-        are decided.
-    width_pct : float or None
-        Median width of the intervals, % of the truth, where this is not small.
-    n_small : int
-        Decided ones whose truth is too small for an error in %; see :func:`expected_errors`.
-    """
-
-    parameter: str
+    parameter: str  # of what; timing point ``all`` is every one
     timing_point: str
-    n: int
-    undecided_pct: float
+    n: int  # virtual estimates
+    undecided_pct: float  # share of them without a value
+    # mean, and root mean square, of estimate / truth - 1, decided ones whose truth is not small;
+    # None where none is left
     bias_pct: float | None
     rmse_pct: float | None
+    # how well the RMSE is known from so many injections, standard deviation
     rmse_sd_pct: float | None
-    rmse: float | None
+    rmse: float | None  # root mean square error, SI, of all that are decided
+    # share of the 95 % intervals that hold the truth, and how well it is known; of all that are
+    # decided
     coverage: float | None
     coverage_sd: float | None
+    # median width of the intervals, % of the truth, where this is not small
     width_pct: float | None
+    # decided ones whose truth is too small for an error in %; see :func:`expected_errors`
     n_small: int = 0
 
     @property
@@ -253,13 +219,6 @@ class Certificate:
 def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError, ...]:
     """Return the error to expect of every parameter, over all timing points and at each.
 
-    Parameters
-    ----------
-    estimates : sequence of VirtualEstimate
-        What was injected and estimated.
-
-    Notes
-    -----
     Standard deviations are those of a ratio of sums over virtual participants (Cochran,
     Sampling Techniques, 6.3): what a participant's timing points share counts once.
 

@@ -12,33 +12,15 @@ INCONSISTENT = "inconsistent"
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something in a file that cannot be.
+    """Something in a file that cannot be."""
 
-    Parameters
-    ----------
-    key : tuple of str and int
-        Path of the key, from the model that found it; entries of lists count from 0.
-    message : str
-        What was expected, what was found, what to do.
-    """
-
+    # path of the key, from the model that found it; entries of lists count from 0
     key: tuple[str | int, ...]
-    message: str
+    message: str  # what was expected, what was found, what to do
 
 
 def place_of(key: tuple[str | int, ...]) -> str:
-    """Return the path of a key as people read it: entries of lists count from 1.
-
-    Parameters
-    ----------
-    key : tuple of str and int
-        As :class:`Problem` has it.
-
-    Examples
-    --------
-    >>> place_of(("conditions", 0, "torque_nm"))
-    'conditions[1].torque_nm'
-    """
+    """Return the path of a key as people read it: entries of lists count from 1."""
     return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in key)[1:]
 
 

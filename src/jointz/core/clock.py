@@ -20,13 +20,7 @@ class Clock(Protocol):
         ...
 
     def wait_until_ns(self, deadline_ns: int) -> None:
-        """Return when the time is ``deadline_ns`` or later, at once where it has passed.
-
-        Parameters
-        ----------
-        deadline_ns : int
-            When to return, ns.
-        """
+        """Return when the time is ``deadline_ns`` or later, at once where it has passed."""
         ...
 
 
@@ -72,11 +66,6 @@ class RealClock:
 
     Waits by sleeping until shortly before the deadline and by looking at the
     clock for the rest: sleep alone ends 50 to 150 us late.
-
-    Parameters
-    ----------
-    spin_ns : int
-        How long before the deadline sleep ends, ns; 0 sleeps all the way.
     """
 
     __slots__ = ("_spin_ns",)
@@ -87,13 +76,7 @@ class RealClock:
     now_ns = staticmethod(time.perf_counter_ns)
 
     def wait_until_ns(self, deadline_ns: int) -> None:
-        """Sleep, then spin, until the deadline.
-
-        Parameters
-        ----------
-        deadline_ns : int
-            When to return, ns.
-        """
+        """Sleep, then spin, until the deadline."""
         now_ns = time.perf_counter_ns
         rest = deadline_ns - now_ns() - self._spin_ns
         if rest > 0:

@@ -19,24 +19,12 @@ BUILD_SCHEMA = "jointz.CatalogBuild/1"
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that ``collect check`` found.
+    """Something that ``collect check`` found."""
 
-    Parameters
-    ----------
-    entry : str
-        Folder of the entry.
-    code : str
-        Stable; docs/collections.md lists them.
-    where : str
-        Key of ``entry.toml``, or file and column.
-    expected, found : str
-        What there should be, and what there is; ``found`` is empty where nothing is.
-    """
-
-    entry: str
-    code: str
-    where: str
-    expected: str
+    entry: str  # folder of the entry
+    code: str  # stable; docs/collections.md lists them
+    where: str  # key of ``entry.toml``, or file and column
+    expected: str  # what there should be, and what there is; ``found`` is empty where nothing is
     found: str = ""
 
     def __str__(self) -> str:
@@ -47,23 +35,13 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class CollectionCheck:
-    """What ``collect check`` found in a collection.
+    """What ``collect check`` found in a collection."""
 
-    Parameters
-    ----------
-    entries : tuple of str
-        Folders that were looked at.
-    findings : tuple of Finding
-        Everything found, by entry.
-    accepted : tuple of Finding
-        On plausibility, and accepted by the entry itself with a reason.
-    not_sized : tuple of str
-        Entries with the joint and parameters whose size nobody looked at, for want of a range.
-    """
-
-    entries: tuple[str, ...]
-    findings: tuple[Finding, ...]
+    entries: tuple[str, ...]  # folders that were looked at
+    findings: tuple[Finding, ...]  # everything found, by entry
+    # on plausibility, and accepted by the entry itself with a reason
     accepted: tuple[Finding, ...] = ()
+    # entries with the joint and parameters whose size nobody looked at, for want of a range
     not_sized: tuple[str, ...] = ()
 
     @property
@@ -72,13 +50,7 @@ class CollectionCheck:
         return not self.findings
 
     def of(self, entry: str) -> tuple[Finding, ...]:
-        """Return what was found in an entry.
-
-        Parameters
-        ----------
-        entry : str
-            Its folder.
-        """
+        """Return what was found in an entry."""
         return tuple(finding for finding in self.findings if finding.entry == entry)
 
     def to_frame(self) -> pd.DataFrame:
@@ -95,18 +67,7 @@ class CollectionCheck:
         return "\n".join([head, *_lines(self.findings, self.accepted), *unseen])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw how many problems each entry has.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw how many problems each entry has."""
         return _drawn({name: len(self.of(name)) for name in self.entries}, ax)
 
     def to_dict(self) -> dict[str, Any]:
@@ -121,18 +82,7 @@ class CollectionCheck:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "CollectionCheck":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         held = checked_values(data, CHECK_SCHEMA)
         findings, accepted = _findings(held["findings"]), _findings(held["accepted"])
         return cls(tuple(held["entries"]), findings, accepted, tuple(held.get("not_sized", ())))
@@ -140,27 +90,14 @@ class CollectionCheck:
 
 @dataclass(frozen=True, slots=True)
 class CatalogBuild:
-    """A catalog that was written.
+    """A catalog that was written."""
 
-    Parameters
-    ----------
-    catalog : str
-        The file.
-    entries : tuple of str
-        Folders of the entries in it.
-    skipped : tuple of Finding
-        Why other entries are not in it.
-    rows, people : int
-        Estimates and printed values; participants of all entries.
-    accepted : tuple of Finding
-        On plausibility, and accepted by the entry itself with a reason.
-    """
-
-    catalog: str
-    entries: tuple[str, ...]
-    skipped: tuple[Finding, ...]
-    rows: int
+    catalog: str  # the file
+    entries: tuple[str, ...]  # folders of the entries in it
+    skipped: tuple[Finding, ...]  # why other entries are not in it
+    rows: int  # estimates and printed values; participants of all entries
     people: int
+    # on plausibility, and accepted by the entry itself with a reason
     accepted: tuple[Finding, ...] = ()
 
     @property
@@ -190,18 +127,7 @@ class CatalogBuild:
         return "\n".join([head, *_lines(self.skipped, self.accepted)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw how many problems each entry has: those with some are not in the catalog.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw how many problems each entry has: those with some are not in the catalog."""
         return _drawn(self._problems(), ax)
 
     def to_dict(self) -> dict[str, Any]:
@@ -219,18 +145,7 @@ class CatalogBuild:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "CatalogBuild":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         held = checked_values(data, BUILD_SCHEMA)
         return cls(
             held["catalog"],

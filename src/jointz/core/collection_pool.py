@@ -167,43 +167,19 @@ class CollectionPool:
 
 
 def of_row(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
-    """Return the studies of a place that a row of the pooled table is of.
-
-    Parameters
-    ----------
-    studies : pandas.DataFrame
-        Of the row's place and parameter.
-    row : mapping
-        Of the pooled table: of one method, or of all that the place has.
-    """
+    """Return the studies of a place that a row of the pooled table is of."""
     # Methods are not read off the text that names them: a method's name may hold a comma.
     own: pd.DataFrame = studies[studies["method"] == row["methods"]]
     return studies if own.empty else own
 
 
 def pooled_table(rows: Any, by: tuple[str, ...]) -> pd.DataFrame:
-    """Return rows in the columns of the pooled table.
-
-    Parameters
-    ----------
-    rows : iterable of mapping, or pandas.DataFrame
-        The rows.
-    by : tuple of str
-        What places are told apart by.
-    """
+    """Return rows in the columns of the pooled table."""
     return typed_table(rows, _of_places(by) | dict(POOLED_COLUMNS))
 
 
 def study_table(rows: Any, by: tuple[str, ...]) -> pd.DataFrame:
-    """Return rows in the columns of the table of studies.
-
-    Parameters
-    ----------
-    rows : iterable of mapping, or pandas.DataFrame
-        The rows.
-    by : tuple of str
-        What places are told apart by.
-    """
+    """Return rows in the columns of the table of studies."""
     return typed_table(rows, _of_places(by) | dict(STUDY_COLUMNS))
 
 

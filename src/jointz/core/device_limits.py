@@ -10,23 +10,7 @@ from jointz.core.protocol_limit_checks import CONDITION_LIMIT_CHECKS, PROTOCOL_L
 def limits_on_device(
     protocol: Protocol, own: SafetyLimits, *, torque_per_ampere: float
 ) -> SafetyLimits:
-    """Return a device's limits as a protocol tightens them.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Of the experiment.
-    own : SafetyLimits
-        Of the device.
-    torque_per_ampere : float, N*m/A
-        Of the actuator: a limit of current is one of torque.
-
-    Raises
-    ------
-    ProtocolError
-        Naming every limit that the protocol would loosen and everything it asks for that
-        the limits would cut: a study of cut pulses would claim torques that were never there.
-    """
+    """Return a device's limits as a protocol tightens them."""
     limits = tightened(own, protocol.safety)
     torque_nm = min(limits.torque_nm, limits.current_a * torque_per_ampere)
     limited = LimitsOverride.model_validate({**limits.model_dump(), "torque_nm": torque_nm})

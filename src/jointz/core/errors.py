@@ -68,15 +68,7 @@ class DataError(JointzError, ValueError):
 
 
 class _ProblemsError(DataError):
-    """One or more problems, all of them in one message.
-
-    Parameters
-    ----------
-    where : str
-        The file or folder the problems belong to.
-    problems : sequence of str
-        One sentence a problem.
-    """
+    """One or more problems, all of them in one message."""
 
     def __init__(self, where: str, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)

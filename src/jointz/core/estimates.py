@@ -28,18 +28,7 @@ FIT_SOURCES = (
 
 
 def decides(value: float, reach: float) -> bool:
-    """Tell whether an interval that reaches so far from its value decides anything.
-
-    Parameters
-    ----------
-    value, reach : float
-        The value, and how far the interval reaches from it.
-
-    Examples
-    --------
-    >>> decides(60.0, 30.0), decides(60.0, 31.0)
-    (True, False)
-    """
+    """Tell whether an interval that reaches so far from its value decides anything."""
     return reach <= _WIDEST * abs(value)
 
 
@@ -92,27 +81,14 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The average response of a cell to its pulses, baseline removed.
+    """The average response of a cell to its pulses, baseline removed."""
 
-    Parameters
-    ----------
-    time_s : (n,) float, s
-        Time from the onset.
-    angle : (n,) float, rad
-        Average angle response.
-    torque : (n,) float, N*m
-        Average torque response.
-    fitted_torque : (n,) float, N*m
-        Torque of the fitted model; the measured one where the angle was fitted.
-    fitted_angle : (n,) float, rad, or None
-        Angle of the fitted model, where the angle was fitted.
-    """
-
-    time_s: np.ndarray
-    angle: np.ndarray
-    torque: np.ndarray
+    time_s: np.ndarray  # time from the onset
+    angle: np.ndarray  # average angle response
+    torque: np.ndarray  # average torque response
+    # torque of the fitted model; the measured one where the angle was fitted
     fitted_torque: np.ndarray
-    fitted_angle: np.ndarray | None = None
+    fitted_angle: np.ndarray | None = None  # angle of the fitted model, where the angle was fitted
 
     def __eq__(self, other: object) -> bool:
         # The one of dataclasses compares tuples of arrays, which have no single truth.
@@ -130,13 +106,7 @@ class Response:
 
     @classmethod
     def from_dict(cls, data: dict[str, list[float]]) -> "Response":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : dict
-            What :meth:`to_dict` returned.
-        """
+        """Rebuild from :meth:`to_dict`."""
         return cls(**{name: np.asarray(values, dtype=float) for name, values in data.items()})
 
 

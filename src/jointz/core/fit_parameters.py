@@ -12,40 +12,14 @@ _SAME_IN_DICT = ("value", "status", "ci_level", "ci_method", "share_at_bound", "
 
 
 def checked_values(data: Mapping[str, Any], schema: str) -> dict[str, Any]:
-    """Return a saved result without its schema, after checking it.
-
-    Parameters
-    ----------
-    data : mapping
-        What a ``to_dict`` returned.
-    schema : str
-        The one expected.
-
-    Raises
-    ------
-    ValueError
-        When it is another.
-    """
+    """Return a saved result without its schema, after checking it."""
     if data.get("schema") != schema:
         raise ValueError(f"expected schema {schema!r}, got {data.get('schema')!r}")
     return {name: value for name, value in data.items() if name != "schema"}
 
 
 def find_parameter(parameters: Sequence[ParameterEstimate], name: str) -> ParameterEstimate:
-    """Return a parameter by name.
-
-    Parameters
-    ----------
-    parameters : sequence of ParameterEstimate
-        Where to look.
-    name : str
-        Such as ``stiffness``.
-
-    Raises
-    ------
-    KeyError
-        When there is none.
-    """
+    """Return a parameter by name."""
     for parameter in parameters:
         if parameter.name == name:
             return parameter
@@ -54,28 +28,14 @@ def find_parameter(parameters: Sequence[ParameterEstimate], name: str) -> Parame
 
 
 def parameter_frame(parameters: Sequence[ParameterEstimate], **same: Any) -> pd.DataFrame:
-    """Return one row a parameter, and columns that are the same in all rows.
-
-    Parameters
-    ----------
-    parameters : sequence of ParameterEstimate
-        The rows.
-    **same
-        Further columns.
-    """
+    """Return one row a parameter, and columns that are the same in all rows."""
     columns = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
     rows = [{"parameter": p.name} | {c: getattr(p, c) for c in columns} | same for p in parameters]
     return pd.DataFrame(rows)
 
 
 def parameters_to_dict(parameters: Sequence[ParameterEstimate]) -> dict[str, dict[str, Any]]:
-    """Return parameters by name, as ``--json`` prints them.
-
-    Parameters
-    ----------
-    parameters : sequence of ParameterEstimate
-        The parameters.
-    """
+    """Return parameters by name, as ``--json`` prints them."""
     return {
         p.name: {name: getattr(p, name) for name in _SAME_IN_DICT}
         | {"unit": p.unit, "ci": [p.ci_low, p.ci_high]}
@@ -84,13 +44,7 @@ def parameters_to_dict(parameters: Sequence[ParameterEstimate]) -> dict[str, dic
 
 
 def parameters_from_dict(data: Mapping[str, Mapping[str, Any]]) -> tuple[ParameterEstimate, ...]:
-    """Rebuild from :func:`parameters_to_dict`.
-
-    Parameters
-    ----------
-    data : mapping
-        What it returned.
-    """
+    """Rebuild from :func:`parameters_to_dict`."""
     return tuple(
         ParameterEstimate(
             name=name,
@@ -103,13 +57,7 @@ def parameters_from_dict(data: Mapping[str, Mapping[str, Any]]) -> tuple[Paramet
 
 
 def parameter_line(parameter: ParameterEstimate) -> str:
-    """Return a line of a summary.
-
-    Parameters
-    ----------
-    parameter : ParameterEstimate
-        The parameter.
-    """
+    """Return a line of a summary."""
     if parameter.value is None:
         return f"{parameter.name:<10} {parameter.status}"
     interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
@@ -118,13 +66,7 @@ def parameter_line(parameter: ParameterEstimate) -> str:
 
 
 def parameter_label(parameter: ParameterEstimate) -> str:
-    """Return a short label for a figure.
-
-    Parameters
-    ----------
-    parameter : ParameterEstimate
-        The parameter.
-    """
+    """Return a short label for a figure."""
     symbol = _SYMBOLS[parameter.name]
     if parameter.value is None:
         return f"{symbol} {parameter.status}"

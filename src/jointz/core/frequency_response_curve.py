@@ -16,32 +16,16 @@ INK, BAND, MODEL = "#0072b2", "#7fb2d3", "#d55e00"
 
 @dataclass(frozen=True, slots=True)
 class ResponseCurve:
-    """A frequency response with its confidence band.
+    """A frequency response with its confidence band."""
 
-    Parameters
-    ----------
-    frequency_hz : tuple of float
-        Frequencies.
-    gain, phase_rad : tuple of float
-        Size and angle of output over input.
-    gain_low, gain_high : tuple of float
-        Ends of the pointwise interval of the gain.
-    phase_sd_rad : tuple of float
-        Sd of the phase.
-    coherence : tuple of float
-        0 to 1.
-    fitted_gain, fitted_phase_rad : tuple of float
-        Of the fitted model; empty where there is none.
-    """
-
-    frequency_hz: tuple[float, ...] = ()
-    gain: tuple[float, ...] = ()
+    frequency_hz: tuple[float, ...] = ()  # frequencies
+    gain: tuple[float, ...] = ()  # size and angle of output over input
     phase_rad: tuple[float, ...] = ()
-    gain_low: tuple[float, ...] = ()
+    gain_low: tuple[float, ...] = ()  # ends of the pointwise interval of the gain
     gain_high: tuple[float, ...] = ()
     phase_sd_rad: tuple[float, ...] = ()
-    coherence: tuple[float, ...] = ()
-    fitted_gain: tuple[float, ...] = ()
+    coherence: tuple[float, ...] = ()  # 0 to 1
+    fitted_gain: tuple[float, ...] = ()  # of the fitted model; empty where there is none
     fitted_phase_rad: tuple[float, ...] = ()
 
     def table(self) -> pd.DataFrame:
@@ -55,28 +39,12 @@ class ResponseCurve:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Sequence[float]]) -> "ResponseCurve":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-        """
+        """Rebuild from :meth:`to_dict`."""
         return cls(**{name: tuple(values) for name, values in data.items()})
 
 
 def draw_gain(ax: "Axes", curve: ResponseCurve, *, label: str) -> None:
-    """Draw a gain with its band on logarithmic axes.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    curve : ResponseCurve
-        What to draw.
-    label : str
-        Unit of the gain.
-    """
+    """Draw a gain with its band on logarithmic axes."""
     frequency = curve.frequency_hz
     ax.fill_between(
         frequency, curve.gain_low, curve.gain_high, color=BAND, alpha=0.5, linewidth=0.0
@@ -93,15 +61,7 @@ def draw_gain(ax: "Axes", curve: ResponseCurve, *, label: str) -> None:
 
 
 def draw_phase(ax: "Axes", curve: ResponseCurve) -> None:
-    """Draw a phase with two sd either side, in degrees.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Where to draw.
-    curve : ResponseCurve
-        What to draw.
-    """
+    """Draw a phase with two sd either side, in degrees."""
     phase, sd = np.degrees(curve.phase_rad), np.degrees(curve.phase_sd_rad)
     ax.fill_between(
         curve.frequency_hz, phase - 2 * sd, phase + 2 * sd, color=BAND, alpha=0.5, linewidth=0.0

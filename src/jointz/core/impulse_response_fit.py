@@ -30,25 +30,13 @@ _UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
 @dataclass(frozen=True, slots=True)
 class ImpulseCurve:
-    """An impulse response with its bounds.
+    """An impulse response with its bounds."""
 
-    Parameters
-    ----------
-    lag_s : tuple of float
-        Lags; below zero the output comes before the input.
-    response : tuple of float
-        rad/(N*m*s) or N*m/(rad*s).
-    low, high : tuple of float
-        Pointwise interval, of noise alone.
-    fitted : tuple of float
-        The second-order joint's, along the same directions.
-    """
-
-    lag_s: tuple[float, ...] = ()
-    response: tuple[float, ...] = ()
-    low: tuple[float, ...] = ()
+    lag_s: tuple[float, ...] = ()  # lags; below zero the output comes before the input
+    response: tuple[float, ...] = ()  # rad/(N*m*s) or N*m/(rad*s)
+    low: tuple[float, ...] = ()  # pointwise interval, of noise alone
     high: tuple[float, ...] = ()
-    fitted: tuple[float, ...] = ()
+    fitted: tuple[float, ...] = ()  # the second-order joint's, along the same directions
 
     def table(self) -> pd.DataFrame:
         """Return one row a lag."""

@@ -27,49 +27,23 @@ _COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class SeenChannel:
-    """One column of a file.
+    """One column of a file."""
 
-    Parameters
-    ----------
-    group : str
-        Signals that were sampled together, as the file calls them; "" for the only group.
-    column : str
-        As a study would name it: its name, or its number where the file gives no names.
-    title : str
-        What the file calls it, where ``column`` is a number.
-    channel : str
-        The channel of a study that it is taken for, "" for none.
-    guess : str
-        Why.
-    unit : str
-        As the file states it or as it was guessed, "" for neither.
-    unit_is : str
-        ``stated``, ``guessed`` or "".
-    n, n_missing : int
-        Samples, and how many of them hold no number (of text: nothing).
-    low, high : float or None
-        Smallest and largest number.
-    levels : tuple of str
-        What stands there, where it is text or a few levels.
-    notes : tuple of str
-        What its user must know: constant, saturated, too large to be true.
-    outline : tuple of float or None
-        Its course in a few means, None where there is no number.
-    """
-
-    group: str
-    column: str
-    title: str = ""
-    channel: str = ""
-    guess: str = ""
-    unit: str = ""
-    unit_is: str = ""
-    n: int = 0
+    group: str  # signals that were sampled together, as the file calls them; "" for the only group
+    column: str  # as a study would name it: its name, or its number where the file gives no names
+    title: str = ""  # what the file calls it, where ``column`` is a number
+    channel: str = ""  # the channel of a study that it is taken for, "" for none
+    guess: str = ""  # why
+    unit: str = ""  # as the file states it or as it was guessed, "" for neither
+    unit_is: str = ""  # ``stated``, ``guessed`` or ""
+    n: int = 0  # samples, and how many of them hold no number (of text: nothing)
     n_missing: int = 0
-    low: float | None = None
+    low: float | None = None  # smallest and largest number
     high: float | None = None
-    levels: tuple[str, ...] = ()
+    levels: tuple[str, ...] = ()  # what stands there, where it is text or a few levels
+    # what its user must know: constant, saturated, too large to be true
     notes: tuple[str, ...] = ()
+    # its course in a few means, None where there is no number
     outline: tuple[float | None, ...] = ()
 
     @property
@@ -99,43 +73,21 @@ class SeenChannel:
 
 @dataclass(frozen=True, slots=True)
 class SeenClock:
-    """The clock of signals that were sampled together.
+    """The clock of signals that were sampled together."""
 
-    Parameters
-    ----------
-    group : str
-        Whose; "" for the only group.
-    source : str
-        Column of time stamps, ``rate`` where the file states a rate, "" where it has no clock.
-    n : int
-        Samples.
-    rate_hz : float or None
-        Stated, or found from the stamps.
-    start_s, end_s : float or None
-        First and last stamp.
-    uniform : bool
-        Whether the stamps stand at even distances, without gaps.
-    jitter_ms : float or None
-        Standard deviation of the steps outside the gaps.
-    gaps : tuple of (float, float)
-        Last stamp before each gap and first one behind it, s.
-    restarts : tuple of int
-        Samples, counted from 0, at which time begins again: trials.
-    n_back : int
-        Stamps that are missing, that repeat or that go back without a new beginning.
-    """
-
-    group: str
+    group: str  # whose; "" for the only group
+    # column of time stamps, ``rate`` where the file states a rate, "" where it has no clock
     source: str
-    n: int
-    rate_hz: float | None = None
-    start_s: float | None = None
+    n: int  # samples
+    rate_hz: float | None = None  # stated, or found from the stamps
+    start_s: float | None = None  # first and last stamp
     end_s: float | None = None
-    uniform: bool = False
-    jitter_ms: float | None = None
+    uniform: bool = False  # whether the stamps stand at even distances, without gaps
+    jitter_ms: float | None = None  # standard deviation of the steps outside the gaps
+    # last stamp before each gap and first one behind it, s
     gaps: tuple[tuple[float, float], ...] = ()
-    restarts: tuple[int, ...] = ()
-    n_back: int = 0
+    restarts: tuple[int, ...] = ()  # samples, counted from 0, at which time begins again: trials
+    n_back: int = 0  # stamps that are missing, that repeat or that go back without a new beginning
 
     def told(self) -> str:
         """Return it in a sentence."""
@@ -164,39 +116,19 @@ class SeenClock:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What a file holds, what it is taken for, and a ``study.toml`` to edit.
+    """What a file holds, what it is taken for, and a ``study.toml`` to edit."""
 
-    Parameters
-    ----------
-    file : str
-        Its name.
-    layout : mapping
-        How a text file is laid out, as under ``[files]`` of a study; empty for other formats.
-    channels : tuple of SeenChannel
-        Its columns.
-    clocks : tuple of SeenClock
-        One a group of signals.
-    n_events : int
-        Events that the file holds.
-    notes : tuple of str
-        What its user must know.
-    obstacles : tuple of str
-        Why an analysis cannot run from this file alone; empty where it can.
-    advice : tuple of str
-        What else takes it.
-    toml : str
-        A ``study.toml`` with its guesses marked.
-    """
-
-    file: str
+    file: str  # its name
+    # how a text file is laid out, as under ``[files]`` of a study; empty for other formats
     layout: Mapping[str, Any] = field(default_factory=dict)
-    channels: tuple[SeenChannel, ...] = ()
-    clocks: tuple[SeenClock, ...] = ()
-    n_events: int = 0
-    notes: tuple[str, ...] = ()
+    channels: tuple[SeenChannel, ...] = ()  # its columns
+    clocks: tuple[SeenClock, ...] = ()  # one a group of signals
+    n_events: int = 0  # events that the file holds
+    notes: tuple[str, ...] = ()  # what its user must know
+    # why an analysis cannot run from this file alone; empty where it can
     obstacles: tuple[str, ...] = ()
-    advice: tuple[str, ...] = ()
-    toml: str = ""
+    advice: tuple[str, ...] = ()  # what else takes it
+    toml: str = ""  # a ``study.toml`` with its guesses marked
 
     @property
     def n_guesses(self) -> int:
@@ -204,13 +136,7 @@ class Inspection:
         return self.toml.count("# guess:")
 
     def channel(self, name: str) -> SeenChannel | None:
-        """Return the column that is taken for a channel of a study, None where there is none.
-
-        Parameters
-        ----------
-        name : str
-            The channel, such as ``torque``.
-        """
+        """Return the column that is taken for a channel of a study, None where there is none."""
         return next((c for c in self.channels if c.channel == name), None)
 
     def to_frame(self) -> pd.DataFrame:
@@ -240,18 +166,7 @@ class Inspection:
         return "\n".join(lines)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the course of every column, each on its own height.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw the course of every column, each on its own height."""
         import matplotlib.pyplot as plt
 
         drawn = [c for c in self.channels if any(v is not None for v in c.outline)]
@@ -281,18 +196,7 @@ class Inspection:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Inspection":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         values = checked_values(data, SCHEMA)
         values["layout"] = dict(data["layout"])
         values["channels"] = tuple(SeenChannel(**_tuples(c)) for c in data["channels"])

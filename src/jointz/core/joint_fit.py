@@ -28,17 +28,10 @@ _AXIS_LABELS = {"torque": "torque (N*m)", "angle": "angle (rad)"}
 
 @dataclass(frozen=True, slots=True)
 class FitSeries:
-    """A readable stretch of the record beside the model, offsets removed.
+    """A readable stretch of the record beside the model, offsets removed."""
 
-    Parameters
-    ----------
-    time_s : tuple of float
-        Time of the record.
-    measured, modelled : tuple of float
-        Low-passed measurement and model; N*m or rad, see ``JointFit.vaf_of``.
-    """
-
-    time_s: tuple[float, ...] = ()
+    time_s: tuple[float, ...] = ()  # time of the record
+    # low-passed measurement and model; N*m or rad, see ``JointFit.vaf_of``
     measured: tuple[float, ...] = ()
     modelled: tuple[float, ...] = ()
 

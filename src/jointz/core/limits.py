@@ -63,31 +63,7 @@ class LimitsOverride(CheckedModel):
 
 
 def tightened(limits: SafetyLimits, override: LimitsOverride) -> SafetyLimits:
-    """Return a device's limits with those that a protocol tightens.
-
-    Parameters
-    ----------
-    limits : SafetyLimits
-        The device's own.
-    override : LimitsOverride
-        The protocol's.
-
-    Raises
-    ------
-    ProtocolError
-        Naming every limit that the protocol would loosen, and a range of angles that
-        the device does not have.
-
-    Examples
-    --------
-    >>> own = SafetyLimits(
-    ...     torque_nm=30.0, torque_rate_nm_s=4000.0, current_a=30.0, angle_min_rad=-0.2,
-    ...     angle_max_rad=1.9, velocity_rad_s=12.0, temperature_c=80.0, sensor_age_s=0.02,
-    ...     pulse_count=1000, pulse_duty=0.3, consecutive_overruns=5, fade_s=0.05,
-    ... )
-    >>> tightened(own, LimitsOverride(torque_nm=20.0)).torque_nm
-    20.0
-    """
+    """Return a device's limits with those that a protocol tightens."""
     given = override.model_dump(exclude_none=True)
     problems = [
         f"safety.{name}: {value:g} is looser than the device's own {getattr(limits, name):g}. "

@@ -22,15 +22,9 @@ _METHODS = {"kenward-roger": "Kenward-Roger", "satterthwaite": "Satterthwaite"}
 
 @dataclass(frozen=True, slots=True)
 class EffectTest:
-    """An F test.
+    """An F test."""
 
-    Parameters
-    ----------
-    F, df_num, df_den, p : float
-        Statistic, degrees of freedom and probability; F of Kenward and Roger is scaled.
-    """
-
-    F: float
+    F: float  # statistic, degrees of freedom and probability; F of Kenward and Roger is scaled
     df_num: float
     df_den: float
     p: float
@@ -38,63 +32,37 @@ class EffectTest:
 
 @dataclass(frozen=True, slots=True)
 class Variances:
-    """Variances of the random parts, in the unit of the response squared.
+    """Variances of the random parts, in the unit of the response squared."""
 
-    Parameters
-    ----------
-    participant, residual : float
-        Between participants, and of the rows.
-    cell : float or None
-        Of a participant's cells about participant and level; None without replicates.
-    """
-
-    participant: float
+    participant: float  # between participants, and of the rows
     residual: float
+    # of a participant's cells about participant and level; None without replicates
     cell: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatedMeasuresTest:
-    """The analysis of variance of a complete table; exact under sphericity.
+    """The analysis of variance of a complete table; exact under sphericity."""
 
-    Parameters
-    ----------
-    F, df_num, df_den, p : float
-        The F test.
-    epsilon, p_epsilon : float
-        Greenhouse and Geisser's epsilon, and the probability with it.
-    """
-
-    F: float
+    F: float  # the F test
     df_num: float
     df_den: float
     p: float
-    epsilon: float
+    epsilon: float  # greenhouse and Geisser's epsilon, and the probability with it
     p_epsilon: float
 
 
 @dataclass(frozen=True, slots=True)
 class RandomEffectTest:
-    """The test that a variance is above 0.
+    """The test that a variance is above 0."""
 
-    Parameters
-    ----------
-    effect : str
-        ``participant`` or ``cell``.
-    likelihood_ratio : float
-        Of restricted likelihoods, -2 log.
-    p_chi2, p_mixture : float
-        By chi-squared with 1 degree of freedom (cautious: 0 is at the bound), and by the
-        50:50 mixture with a point at 0.
-    F, df_num, df_den, p : float or None
-        The exact F test; None where there is none.
-    """
-
-    effect: str
-    likelihood_ratio: float
+    effect: str  # ``participant`` or ``cell``
+    likelihood_ratio: float  # of restricted likelihoods, -2 log
+    # by chi-squared with 1 degree of freedom (cautious: 0 is at the bound), and by the 50:50
+    # mixture with a point at 0
     p_chi2: float
     p_mixture: float
-    F: float | None = None
+    F: float | None = None  # the exact F test; None where there is none
     df_num: float | None = None
     df_den: float | None = None
     p: float | None = None
@@ -102,75 +70,42 @@ class RandomEffectTest:
 
 @dataclass(frozen=True, slots=True)
 class IntraclassCorrelation:
-    """The share of participants in the variance of one value of a cell.
+    """The share of participants in the variance of one value of a cell."""
 
-    Parameters
-    ----------
-    value : float
-        From the REML variances, 0..1.
-    ci_low, ci_high : float
-        Interval from the F distribution.
-    exact : bool
-        False where cells have different numbers of replicates.
-    """
-
-    value: float
-    ci_low: float
+    value: float  # from the REML variances, 0..1
+    ci_low: float  # interval from the F distribution
     ci_high: float
-    exact: bool
+    exact: bool  # false where cells have different numbers of replicates
 
 
 @dataclass(frozen=True, slots=True)
 class LevelMean:
-    """The estimated mean of a level over participants.
-
-    Parameters
-    ----------
-    level : str
-        Which.
-    mean, se, df, ci_low, ci_high : float
-        Estimate and interval, by the model.
-    n_participants : int
-        With a value at the level.
-    """
+    """The estimated mean of a level over participants."""
 
     level: str
-    mean: float
+    mean: float  # estimate and interval, by the model
     se: float
     df: float
     ci_low: float
     ci_high: float
-    n_participants: int
+    n_participants: int  # with a value at the level
 
 
 @dataclass(frozen=True, slots=True)
 class LevelPair:
-    """Two levels compared, not adjusted.
+    """Two levels compared, not adjusted."""
 
-    Parameters
-    ----------
-    first, second : str
-        The levels.
-    error : str
-        ``pooled``: the model's error; ``paired``: a paired t test of these two levels alone.
-    difference : float or None
-        First minus second; by the model, or over complete pairs.
-    se, df, t, p : float or None
-        Standard error and t test. None where the differences do not vary or there are fewer
-        than two.
-    n_participants : int
-        With a value at both levels.
-    """
-
-    first: str
+    first: str  # the levels
     second: str
+    # ``pooled``: the model's error; ``paired``: a paired t test of these two levels alone
     error: str
-    difference: float | None
+    difference: float | None  # first minus second; by the model, or over complete pairs
+    # standard error and t test. None where the differences do not vary or there are fewer than two
     se: float | None
     df: float | None
     t: float | None
     p: float | None
-    n_participants: int
+    n_participants: int  # with a value at both levels
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,45 +25,23 @@ SCHEMA = "jointz.PairedRunsFit/1"
 
 @dataclass(frozen=True, slots=True)
 class PairedPulse:
-    """One pulse by itself, by least squares without bounds (2.2.3).
+    """One pulse by itself, by least squares without bounds (2.2.3)."""
 
-    Parameters
-    ----------
-    pair : int
-        Which pair of runs, from 1.
-    onset_s : float, s
-        On the clock of the perturbed run.
-    sign : int
-        +1 or -1, of its torque.
-    stiffness, damping, inertia : float
-        N*m/rad, N*m*s/rad, kg*m^2.
-    vaf_pct : float
-        Variance of the torque accounted for (2.7), %.
-    """
-
-    pair: int
-    onset_s: float
-    sign: int
-    stiffness: float
+    pair: int  # which pair of runs, from 1
+    onset_s: float  # s: on the clock of the perturbed run
+    sign: int  # +1 or -1, of its torque
+    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
     damping: float
     inertia: float
-    vaf_pct: float
+    vaf_pct: float  # variance of the torque accounted for (2.7), %
 
 
 @dataclass(frozen=True, slots=True)
 class MeanResponse:
-    """Response to a positive pulse: the mean, negative ones turned.
+    """Response to a positive pulse: the mean, negative ones turned."""
 
-    Parameters
-    ----------
-    time_s : tuple of float
-        From the onset.
-    measured, modelled : tuple of float
-        Torque, perturbed less unperturbed, and the model's, N*m.
-    """
-
-    time_s: tuple[float, ...] = ()
-    measured: tuple[float, ...] = ()
+    time_s: tuple[float, ...] = ()  # from the onset
+    measured: tuple[float, ...] = ()  # torque, perturbed less unperturbed, and the model's, N*m
     modelled: tuple[float, ...] = ()
 
 

@@ -9,41 +9,24 @@ from jointz.core.person_estimates import row_label
 
 @dataclass(frozen=True, slots=True)
 class ParticipantModel:
-    """Which hypotheses the responses of a participant speak for.
+    """Which hypotheses the responses of a participant speak for."""
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    lag_s, lag_sd_s : float, s
-        Of the angle behind the torque: delay and first-order lag together.
-    friction_gain, friction_gain_sd : float
-        True over stated friction of the actuator; the prior's where torque was measured.
-    resonance_probability : float
-        That soft tissue resonates between joint and sensor, against a mere lag.
-    constant_inertia_probability : float
-        That one inertia serves all timing points, against one of each.
-    curve_probability : float
-        That stiffness and damping change inside the window along the curve through the points.
-    n_strides : int
-        Unperturbed strides that the prediction was learned from; fewest of the points.
-    doubts : tuple of str
-        Codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint.
-    session, side : str
-        Of the perturbed recordings; "" where the study does not state them.
-    """
-
-    participant: str
-    lag_s: float
-    lag_sd_s: float
+    participant: str  # the id
+    lag_s: float  # s: of the angle behind the torque: delay and first-order lag together
+    lag_sd_s: float  # s
+    # true over stated friction of the actuator; the prior's where torque was measured
     friction_gain: float
     friction_gain_sd: float
+    # that soft tissue resonates between joint and sensor, against a mere lag
     resonance_probability: float
+    # that one inertia serves all timing points, against one of each
     constant_inertia_probability: float
+    # that stiffness and damping change inside the window along the curve through the points
     curve_probability: float
-    n_strides: int
+    n_strides: int  # unperturbed strides that the prediction was learned from; fewest of the points
+    # codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint
     doubts: tuple[str, ...] = ()
-    session: str = ""
+    session: str = ""  # of the perturbed recordings; "" where the study does not state them
     side: str = ""
 
     @property
@@ -57,11 +40,5 @@ class ParticipantModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "ParticipantModel":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What it returned.
-        """
+        """Rebuild from :meth:`to_dict`."""
         return cls(**{**data, "doubts": tuple(data.get("doubts", ()))})

@@ -13,31 +13,13 @@ if TYPE_CHECKING:
 
 
 def row_label(participant: str, session: str = "", side: str = "") -> str:
-    """Return what tables and figures call a participant's session and side.
-
-    Parameters
-    ----------
-    participant, session, side : str
-        "" for what the study does not state.
-
-    Examples
-    --------
-    >>> row_label("S01"), row_label("S01", "day 2", "left")
-    ('S01', 'S01, day 2, left')
-    """
+    """Return what tables and figures call a participant's session and side."""
     return ", ".join(filter(None, (participant, session, side)))
 
 
 def person_cells(cells: Sequence["CellEstimate"]) -> tuple["CellEstimate", ...]:
     """Return one cell a participant, timing point and method: sessions and sides averaged.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        One a participant, session, side and timing point; one that is alone stays as it is.
-
-    Notes
-    -----
     All sessions and sides count alike. Their errors are taken to be fully shared, since they have
     instruments, prior and model in common: variances are averaged, which is cautious. Of the
     recommended method undecided cells count by their unbounded value, and the average is undecided

@@ -22,56 +22,28 @@ MEAN = "mean over people"
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """An estimate that a curve goes by.
+    """An estimate that a curve goes by."""
 
-    Parameters
-    ----------
-    timing_point : str
-        The timing point, or the group of measured phases.
-    gait_pct : float
-        Where the response tells of the stiffness on average, % of the gait cycle.
-    value, ci_low, ci_high : float
-        Estimate without bounds and its interval, SI.
-    decided : bool
-        Whether it stands by itself; a curve uses undecided ones too, with their errors.
-    """
-
-    timing_point: str
-    gait_pct: float
-    value: float
+    timing_point: str  # the timing point, or the group of measured phases
+    gait_pct: float  # where the response tells of the stiffness on average, % of the gait cycle
+    value: float  # estimate without bounds and its interval, SI
     ci_low: float
     ci_high: float
-    decided: bool
+    decided: bool  # whether it stands by itself; a curve uses undecided ones too, with their errors
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterBand:
-    """One parameter of one person, or of the mean over people, over the cycle.
+    """One parameter of one person, or of the mean over people, over the cycle."""
 
-    Parameters
-    ----------
-    participant : str
-        The id, or ``mean over people``.
-    parameter : str
-        Such as ``stiffness``.
-    value, ci_low, ci_high : tuple of float
-        Median of the curve and pointwise interval at each phase, SI.
-    scale : str
-        ``logarithmic`` or ``linear``: in which the curve is smooth.
-    length_pct : float
-        Over which part of the cycle the curve stays alike: posterior median, %.
-    points : tuple of CurvePoint
-        The estimates it was made from.
-    """
-
-    participant: str
-    parameter: str
-    value: tuple[float, ...]
+    participant: str  # the id, or ``mean over people``
+    parameter: str  # such as ``stiffness``
+    value: tuple[float, ...]  # median of the curve and pointwise interval at each phase, SI
     ci_low: tuple[float, ...]
     ci_high: tuple[float, ...]
-    scale: str
-    length_pct: float
-    points: tuple[CurvePoint, ...]
+    scale: str  # ``logarithmic`` or ``linear``: in which the curve is smooth
+    length_pct: float  # over which part of the cycle the curve stays alike: posterior median, %
+    points: tuple[CurvePoint, ...]  # the estimates it was made from
 
     @property
     def unit(self) -> str:

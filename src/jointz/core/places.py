@@ -5,13 +5,7 @@ from pathlib import Path
 
 
 def seen_from(place: Path, folder: Path) -> str:
-    """Return where a file or folder is as seen from a folder; from the root where no way leads.
-
-    Parameters
-    ----------
-    place, folder : pathlib.Path
-        What is looked for, and from where.
-    """
+    """Return where a file or folder is as seen from a folder; from the root where no way leads."""
     try:
         return Path(os.path.relpath(place.resolve(), folder.resolve())).as_posix()
     except ValueError:  # on another drive

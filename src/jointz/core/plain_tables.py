@@ -14,15 +14,7 @@ Kind = Literal["text", "number", "count"]
 def typed_table(
     rows: Iterable[Mapping[Any, Any]] | pd.DataFrame, kinds: Mapping[str, Kind]
 ) -> pd.DataFrame:
-    """Return rows as a table whose columns have their kind even where it is empty.
-
-    Parameters
-    ----------
-    rows : iterable of mapping, or pandas.DataFrame
-        The rows; what they have not is empty.
-    kinds : mapping of str to str
-        Column -> kind, in their order.
-    """
+    """Return rows as a table whose columns have their kind even where it is empty."""
     given = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows))
     columns = {name: _typed(given.get(name), kind, given.index) for name, kind in kinds.items()}
     return pd.DataFrame(columns, index=given.index).reset_index(drop=True)
@@ -41,11 +33,6 @@ def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
 
     JSON has no infinite number: such a one is the text ``inf`` or ``-inf``, which
     :func:`typed_table` reads as the number again.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        The table.
     """
     rows = table.astype(object).where(table.notna(), None).to_dict("records")
     return [{str(name): _plain(value) for name, value in row.items()} for row in rows]

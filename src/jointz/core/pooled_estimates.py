@@ -16,21 +16,13 @@ _WHOLE = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
 
 @dataclass(frozen=True, slots=True)
 class UnboundedEstimate:
-    """An estimate without bounds, whether or not its cell was decided.
+    """An estimate without bounds, whether or not its cell was decided."""
 
-    Parameters
-    ----------
-    value : float
-        The estimate, SI.
-    noise_sd : float
-        Of errors that are another one at every timing point: they average out between them.
-    systematic_sd : float
-        Of errors that timing points share or that are alike at neighbouring ones: lag, gains,
-        friction, what K and B do inside the window, the model.
-    """
-
-    value: float
+    value: float  # the estimate, SI
+    # of errors that are another one at every timing point: they average out between them
     noise_sd: float
+    # of errors that timing points share or that are alike at neighbouring ones: lag, gains,
+    # friction, what K and B do inside the window, the model
     systematic_sd: float
 
     @property
@@ -40,33 +32,13 @@ class UnboundedEstimate:
 
 
 def has_budget(cell: CellEstimate) -> bool:
-    """Tell whether a cell says where its uncertainty comes from.
-
-    Parameters
-    ----------
-    cell : CellEstimate
-        Of any method; only the recommended one's have a budget.
-    """
+    """Tell whether a cell says where its uncertainty comes from."""
     return bool(cell.budget)
 
 
 def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
     """Return what the data alone say of a parameter: the priors of K, B and J taken out.
 
-    Parameters
-    ----------
-    cell : CellEstimate
-        Of the recommended method.
-    name : str
-        ``stiffness``, ``damping``, ``inertia`` or a value per kg.
-
-    Returns
-    -------
-    UnboundedEstimate or None
-        As :func:`unbounded_estimate`; None of a parameter that failed, too.
-
-    Notes
-    -----
     A mean over people must not count the prior once per person: where data decide nothing, all
     estimates are the prior's mean, and agree.
     """
@@ -84,20 +56,6 @@ def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate 
 def unbounded_estimate(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
     """Return a parameter with its standard errors, undecided ones included.
 
-    Parameters
-    ----------
-    cell : CellEstimate
-        Of the recommended method.
-    name : str
-        ``stiffness``, ``damping``, ``inertia`` or a value per kg.
-
-    Returns
-    -------
-    UnboundedEstimate or None
-        None where the cell failed, or its method tells no errors.
-
-    Notes
-    -----
     An undecided cell holds information: leaving it out, or putting 0 for it, would bias a mean
     over people towards those whose data decide.
     """

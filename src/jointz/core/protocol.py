@@ -74,14 +74,7 @@ class RatesSpec(CheckedModel):
 
 
 class PulseSpec(CheckedModel):
-    """A trapezoid of torque: ramp up, hold, ramp down.
-
-    Examples
-    --------
-    >>> PulseSpec(amplitude_nm=7.0, duration_s=0.25, ramp_up_s=0.075, hold_s=0.1,
-    ...           ramp_down_s=0.075).direction
-    'positive'
-    """
+    """A trapezoid of torque: ramp up, hold, ramp down."""
 
     amplitude_nm: Positive
     duration_s: Positive
@@ -127,18 +120,7 @@ class PerturbationPlan(CheckedModel):
         return *points, self._gaps, self._counts, self._shams
 
     def shams(self, pulses: int) -> int:
-        """Return how many shams come on top of a number of pulses.
-
-        Parameters
-        ----------
-        pulses : int
-            That are felt.
-
-        Examples
-        --------
-        >>> PerturbationPlan(count=20, pause_s=2.0, sham_share=0.2).shams(20)
-        5
-        """
+        """Return how many shams come on top of a number of pulses."""
         return round(self.sham_share / (1.0 - self.sham_share) * pulses)
 
     @property

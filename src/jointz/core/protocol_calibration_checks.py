@@ -13,20 +13,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StepRules:
-    """What a step of a calibration is made of.
+    """What a step of a calibration is made of."""
 
-    Parameters
-    ----------
-    conditions : tuple of str
-        Names that its conditions must have, each once: the analysis tells them apart by these.
-    torque : {"none", "pulses", "torque_nm"}
-        What the actuator does: nothing, pulses of both signs, a reference.
-    loads : mapping of str to tuple of str
-        Condition -> keys that its known load must give.
-    """
-
+    # names that its conditions must have, each once: the analysis tells them apart by these
     conditions: tuple[str, ...]
+    # what the actuator does: nothing, pulses of both signs, a reference
     torque: Literal["none", "pulses", "torque_nm"]
+    # condition -> keys that its known load must give
     loads: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 

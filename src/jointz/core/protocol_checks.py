@@ -20,26 +20,12 @@ ROUNDING_S = 1e-9
 
 
 def assumed_stride_s(protocol: "Protocol") -> float:
-    """Return the duration of a stride where nobody has walked yet, s.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Of walking.
-    """
+    """Return the duration of a stride where nobody has walked yet, s."""
     return ASSUMED_STRIDE_S if protocol.gait is None else protocol.gait.assumed_stride_s
 
 
 def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
-    """Return how long a condition takes with all its trials, s.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Whose pulse it is.
-    condition : ConditionSpec
-        One of its conditions.
-    """
+    """Return how long a condition takes with all its trials, s."""
     plan = condition.perturbations
     if protocol.kind == "walking":
         if plan is None or plan.gap_strides is None:
@@ -50,15 +36,7 @@ def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> flo
 
 
 def trial_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
-    """Return the duration of one trial on a bench, s.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Whose pulse it is.
-    condition : ConditionSpec
-        One of its conditions; where it gives no duration its references and pulses do.
-    """
+    """Return the duration of one trial on a bench, s."""
     if condition.duration_s is not None:
         return condition.duration_s
     cycles = [r.cycle_s or 0.0 for r in condition.references.values() if r.runs_out]

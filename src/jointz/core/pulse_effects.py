@@ -47,85 +47,50 @@ _MEANING = {
 
 @dataclass(frozen=True, slots=True)
 class PulseTest:
-    """One test of one effect on one parameter, in one case and trajectory.
+    """One test of one effect on one parameter, in one case and trajectory."""
 
-    Parameters
-    ----------
-    case, trajectory : str
-        The load and the reference.
-    response : str
-        ``stiffness`` or ``inertia``.
-    effect : str
-        ``type`` (sign of the pulse), ``direction`` (with or against the trajectory),
-        ``type:direction``, or ``joint``: any of them, where they cannot be told apart.
-    analysis : str
-        ``one_way``: as printed, pulses taken as independent; ``mixed``: trial as a random
-        factor.
-    statistic, df_num, df_den, p : float or None
-        The F test; None where undecided. An infinite F is given as None beside p = 0.
-    p_holm : float or None
-        Adjusted over the family of the analysis, see :class:`PulseEffects`.
-    difference, ci_low, ci_high : float or None
-        Positive minus negative, with minus against; N*m/rad or kg*m^2. None for effects
-        that are not one difference. The interval is of the mixed model, at
-        ``1 - PulseEffects.alpha``.
-    n_pulses, n_trials : int
-        What entered.
-    status : str
-        ``ok`` or ``undecided``.
-    code : str
-        Why undecided, see :class:`Undecided`; empty where ``ok``.
-    """
-
-    case: str
+    case: str  # the load and the reference
     trajectory: str
-    response: str
+    response: str  # ``stiffness`` or ``inertia``
+    # ``type`` (sign of the pulse), ``direction`` (with or against the trajectory),
+    # ``type:direction``, or ``joint``: any of them, where they cannot be told apart
     effect: str
+    # ``one_way``: as printed, pulses taken as independent; ``mixed``: trial as a random factor
     analysis: str
+    # the F test; None where undecided. An infinite F is given as None beside p = 0
     statistic: float | None
     df_num: float | None
     df_den: float | None
     p: float | None
-    p_holm: float | None
+    p_holm: float | None  # adjusted over the family of the analysis, see :class:`PulseEffects`
+    # positive minus negative, with minus against; N*m/rad or kg*m^2. None for effects that are not
+    # one difference. The interval is of the mixed model, at ``1 - PulseEffects.alpha``
     difference: float | None
     ci_low: float | None
     ci_high: float | None
-    n_pulses: int
+    n_pulses: int  # what entered
     n_trials: int
-    status: str = "ok"
-    code: str = ""
+    status: str = "ok"  # ``ok`` or ``undecided``
+    code: str = ""  # why undecided, see :class:`Undecided`; empty where ``ok``
 
 
 @dataclass(frozen=True, slots=True)
 class PulseMeans:
-    """Means of one parameter in one case and trajectory.
+    """Means of one parameter in one case and trajectory."""
 
-    Parameters
-    ----------
-    case, trajectory, response : str
-        As in :class:`PulseTest`.
-    positive, negative, along, against : float or None
-        Mean over the pulses of that type or direction; None where there is none.
-    n_used, n_excluded : int
-        Pulses; those without a finite estimate, a sign or a direction are excluded.
-    trial_sd, residual_sd : float or None
-        Between and inside trials, of the mixed model.
-    confounding : float or None
-        Correlation of type and direction over the pulses, -1..1; None where one of them
-        does not vary.
-    """
-
-    case: str
+    case: str  # as in :class:`PulseTest`
     trajectory: str
     response: str
+    # mean over the pulses of that type or direction; None where there is none
     positive: float | None
     negative: float | None
     along: float | None
     against: float | None
-    n_used: int
+    n_used: int  # pulses; those without a finite estimate, a sign or a direction are excluded
     n_excluded: int
-    trial_sd: float | None
+    trial_sd: float | None  # between and inside trials, of the mixed model
     residual_sd: float | None
+    # correlation of type and direction over the pulses, -1..1; None where one of them does not vary
     confounding: float | None
 
 
@@ -332,13 +297,7 @@ class PulseEffects:
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a plain float, None for one that JSON cannot hold.
-
-    Parameters
-    ----------
-    value : float
-        Any.
-    """
+    """Return a plain float, None for one that JSON cannot hold."""
     return float(value) if isfinite(value) else None
 
 

@@ -49,44 +49,24 @@ _MEANING = {
 
 @dataclass(frozen=True, slots=True)
 class QuasiStiffnessEstimate:
-    """One quasi-stiffness at one timing point.
+    """One quasi-stiffness at one timing point."""
 
-    Parameters
-    ----------
-    timing_point : str
-        Such as ``LRE``.
-    onset_gait_pct : float
-        The timing point, % of the gait cycle.
-    measure : str
-        One of :data:`MEASURES`.
-    value : float or None
-        Moment over angle; None where there is none.
-    start_gait_pct, end_gait_pct : float
-        What entered, % of the gait cycle; equal for the secant.
-    r_squared : float or None
-        Share of the moment's variance on the line; None for the secant, and where the
-        moment does not vary.
-    angle_range_rad : float or None
-        Range of the angle that the line was drawn over; None for the secant.
-    backtrack : float or None
-        Share of the angle's travel that goes back, 0 (monotone) to 0.5; None for the secant.
-    status : str
-        ``ok``, ``ill_conditioned`` (a value with doubts) or ``undecided`` (no value).
-    doubts : tuple of str
-        See :class:`Doubt`.
-    """
-
-    timing_point: str
-    onset_gait_pct: float
-    measure: str
-    value: float | None
-    start_gait_pct: float
+    timing_point: str  # such as ``LRE``
+    onset_gait_pct: float  # the timing point, % of the gait cycle
+    measure: str  # one of :data:`MEASURES`
+    value: float | None  # moment over angle; None where there is none
+    start_gait_pct: float  # what entered, % of the gait cycle; equal for the secant
     end_gait_pct: float
+    # share of the moment's variance on the line; None for the secant, and where the moment does not
+    # vary
     r_squared: float | None
+    # range of the angle that the line was drawn over; None for the secant
     angle_range_rad: float | None
+    # share of the angle's travel that goes back, 0 (monotone) to 0.5; None for the secant
     backtrack: float | None
+    # ``ok``, ``ill_conditioned`` (a value with doubts) or ``undecided`` (no value)
     status: str = "ok"
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  # see :class:`Doubt`
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,22 +232,12 @@ class QuasiStiffness:
 
 @dataclass(frozen=True, slots=True)
 class ComparedPoint:
-    """Quasi-stiffness and stiffness at one timing point.
+    """Quasi-stiffness and stiffness at one timing point."""
 
-    Parameters
-    ----------
-    timing_point : str
-        Such as ``LRE``.
-    quasi_stiffness, stiffness : float
-        In the unit of the comparison.
-    difference_pct : float or None
-        100 (Q - K) / K, as published; None where K is 0.
-    """
-
-    timing_point: str
-    quasi_stiffness: float
+    timing_point: str  # such as ``LRE``
+    quasi_stiffness: float  # in the unit of the comparison
     stiffness: float
-    difference_pct: float | None
+    difference_pct: float | None  # 100 (Q - K) / K, as published; None where K is 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,25 +22,13 @@ JOINT_SCHEMA: Final = "jointz.JointRandomEffects/1"
 
 @dataclass(frozen=True, slots=True)
 class StudyMean:
-    """The mean over the people of a study.
+    """The mean over the people of a study."""
 
-    Parameters
-    ----------
-    study : str
-        As tables and figures call it.
-    value, se : float
-        Mean and its standard error, SI.
-    n_people : int
-        People it is of.
-    ci_level : float
-        Of its own interval.
-    """
-
-    study: str
-    value: float
+    study: str  # as tables and figures call it
+    value: float  # mean and its standard error, SI
     se: float
-    n_people: int
-    ci_level: float = 0.95
+    n_people: int  # people it is of
+    ci_level: float = 0.95  # of its own interval
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -51,25 +39,13 @@ class StudyMean:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RandomEffects:
-    """One parameter over studies.
-
-    Parameters
-    ----------
-    parameter, unit : str
-        Of what.
-    studies : tuple of StudyMean
-        What was pooled.
-    fit : jointz.kernels.random_effects.RandomEffectsFit
-        Mean, intervals, spread between studies, weights.
-    ci_level : float
-        Of all intervals.
-    """
+    """One parameter over studies."""
 
     parameter: str
     unit: str
-    studies: tuple[StudyMean, ...]
-    fit: RandomEffectsFit
-    ci_level: float = 0.95
+    studies: tuple[StudyMean, ...]  # what was pooled
+    fit: RandomEffectsFit  # mean, intervals, spread between studies, weights
+    ci_level: float = 0.95  # of all intervals
 
     def __eq__(self, other: object) -> bool:
         # Arrays have no single truth; their plain values do.
@@ -103,18 +79,7 @@ class RandomEffects:
         )
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw a forest plot: the studies, their mean below them.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw a forest plot: the studies, their mean below them."""
         f = self.fit
         mean = {"value": f.mean, "ci_low": f.low, "ci_high": f.high}
         mean |= {"prediction_low": f.prediction_low, "prediction_high": f.prediction_high}
@@ -135,18 +100,7 @@ class RandomEffects:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "RandomEffects":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         values = checked_values(data, SCHEMA)
         values["studies"] = tuple(StudyMean(**s) for s in values["studies"])
         values["fit"] = RandomEffectsFit(**_arrays(values["fit"]))
@@ -155,28 +109,14 @@ class RandomEffects:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRandomEffects:
-    """Several parameters over studies, their errors and their spread going together.
+    """Several parameters over studies, their errors and their spread going together."""
 
-    Parameters
-    ----------
-    parameters, units : tuple of str
-        Of what, in the order of all arrays.
-    studies : tuple of str
-        What was pooled.
-    values : (k, p) float
-        Means over people; NaN where a study has none.
-    fit : jointz.kernels.random_effects.MultivariateFit
-        Means, intervals, covariance between studies.
-    ci_level : float
-        Of all intervals.
-    """
-
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # of what, in the order of all arrays
     units: tuple[str, ...]
-    studies: tuple[str, ...]
-    values: np.ndarray
-    fit: MultivariateFit
-    ci_level: float = 0.95
+    studies: tuple[str, ...]  # what was pooled
+    values: np.ndarray  # means over people; NaN where a study has none
+    fit: MultivariateFit  # means, intervals, covariance between studies
+    ci_level: float = 0.95  # of all intervals
 
     def __eq__(self, other: object) -> bool:
         # Arrays have no single truth; their plain values do.
@@ -213,18 +153,7 @@ class JointRandomEffects:
         return "\n".join(lines)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw every parameter as a share of its mean, with its intervals.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw every parameter as a share of its mean, with its intervals."""
         import matplotlib.pyplot as plt
 
         axes = ax if ax is not None else plt.subplots(figsize=(6.0, 3.0), layout="constrained")[1]
@@ -253,18 +182,7 @@ class JointRandomEffects:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "JointRandomEffects":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         values = checked_values(data, JOINT_SCHEMA)
         for name in ("parameters", "units", "studies"):
             values[name] = tuple(values[name])
@@ -276,17 +194,7 @@ class JointRandomEffects:
 def draw_forest(
     studies: Sequence[Mapping[Any, Any]], mean: Mapping[Any, Any], ax: "Axes | None" = None
 ) -> "Axes":
-    """Draw a forest plot: the studies, their mean below them.
-
-    Parameters
-    ----------
-    studies : sequence of mapping
-        ``study, value, ci_low, ci_high, n_people, weight_pct`` of each.
-    mean : mapping
-        ``value, ci_low, ci_high, prediction_low, prediction_high``.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure by default.
-    """
+    """Draw a forest plot: the studies, their mean below them."""
     import matplotlib.pyplot as plt
 
     axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]

@@ -75,16 +75,7 @@ class SineTerm(CheckedModel):
 
 
 class SumOfSines(_Reference):
-    """``offset + sum of amplitude * sin(2 pi frequency_hz t)``.
-
-    Examples
-    --------
-    The fifth reference of 2.2.3 repeats after 5 s:
-
-    >>> terms = (SineTerm(amplitude=2.5, frequency_hz=1.4), SineTerm(amplitude=3, frequency_hz=2))
-    >>> SumOfSines(kind="sum_of_sines", terms=terms, offset=40.0).cycle_s
-    5.0
-    """
+    """``offset + sum of amplitude * sin(2 pi frequency_hz t)``."""
 
     kind: Literal["sum_of_sines"]
     terms: tuple[SineTerm, ...] = Field(min_length=1, strict=False)

@@ -28,18 +28,10 @@ _INTRINSIC = "0.55"
 
 @dataclass(frozen=True, slots=True)
 class ReflexSeries:
-    """A readable stretch of the record beside both paths, slow torque removed.
+    """A readable stretch of the record beside both paths, slow torque removed."""
 
-    Parameters
-    ----------
-    time_s : tuple of float
-        Time of the record.
-    measured, modelled, intrinsic, reflex : tuple of float
-        Torque, N*m; ``modelled`` is the sum of the paths.
-    """
-
-    time_s: tuple[float, ...] = ()
-    measured: tuple[float, ...] = ()
+    time_s: tuple[float, ...] = ()  # time of the record
+    measured: tuple[float, ...] = ()  # torque, N*m; ``modelled`` is the sum of the paths
     modelled: tuple[float, ...] = ()
     intrinsic: tuple[float, ...] = ()
     reflex: tuple[float, ...] = ()
@@ -47,25 +39,13 @@ class ReflexSeries:
 
 @dataclass(frozen=True, slots=True)
 class ReflexPath:
-    """The shape of the reflex path; numbers are None where no reflex was found.
+    """The shape of the reflex path; numbers are None where no reflex was found."""
 
-    Parameters
-    ----------
-    stretch : str
-        Direction of the angle that stretches: ``positive``, ``negative`` or ``""``.
-    threshold_rad_s : float or None
-        Velocity above which the path answers.
-    frequency_hz, damping_ratio : float or None
-        Of its second-order low-pass.
-    p_value : float
-        That records without a reflex answer as much.
-    """
-
-    stretch: str = ""
-    threshold_rad_s: float | None = None
-    frequency_hz: float | None = None
+    stretch: str = ""  # direction of the angle that stretches: ``positive``, ``negative`` or ``""``
+    threshold_rad_s: float | None = None  # velocity above which the path answers
+    frequency_hz: float | None = None  # of its second-order low-pass
     damping_ratio: float | None = None
-    p_value: float = 1.0
+    p_value: float = 1.0  # that records without a reflex answer as much
 
 
 @dataclass(frozen=True, slots=True)

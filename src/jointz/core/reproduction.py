@@ -24,44 +24,17 @@ _DASH = "-"
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """A chapter reproduced.
+    """A chapter reproduced."""
 
-    Parameters
-    ----------
-    chapter : int
-        Its number.
-    title : str
-        In short.
-    tables : tuple of ComparedTable, ClaimTable or ParticipantGrid
-        In the order of the page.
-    curves : mapping of str to mapping
-        What the figures draw, plain values.
-    notes : tuple of str
-        What a reader must know.
-    provenance : mapping
-        Versions, seed, settings.
-    """
-
-    chapter: int
-    title: str
-    tables: tuple[Table, ...]
-    curves: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    chapter: int  # its number
+    title: str  # in short
+    tables: tuple[Table, ...]  # ClaimTable or ParticipantGrid: in the order of the page
+    curves: Mapping[str, Any] = field(default_factory=dict)  # what the figures draw, plain values
+    notes: tuple[str, ...] = ()  # what a reader must know
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, seed, settings
 
     def table(self, name: str) -> Table:
-        """Return a table by name.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness_errors``.
-
-        Raises
-        ------
-        KeyError
-            When there is none.
-        """
+        """Return a table by name."""
         for table in self.tables:
             if table.name == name:
                 return table
@@ -88,18 +61,7 @@ class Reproduction:
         return "\n".join(lines)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw what is printed against what comes out, where units are percent.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
+        """Draw what is printed against what comes out, where units are percent."""
         import matplotlib.pyplot as plt
 
         axes = ax if ax is not None else plt.subplots(layout="constrained")[1]
@@ -128,18 +90,7 @@ class Reproduction:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Reproduction":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
+        """Rebuild from :meth:`to_dict`."""
         if data.get("schema") != SCHEMA:
             raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
         return cls(

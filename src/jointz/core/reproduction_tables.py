@@ -23,52 +23,29 @@ Verdict = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One quantity: as printed, by the dissertation's method, by the recommended one.
+    """One quantity: as printed, by the dissertation's method, by the recommended one."""
 
-    Parameters
-    ----------
-    quantity, unit : str
-        What is compared; the unit of all numbers, empty for a count.
-    printed, dissertation, recommended, truth : float or None
-        As printed; by the dissertation's method and by the recommended one on the simulated
-        bench; the simulation's truth. None where there is none.
-    printed_sd, dissertation_sd : float or None
-        What stands after the plus-minus sign.
-    recommended_low, recommended_high : float or None
-        95 % interval.
-    note : str
-        What a reader should know.
-    """
-
-    quantity: str
+    quantity: str  # what is compared; the unit of all numbers, empty for a count
     unit: str = ""
+    # as printed; by the dissertation's method and by the recommended one on the simulated bench;
+    # the simulation's truth. None where there is none
     printed: float | None = None
     dissertation: float | None = None
     recommended: float | None = None
     truth: float | None = None
-    printed_sd: float | None = None
+    printed_sd: float | None = None  # what stands after the plus-minus sign
     dissertation_sd: float | None = None
-    recommended_low: float | None = None
+    recommended_low: float | None = None  # 95 % interval
     recommended_high: float | None = None
-    note: str = ""
+    note: str = ""  # what a reader should know
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedTable:
-    """A table of a chapter.
+    """A table of a chapter."""
 
-    Parameters
-    ----------
-    name : str
-        For files: letters, digits and ``_``.
-    title, caption : str
-        Heading, and what stands below it.
-    rows : tuple of Compared
-        Its rows.
-    """
-
-    name: str
-    title: str
+    name: str  # for files: letters, digits and ``_``
+    title: str  # heading, and what stands below it
     caption: str
     rows: tuple[Compared, ...]
 
@@ -79,44 +56,23 @@ class ComparedTable:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One printed statement beside what comes out here.
+    """One printed statement beside what comes out here."""
 
-    Parameters
-    ----------
-    where : str
-        Table, section or figure of the dissertation.
-    claim : str
-        What the statement is about.
-    printed, ours : str
-        The statement, and what comes out, each with its unit; ``ours`` is empty where nothing
-        can be computed.
-    verdict : str
-        See :data:`Verdict`.
-    remark : str
-        What follows.
-    """
-
-    where: str
-    claim: str
+    where: str  # table, section or figure of the dissertation
+    claim: str  # what the statement is about
+    # the statement, and what comes out, each with its unit; ``ours`` is empty where nothing can be
+    # computed
     printed: str
     ours: str
-    verdict: Verdict
-    remark: str = ""
+    verdict: Verdict  # see :data:`Verdict`
+    remark: str = ""  # what follows
 
 
 @dataclass(frozen=True, slots=True)
 class ClaimTable:
-    """Printed statements with what became of them.
+    """Printed statements with what became of them."""
 
-    Parameters
-    ----------
-    name, title, caption : str
-        As of :class:`ComparedTable`.
-    rows : tuple of Claim
-        Its rows.
-    """
-
-    name: str
+    name: str  # as of :class:`ComparedTable`
     title: str
     caption: str
     rows: tuple[Claim, ...]
@@ -128,45 +84,25 @@ class ClaimTable:
 
 @dataclass(frozen=True, slots=True)
 class GridBlock:
-    """Values of all participants from one source.
+    """Values of all participants from one source."""
 
-    Parameters
-    ----------
-    label : str
-        The source, such as ``printed``.
-    cells : mapping of str to tuple of (float or None)
-        Timing point -> a value of every participant, None where undecided.
-    average : mapping of str to (float or None)
-        Timing point -> the mean over participants with a value; as printed where it is printed.
-    """
-
-    label: str
+    label: str  # the source, such as ``printed``
+    # timing point -> a value of every participant, None where undecided
     cells: Mapping[str, tuple[float | None, ...]]
+    # timing point -> the mean over participants with a value; as printed where it is printed
     average: Mapping[str, float | None]
 
 
 @dataclass(frozen=True, slots=True)
 class ParticipantGrid:
-    """Timing points by participants, as tables 4.1 to 4.4 are printed.
+    """Timing points by participants, as tables 4.1 to 4.4 are printed."""
 
-    Parameters
-    ----------
-    name, title, caption : str
-        As of :class:`ComparedTable`.
-    unit : str
-        Of all values.
-    participants : tuple of str
-        Heads of the columns.
-    blocks : tuple of GridBlock
-        One below the other.
-    """
-
-    name: str
+    name: str  # as of :class:`ComparedTable`
     title: str
     caption: str
-    unit: str
-    participants: tuple[str, ...]
-    blocks: tuple[GridBlock, ...]
+    unit: str  # of all values
+    participants: tuple[str, ...]  # heads of the columns
+    blocks: tuple[GridBlock, ...]  # one below the other
 
     def frame(self) -> pd.DataFrame:
         """Return one row a source and timing point, a column a participant, and the average."""
@@ -189,29 +125,12 @@ Table = ComparedTable | ClaimTable | ParticipantGrid
 
 
 def table_to_dict(table: Table) -> dict[str, Any]:
-    """Return a table as plain values, ready for JSON.
-
-    Parameters
-    ----------
-    table : Table
-        Of any kind.
-    """
+    """Return a table as plain values, ready for JSON."""
     return {"kind": type(table).__name__, **asdict(table)}
 
 
 def table_from_dict(data: Mapping[str, Any]) -> Table:
-    """Rebuild a table from :func:`table_to_dict`.
-
-    Parameters
-    ----------
-    data : mapping
-        What :func:`table_to_dict` returned.
-
-    Raises
-    ------
-    ValueError
-        When the kind is none of ours.
-    """
+    """Rebuild a table from :func:`table_to_dict`."""
     values = {name: value for name, value in data.items() if name != "kind"}
     kind = data.get("kind")
     if kind == "ComparedTable":

@@ -37,36 +37,22 @@ _COUNTS = _COLUMNS[4:-3]
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """What a run did, one row a participant, condition and timing point.
+    """What a run did, one row a participant, condition and timing point."""
 
-    Parameters
-    ----------
-    protocol : str
-        Its name.
-    seed : int
-        Of plan and simulation.
-    onsets : tuple of dict
-        ``participant, condition, timing_point, planned_pct, planned, completed,
-        missed, aborted, lost`` (completed, but the log lost them) and the error of the
-        onsets, broken-off pulses included, as the time since the heel strike over the duration
-        of the same stride: ``n, n_missing`` (outside accepted strides), ``error_mean_pct,
-        error_sd_pct`` and ``theory_sd_pct``, the SD that the variation of the strides alone
-        makes; all in % of the gait cycle.
-    gaps : tuple of dict
-        ``participant, condition, fewest, most, planned_fewest, planned_most``: strides
-        between pulses.
-    timing : tuple of dict
-        ``participant, condition, segment`` and the loop's timing.
-    salvaged : tuple of str
-        Sentences about damaged files, what they cost included.
-    """
-
-    protocol: str
-    seed: int
+    protocol: str  # its name
+    seed: int  # of plan and simulation
+    # ``participant, condition, timing_point, planned_pct, planned, completed, missed, aborted,
+    # lost`` (completed, but the log lost them) and the error of the onsets, broken-off pulses
+    # included, as the time since the heel strike over the duration of the same stride: ``n,
+    # n_missing`` (outside accepted strides), ``error_mean_pct, error_sd_pct`` and
+    # ``theory_sd_pct``, the SD that the variation of the strides alone makes; all in % of the gait
+    # cycle
     onsets: tuple[Mapping[str, Any], ...]
+    # ``participant, condition, fewest, most, planned_fewest, planned_most``: strides between pulses
     gaps: tuple[Mapping[str, Any], ...]
+    # ``participant, condition, segment`` and the loop's timing
     timing: tuple[Mapping[str, Any], ...]
-    salvaged: tuple[str, ...] = ()
+    salvaged: tuple[str, ...] = ()  # sentences about damaged files, what they cost included
 
     def to_frame(self) -> pd.DataFrame:
         """Return the onsets as a table, one row a participant, condition and timing point."""
@@ -95,14 +81,7 @@ class RunReport:
         return "\n".join([*lines, *self.salvaged])
 
     def pooled_onsets(self) -> pd.DataFrame:
-        """Return mean and SD of the onset error over the pulses of all participants.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Indexed by timing point: ``planned_pct``, the counts of ``onsets`` summed,
-            ``error_mean_pct, error_sd_pct`` and ``theory_sd_pct`` (root mean square).
-        """
+        """Return mean and SD of the onset error over the pulses of all participants."""
         table = self.to_frame()
         table = table[table["planned_pct"].notna()]  # on a bench nothing has a phase
         pooled = {}
@@ -121,13 +100,7 @@ class RunReport:
         return pd.DataFrame.from_dict(pooled, orient="index")
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the SD of the onsets beside the theory, by timing point.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure without it.
-        """
+        """Draw the SD of the onsets beside the theory, by timing point."""
         import matplotlib.pyplot as plt
 
         ax = ax if ax is not None else plt.subplots(layout="constrained")[1]
@@ -146,18 +119,7 @@ class RunReport:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "RunReport":
-        """Return the report that :meth:`to_dict` wrote.
-
-        Parameters
-        ----------
-        values : mapping
-            What it returned.
-
-        Raises
-        ------
-        ValueError
-            When it is of another schema.
-        """
+        """Return the report that :meth:`to_dict` wrote."""
         if values.get("schema") != SCHEMA:
             raise ValueError(
                 f"run report: expected schema {SCHEMA}, got {values.get('schema')!r}. "

@@ -7,24 +7,16 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class SecondOrderCheck:
-    """Tests of the residual of K, B, J for a stretch reflex and for further dynamics.
+    """Tests of the residual of K, B, J for a stretch reflex and for further dynamics."""
 
-    Parameters
-    ----------
-    finding : str
-        ``none``; ``reflex``: torque that follows rectified velocity after a latency;
-        ``higher_order``: linear dynamics of more than second order, a lag too;
-        ``not_tested``: the record is too short, or there is no fit.
-    reflex_p_value, higher_order_p_value : float or None
-        Of the two tests, each at the level 0.005.
-    lag_s : float or None
-        How much later than the angle the torque is, s, if a lag alone explains the finding
-        ``higher_order``.
-    """
-
+    # ``none``; ``reflex``: torque that follows rectified velocity after a latency;
+    # ``higher_order``: linear dynamics of more than second order, a lag too; ``not_tested``: the
+    # record is too short, or there is no fit
     finding: str = "not_tested"
-    reflex_p_value: float | None = None
+    reflex_p_value: float | None = None  # of the two tests, each at the level 0.005
     higher_order_p_value: float | None = None
+    # how much later than the angle the torque is, s, if a lag alone explains the finding
+    # ``higher_order``
     lag_s: float | None = None
 
     @property
@@ -50,13 +42,7 @@ class SecondOrderCheck:
         return "the residual was not tested for a stretch reflex or a higher order"
 
     def advice(self, model: str = "kbj") -> str:
-        """Return what a refuted second-order joint means and what to do.
-
-        Parameters
-        ----------
-        model : str
-            The model of the fit, which is not advised again.
-        """
+        """Return what a refuted second-order joint means and what to do."""
         if self.finding == "reflex":
             return (
                 "K, B and J of a second-order joint include reflex torque and are not intrinsic. "
@@ -91,11 +77,5 @@ class SecondOrderCheck:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "SecondOrderCheck":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-        """
+        """Rebuild from :meth:`to_dict`."""
         return cls(**data)

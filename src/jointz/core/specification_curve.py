@@ -25,37 +25,20 @@ _FAILED = "failed:"
 
 @dataclass(frozen=True, slots=True)
 class SpecificationEstimate:
-    """One parameter under one set of choices.
+    """One parameter under one set of choices."""
 
-    Parameters
-    ----------
-    timing_point, parameter : str
-        What was estimated.
-    method, baseline : str
-        How, and what was subtracted.
-    window_s : float, s
-        From the onset.
-    cutoff_hz : float or None
-        Of the low-pass filter; None for methods without one.
-    inertia_model : str
-        ``one`` for all timing points, ``free`` at each, or ``pooled``: the data decide.
-    value, ci_low, ci_high : float or None
-        The estimate and its interval, SI.
-    status : str
-        As in :class:`jointz.core.estimates.ParameterEstimate`.
-    """
-
-    timing_point: str
+    timing_point: str  # what was estimated
     parameter: str
-    method: str
+    method: str  # how, and what was subtracted
     baseline: str
-    window_s: float
-    cutoff_hz: float | None
+    window_s: float  # s: from the onset
+    cutoff_hz: float | None  # of the low-pass filter; None for methods without one
+    # ``one`` for all timing points, ``free`` at each, or ``pooled``: the data decide
     inertia_model: str
-    value: float | None
+    value: float | None  # the estimate and its interval, SI
     ci_low: float | None
     ci_high: float | None
-    status: str
+    status: str  # as in :class:`jointz.core.estimates.ParameterEstimate`
 
     @property
     def unit(self) -> str:

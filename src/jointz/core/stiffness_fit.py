@@ -29,18 +29,10 @@ _TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class LoopSeries:
-    """Torque over angle, thinned to what a figure can show, offsets removed.
+    """Torque over angle, thinned to what a figure can show, offsets removed."""
 
-    Parameters
-    ----------
-    angle : tuple of float
-        rad.
-    measured, modelled : tuple of float
-        Torque and what the fit makes of it, N*m.
-    """
-
-    angle: tuple[float, ...] = ()
-    measured: tuple[float, ...] = ()
+    angle: tuple[float, ...] = ()  # rad
+    measured: tuple[float, ...] = ()  # torque and what the fit makes of it, N*m
     modelled: tuple[float, ...] = ()
 
 

@@ -37,18 +37,7 @@ def _text(value: Any) -> Any:
 
 
 def name_problem(name: str) -> str:
-    """Return why a name may not stand in a table, "" where it may.
-
-    Parameters
-    ----------
-    name : str
-        Of a participant, session, timing point, file or the like.
-
-    Examples
-    --------
-    >>> name_problem("S01"), name_problem("=1+1")
-    ('', "must not begin with '=' (spreadsheets run it as a formula)")
-    """
+    """Return why a name may not stand in a table, "" where it may."""
     if _CONTROL.search(name):
         return "must not hold control characters"
     formula = _FORMULA.search(name)
@@ -345,24 +334,11 @@ class StudySpec(_Model):
         return self.kind == "walking" and all(r.condition == "no_device" for r in self.recordings)
 
     def participant(self, participant_id: str) -> ParticipantSpec:
-        """Return the participant with this id.
-
-        Parameters
-        ----------
-        participant_id : str
-            The id.
-        """
+        """Return the participant with this id."""
         return next(p for p in self.participants if p.id == participant_id)
 
     def calibration_of(self, recording: RecordingSpec) -> CalibrationSpec:
-        """Return what is known of the instruments in one recording.
-
-        Parameters
-        ----------
-        recording : RecordingSpec
-            The recording; its own entries stand over its participant's, and
-            these over the study's.
-        """
+        """Return what is known of the instruments in one recording."""
         person = self.participant(recording.participant)
         return self.calibration.overridden_by(person.calibration).overridden_by(
             recording.calibration
@@ -371,50 +347,24 @@ class StudySpec(_Model):
 
 @dataclass(frozen=True, slots=True)
 class UserExclusion:
-    """A line of the user's ``exclusions.csv``.
+    """A line of the user's ``exclusions.csv``."""
 
-    Parameters
-    ----------
-    participant, recording : str
-        Whose, and which file as the study names it.
-    onset_s : float, s
-        Onset of the pulse or heel strike of the stride.
-    action : str
-        ``exclude`` or ``restore``.
-    reason : str
-        The user's own words.
-    """
-
-    participant: str
+    participant: str  # whose, and which file as the study names it
     recording: str
-    onset_s: float
-    action: str
-    reason: str
+    onset_s: float  # s: onset of the pulse or heel strike of the stride
+    action: str  # ``exclude`` or ``restore``
+    reason: str  # the user's own words
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study that was opened and checked.
+    """A study that was opened and checked."""
 
-    Parameters
-    ----------
-    root : pathlib.Path
-        The folder of ``study.toml``.
-    spec : StudySpec
-        What it says.
-    sha256 : str
-        Hash of ``study.toml``.
-    units : mapping of str to tuple
-        Channel -> (SI unit, factor, offset): ``si = factor * value + offset``.
-    group_edges : tuple of float
-        Edges of the groups in SI, empty where there are none.
-    user_exclusions : tuple of UserExclusion
-        The user's own exclusions.
-    """
-
-    root: Path
-    spec: StudySpec
-    sha256: str
+    root: Path  # the folder of ``study.toml``
+    spec: StudySpec  # what it says
+    sha256: str  # hash of ``study.toml``
+    # channel -> (SI unit, factor, offset): ``si = factor * value + offset``
     units: Mapping[str, tuple[str, float, float]]
-    group_edges: tuple[float, ...] = ()
+    group_edges: tuple[float, ...] = ()  # edges of the groups in SI, empty where there are none
+    # the user's own exclusions
     user_exclusions: tuple[UserExclusion, ...] = field(default_factory=tuple)

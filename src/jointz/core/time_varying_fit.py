@@ -21,27 +21,14 @@ _UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
 @dataclass(frozen=True, slots=True)
 class ParameterCurve:
-    """One parameter over the gait cycle, an entry a phase.
+    """One parameter over the gait cycle, an entry a phase."""
 
-    Parameters
-    ----------
-    name : str
-        ``stiffness``, ``damping`` or ``inertia``.
-    value : tuple of float or None
-        Estimates, SI; None where there is none.
-    ci_low, ci_high : tuple of float or None
-        Pointwise intervals.
-    status : tuple of str
-        ``ok``, ``undecided`` or ``failed:CODE``.
-    raw : tuple of float or None
-        The estimate also where it is undecided: for inspection, not for use.
-    """
-
-    name: str
-    value: tuple[float | None, ...]
-    ci_low: tuple[float | None, ...]
+    name: str  # ``stiffness``, ``damping`` or ``inertia``
+    value: tuple[float | None, ...]  # estimates, SI; None where there is none
+    ci_low: tuple[float | None, ...]  # pointwise intervals
     ci_high: tuple[float | None, ...]
-    status: tuple[str, ...]
+    status: tuple[str, ...]  # ``ok``, ``undecided`` or ``failed:CODE``
+    # the estimate also where it is undecided: for inspection, not for use
     raw: tuple[float | None, ...]
 
     @property
@@ -57,22 +44,13 @@ class ParameterCurve:
 
 @dataclass(frozen=True, slots=True)
 class PhaseResponses:
-    """Impulse responses over the cycle.
+    """Impulse responses over the cycle."""
 
-    Parameters
-    ----------
-    lag_s : tuple of float
-        Lags; below zero the output comes before the input.
-    response, sd : tuple of tuple of float
-        A row a phase, rad/(N*m*s) or N*m/(rad*s); empty rows where there is none.
-    n_kept : tuple of int
-        Directions of the input that were inverted at each phase.
-    """
-
-    lag_s: tuple[float, ...] = ()
+    lag_s: tuple[float, ...] = ()  # lags; below zero the output comes before the input
+    # a row a phase, rad/(N*m*s) or N*m/(rad*s); empty rows where there is none
     response: tuple[tuple[float, ...], ...] = ()
     sd: tuple[tuple[float, ...], ...] = ()
-    n_kept: tuple[int, ...] = ()
+    n_kept: tuple[int, ...] = ()  # directions of the input that were inverted at each phase
 
 
 @dataclass(frozen=True, slots=True)

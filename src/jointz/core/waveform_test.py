@@ -19,28 +19,16 @@ _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-
 
 @dataclass(frozen=True, slots=True)
 class WaveformCluster:
-    """Neighbouring nodes where the curves differ, all in one direction.
+    """Neighbouring nodes where the curves differ, all in one direction."""
 
-    Parameters
-    ----------
-    start_node, end_node : float
-        Ends, counted from 0; between nodes where the line between them crosses the threshold.
-    extent_resels : float or None
-        Width over the field's; None of sign flips.
-    peak_node : int
-        Where t is farthest from zero.
-    peak_t : float
-        The t there; positive where the first curves are larger.
-    p : float
-        Two-tailed. Of random fields: of a cluster as wide anywhere on the curve. Of sign
-        flips: of a t as far from zero anywhere on it.
-    """
-
+    # ends, counted from 0; between nodes where the line between them crosses the threshold
     start_node: float
     end_node: float
-    extent_resels: float | None
-    peak_node: int
-    peak_t: float
+    extent_resels: float | None  # width over the field's; None of sign flips
+    peak_node: int  # where t is farthest from zero
+    peak_t: float  # the t there; positive where the first curves are larger
+    # two-tailed. Of random fields: of a cluster as wide anywhere on the curve. Of sign flips: of a
+    # t as far from zero anywhere on it
     p: float
 
     @property

@@ -56,22 +56,6 @@ class Ads1115Sensor(Lived):
     """One input of an ADS1115 as a sensor of an experiment; see the module for its timing.
 
     A value at the end of the range is NaN for an angle: what lies beyond is not known.
-
-    Parameters
-    ----------
-    spec : Ads1115Spec
-        Bus, address, input, gain and offset.
-    channel : str
-        What it measures: ``angle``, ``contact``, ...
-    clock : Clock
-        The host's; it stamps the samples.
-    repeat : callable
-        Runs the sampling.
-
-    Attributes
-    ----------
-    dropped : int
-        Samples that nobody read within two seconds, and readings that the bus did not give.
     """
 
     def __init__(
@@ -125,15 +109,7 @@ class Ads1115Sensor(Lived):
         )
 
     def configure(self) -> None:
-        """Connect and set the chip up; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the bus or the chip does not answer.
-        DeviceError
-            When smbus2 is not installed, or something else is at the address.
-        """
+        """Connect and set the chip up; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         library = _smbus2(self._name)
         wanted = self._config()
@@ -160,13 +136,7 @@ class Ads1115Sensor(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
+        """Begin to sample; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._queue.clear()
         self._failures = 0
@@ -189,15 +159,7 @@ class Ads1115Sensor(Lived):
         self._let_go_of_bus()
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the chip stopped to answer.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all samples queued since the last read, oldest first."""
         self._require(_ACTIVE)
         if self._failures >= self._most_failures:
             raise NotConnectedError(
@@ -235,13 +197,7 @@ class Ads1115Sensor(Lived):
         self._queue.append(SensorSample((before_ns + now_ns) // 2, now_ns, self._value(counts)))
 
     def _look_at_settings(self) -> None:
-        """See now and then that the chip still converts: without settings its value stands still.
-
-        Raises
-        ------
-        OSError
-            When it was restarted; also at every reading after that.
-        """
+        """Check now and then that the chip still converts."""
         self._until_look -= 1
         if self._until_look > 0:
             return

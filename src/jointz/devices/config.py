@@ -232,26 +232,7 @@ class DeviceFile(CheckedModel):
 
 
 def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> DeviceFile:
-    """Check what a ``device.toml`` says.
-
-    Parameters
-    ----------
-    raw : mapping
-        As parsed.
-    where : str
-        The file, for messages.
-
-    Raises
-    ------
-    DeviceFileError
-        Naming every problem.
-
-    Examples
-    --------
-    >>> device_file({"angle": {"driver": "lsl", "stream": "Gonio", "sample_rate_hz": 500}}).angle
-    ... # doctest: +ELLIPSIS
-    LslSpec(driver='lsl', stream='Gonio', ...)
-    """
+    """Check what a ``device.toml`` says."""
     try:
         return DeviceFile.model_validate(dict(raw))
     except ValidationError as exc:
@@ -262,24 +243,7 @@ def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> Device
 def open_devices(
     config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
 ) -> Devices:
-    """Return the devices that a file names, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    config : DeviceFile or mapping
-        What the file says.
-    clock : Clock
-        The host's.
-    before : Actuator, optional
-        What was opened of this file before, to go on with what it knew of its heat.
-
-    Raises
-    ------
-    DeviceFileError
-        When a mapping is no such file.
-    NotConnectedError
-        When the library of a driver is not installed.
-    """
+    """Return the devices that a file names, ``UNCONFIGURED``."""
     checked = config if isinstance(config, DeviceFile) else device_file(config)
     return Devices(
         angle=_sensor(checked.angle, "angle", clock),

@@ -58,17 +58,6 @@ class DephyActPack(Lived):
     """A Dephy ActPack as an actuator of an experiment; see the module for what guards the wearer.
 
     Friction is not compensated here: the experiment does it before the safety gate.
-
-    Parameters
-    ----------
-    spec : DephySpec
-        Port, firmware, side, torque model, limits.
-    clock : Clock
-        The host's.
-    repeat : callable
-        Runs the watchdog of the commands.
-    before : DephyActPack, optional
-        The same actuator in the condition before: its winding has not cooled at once.
     """
 
     def __init__(
@@ -131,15 +120,7 @@ class DephyActPack(Lived):
         )
 
     def configure(self) -> None:
-        """Connect; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not answer, or flexsea's compiled library cannot be had.
-        DeviceError
-            When flexsea is not installed, or the device is not the one that was described.
-        """
+        """Connect; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         if not self.has_heartbeat:
             _LOG.warning(
@@ -175,15 +156,7 @@ class DephyActPack(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample and to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not take it.
-        DeviceError
-            When it is not ``INACTIVE``, or does not send what is needed.
-        """
+        """Begin to sample and to obey; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         device, spec = self._device, self._spec
         kp, ki, ff = spec.current_gains
@@ -228,15 +201,7 @@ class DephyActPack(Lived):
                 getattr(device, step)()
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone, or was silent for a second.
-        DeviceError
-            When it is not ``ACTIVE`` or ``FAULT``, or sends other fields than an ActPack.
-        """
+        """Return all samples queued since the last read, oldest first."""
         self._require(_ACTIVE, _FAULT)
         try:
             queued = self._queued()
@@ -261,18 +226,6 @@ class DephyActPack(Lived):
 
         Current by equation 4.1 without friction and inertia, clamped to the limit of this
         device, and to less the warmer the winding is.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``, or the torque is no number.
         """
         self._require(_ACTIVE)
         if not isfinite(torque_nm):

@@ -14,18 +14,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def flexsea_device(name: str) -> Any:
-    """Return flexsea's class of a device.
-
-    Parameters
-    ----------
-    name : str
-        Of the device, for the message.
-
-    Raises
-    ------
-    DeviceError
-        When flexsea is not installed.
-    """
+    """Return flexsea's class of a device."""
     try:
         return importlib.import_module("flexsea.device").Device
     except ImportError as exc:

@@ -25,22 +25,7 @@ _MOST_MA, _MOST_MV, _COLDEST_C, _HOTTEST_C = 80_000, 100_000, -30, 200
 
 
 class Samples:
-    """Makes samples of what flexsea gives, and watches over clock, winding and faults.
-
-    Parameters
-    ----------
-    name : str
-        Of the device, for messages.
-    units : Units
-        Of the device.
-    winding : Winding
-        Of its motor.
-
-    Attributes
-    ----------
-    dropped : int
-        Samples left out: the same time again, or garbage.
-    """
+    """Makes samples of what flexsea gives, and watches over clock, winding and faults."""
 
     def __init__(self, name: str, units: Units, winding: Winding) -> None:
         self._name = name
@@ -55,20 +40,7 @@ class Samples:
         self._in_a_row = dict.fromkeys(_BELIEVED, 0)
 
     def take(self, data: Mapping[str, int], host_ns: int) -> ActuatorSample | None:
-        """Return a sample in SI; None where it is the one before again, or garbage for once.
-
-        Parameters
-        ----------
-        data : mapping of str to int
-            As flexsea gives it.
-        host_ns : int, ns
-            Now.
-
-        Raises
-        ------
-        DeviceError
-            When a field is missing.
-        """
+        """Return a sample in SI; None where it is the one before again, or garbage for once."""
         try:
             stamp, counts, deg_s, milliamperes, millivolts, case_c, status = [
                 data[name] for name in _FIELDS

@@ -32,77 +32,43 @@ class Lifecycle(Enum):
 
 
 class ActuatorSample(NamedTuple):
-    """What an actuator measured at one time.
+    """What an actuator measured at one time."""
 
-    Parameters
-    ----------
-    device_time_ns, host_time_ns : int, ns
-        By the device's clock when measured, and by the host's when it arrived.
-    angle, velocity : float, rad, rad/s
-        Of the output, after the gear.
-    current, voltage : float, A, V
-        Motor current (q axis) and supply.
-    temperature_c : float, degrees Celsius
-        Of the winding, or the nearest to it that is measured.
-    faults : int
-        Bits set by the device itself, 0 when all is well.
-    """
-
+    # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
-    host_time_ns: int
-    angle: float
-    velocity: float
-    current: float
-    voltage: float
-    temperature_c: float
-    faults: int
+    host_time_ns: int  # ns
+    angle: float  # rad, rad/s: of the output, after the gear
+    velocity: float  # rad, rad/s
+    current: float  # A, V: motor current (q axis) and supply
+    voltage: float  # A, V
+    temperature_c: float  # degrees Celsius: of the winding, or the nearest to it that is measured
+    faults: int  # bits set by the device itself, 0 when all is well
 
 
 class SensorSample(NamedTuple):
-    """What a sensor measured at one time.
+    """What a sensor measured at one time."""
 
-    Parameters
-    ----------
-    device_time_ns, host_time_ns : int, ns
-        By the device's clock when measured, and by the host's when it arrived.
-    value : float
-        In the unit that the sensor declares.
-    """
-
+    # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
-    host_time_ns: int
-    value: float
+    host_time_ns: int  # ns
+    value: float  # in the unit that the sensor declares
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorDescription:
-    """What an actuator says about itself.
+    """What an actuator says about itself."""
 
-    Parameters
-    ----------
-    name, model, serial, firmware : str
-        Which device it is.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    command_timeout_s : float, s
-        Without a command for so long it goes to zero torque by itself.
-    limits : SafetyLimits
-        What it may be asked for, and what it must not reach; a protocol can only tighten them.
-    torque_model : TorqueModelSpec
-        Equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration.
-    fault_names : mapping of int to str
-        Bit -> what it means.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
     firmware: str
-    sample_rate_hz: float
-    command_timeout_s: float
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    command_timeout_s: float  # s: without a command for so long it goes to zero torque by itself
+    # what it may be asked for, and what it must not reach; a protocol can only tighten them
     limits: SafetyLimits
+    # equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration
     torque_model: TorqueModelSpec
-    fault_names: Mapping[int, str]
+    fault_names: Mapping[int, str]  # bit -> what it means
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -116,29 +82,15 @@ class ActuatorDescription:
 
 @dataclass(frozen=True, slots=True)
 class SensorDescription:
-    """What a sensor says about itself.
+    """What a sensor says about itself."""
 
-    Parameters
-    ----------
-    name, model, serial : str
-        Which device it is.
-    channel : str
-        The canonical channel it measures: ``angle``, ``contact``, ...
-    unit : str
-        SI unit of its samples, ``1`` for a contact.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    kind : str
-        For a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
-    channel: str
-    unit: str
-    sample_rate_hz: float
-    kind: str = ""
+    channel: str  # the canonical channel it measures: ``angle``, ``contact``,
+    unit: str  # SI unit of its samples, ``1`` for a contact
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    kind: str = ""  # for a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -155,23 +107,11 @@ class Device(Protocol):
         ...
 
     def configure(self) -> None:
-        """Connect and set up; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not answer.
-        """
+        """Connect and set up; afterwards ``INACTIVE``."""
         ...
 
     def activate(self) -> None:
-        """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When the device is not ``INACTIVE``.
-        """
+        """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``."""
         ...
 
     def stop(self) -> None:
@@ -197,32 +137,11 @@ class Actuator(Device, Protocol):
         ...
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first; empty when none came.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE`` or ``FAULT``.
-        """
+        """Return all samples queued since the last read, oldest first; empty when none came."""
         ...
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint, held until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Ask for a torque on the joint, held until the next command or the command timeout."""
         ...
 
 
@@ -235,48 +154,25 @@ class Sensor(Device, Protocol):
         ...
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first; empty when none came.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all samples queued since the last read, oldest first; empty when none came."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class PositionerDescription:
-    """What a motor that moves the far side of a bench says about itself.
+    """What a motor that moves the far side of a bench says about itself."""
 
-    Parameters
-    ----------
-    name, model, serial : str
-        Which device it is.
-    channel : str
-        What its angle is: ``position`` of the far side, or ``motor_angle`` of a
-        series-elastic actuator, before its spring.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    command_timeout_s : float, s
-        Without a command for so long it stops moving by itself.
-    angle_min_rad, angle_max_rad : float, rad
-        Where it may be sent; infinite where it may turn for ever.
-    velocity_rad_s : float, rad/s
-        How fast.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
+    # what its angle is: ``position`` of the far side, or ``motor_angle`` of a series-elastic
+    # actuator, before its spring
     channel: str
-    sample_rate_hz: float
-    command_timeout_s: float
-    angle_min_rad: float
-    angle_max_rad: float
-    velocity_rad_s: float
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    command_timeout_s: float  # s: without a command for so long it stops moving by itself
+    angle_min_rad: float  # rad: where it may be sent; infinite where it may turn for ever
+    angle_max_rad: float  # rad
+    velocity_rad_s: float  # rad/s: how fast
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -295,59 +191,27 @@ class Positioner(Device, Protocol):
         ...
 
     def read(self) -> list[SensorSample]:
-        """Return all angles (rad) queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all angles (rad) queued since the last read, oldest first."""
         ...
 
     def command_position(self, angle_rad: float) -> None:
-        """Ask for an angle of the output, held until the next command.
-
-        Parameters
-        ----------
-        angle_rad : float, rad
-            Wanted angle, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Ask for an angle of the output, held until the next command."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """The devices of one condition of an experiment; None for what there is not.
+    """The devices of one condition of an experiment; None for what there is not."""
 
-    Parameters
-    ----------
-    angle : Sensor, optional
-        Goniometer of a wearer, encoder at the output of a bench. Without it the
-        actuator's own angle is the joint's.
-    contact : Sensor, optional
-        Footswitch.
-    actuator : Actuator, optional
-        None where the participant does not wear the device.
-    torque : Sensor, optional
-        Of a bench: torque sensor, or the deflection of a spring read as torque.
-    positioner : Positioner, optional
-        Of a bench: what moves the far side. A series-elastic actuator under position
-        control is its own.
-    """
-
+    # goniometer of a wearer, encoder at the output of a bench. Without it the actuator's own angle
+    # is the joint's
     angle: Sensor | None = None
-    contact: Sensor | None = None
-    actuator: Actuator | None = None
+    contact: Sensor | None = None  # footswitch
+    actuator: Actuator | None = None  # none where the participant does not wear the device
+    # of a bench: torque sensor, or the deflection of a spring read as torque
     torque: Sensor | None = None
+    # of a bench: what moves the far side. A series-elastic actuator under position control is its
+    # own
     positioner: Positioner | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -370,18 +234,10 @@ class Devices:
 
 @dataclass(frozen=True, slots=True)
 class Wearer:
-    """Who wears the devices.
+    """Who wears the devices."""
 
-    Parameters
-    ----------
-    id : str
-        Name in the study.
-    mass_kg, height_m : float, optional
-        Body.
-    """
-
-    id: str
-    mass_kg: float | None = None
+    id: str  # name in the study
+    mass_kg: float | None = None  # body
     height_m: float | None = None
 
 
@@ -422,19 +278,7 @@ class Rig(Protocol):
         ...
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Whether the participant wears the actuator; without it there is none.
-        segment : int
-            0 at first; one more for every time the condition was taken up again.
-        clock : Clock
-            The host's clock, for host times.
-        """
+        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition."""
         ...
 
     def notes(self) -> Mapping[str, Any]:

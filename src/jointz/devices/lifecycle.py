@@ -5,13 +5,7 @@ from jointz.devices.interface import Lifecycle
 
 
 class Lived:
-    """State of a driver; a driver derives from it and says what happens at each step.
-
-    Parameters
-    ----------
-    name : str
-        Of the device, for messages.
-    """
+    """State of a driver; a driver derives from it and says what happens at each step."""
 
     def __init__(self, name: str) -> None:
         self._name = name

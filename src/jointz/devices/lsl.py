@@ -42,24 +42,7 @@ LIBRARY_ERRORS = (RuntimeError, OSError)
 
 
 class LslSensor(Lived):
-    """One channel of a stream as a sensor of an experiment; see the module for its timing.
-
-    Parameters
-    ----------
-    spec : LslSpec
-        Which stream and channel, gain and offset.
-    channel : str
-        What it measures: ``angle``, ``contact``, ...
-    clock : Clock
-        The host's.
-
-    Attributes
-    ----------
-    dropped : int
-        Samples left out, because their stamps did not rise or they came too late.
-    offset_s : float, s
-        What was last added to the sender's stamps.
-    """
+    """One channel of a stream as a sensor of an experiment; see the module for its timing."""
 
     def __init__(self, spec: LslSpec, channel: str, *, clock: Clock) -> None:
         super().__init__(f"LSL stream {spec.stream}")
@@ -87,15 +70,7 @@ class LslSensor(Lived):
         )
 
     def configure(self) -> None:
-        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When no such stream is on the network, or its sender does not answer.
-        DeviceError
-            When pylsl is not installed, or the stream is not what was described.
-        """
+        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         spec = self._spec
         inlet = open_inlet(
@@ -109,15 +84,7 @@ class LslSensor(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone.
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
+        """Begin to sample; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         try:
             self._inlet.flush()
@@ -142,15 +109,7 @@ class LslSensor(Lived):
                 inlet.close_stream()
 
     def read(self) -> list[SensorSample]:
-        """Return all samples that arrived since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone, or was silent for a second.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all samples that arrived since the last read, oldest first."""
         self._require(_ACTIVE)
         received: list[tuple[float, float]] = []
         index = self._spec.index
@@ -226,26 +185,7 @@ class LslSensor(Lived):
 def open_inlet(
     name: str, stream: tuple[str, str], *, timeout_s: float, check: Callable[[Any], None]
 ) -> Any:
-    """Find a stream and connect to it, its clock measured; return the inlet of pylsl.
-
-    Parameters
-    ----------
-    name : str
-        Of who wants it, for messages.
-    stream : tuple of str
-        Property and value by which it is known: ``name`` or ``source_id``.
-    timeout_s : float, s
-        How long to look.
-    check : callable
-        Given the description of the stream; raises when it is another than was wanted.
-
-    Raises
-    ------
-    NotConnectedError
-        When no such stream is on the network, or its sender does not answer.
-    DeviceError
-        When pylsl is not installed, several streams answer, or ``check`` says so.
-    """
+    """Find a stream and connect to it, its clock measured; return the inlet of pylsl."""
     library = load_pylsl(name)
     key, wanted = stream
     try:
@@ -274,18 +214,7 @@ def _gone(name: str, exc: Exception) -> NotConnectedError:
 
 
 def load_pylsl(name: str) -> Any:
-    """Return the module pylsl.
-
-    Parameters
-    ----------
-    name : str
-        Of what needs it, for the message.
-
-    Raises
-    ------
-    DeviceError
-        When pylsl, or the library liblsl below it, is not installed.
-    """
+    """Return the module pylsl."""
     try:
         return importlib.import_module("pylsl")
     except (ImportError, *LIBRARY_ERRORS) as exc:  # without liblsl pylsl raises a RuntimeError

@@ -17,33 +17,16 @@ _MOST_MARKERS = 256
 
 
 class Marker(NamedTuple):
-    """A marker and its time.
+    """A marker and its time."""
 
-    Parameters
-    ----------
-    time_ns : int, ns
-        By LSL's clock of this computer, which on Linux is that of
-        :class:`jointz.core.clock.RealClock`.
-    text : str
-        What was sent.
-    """
-
+    # ns: by LSL's clock of this computer, which on Linux is that of
+    # :class:`jointz.core.clock.RealClock`
     time_ns: int
-    text: str
+    text: str  # what was sent
 
 
 class LslMarkers(Lived):
-    """A stream of markers; it comes when it comes and is no sensor.
-
-    Parameters
-    ----------
-    stream : str
-        Its name.
-    source_id : str
-        Which sender, where several send under this name.
-    timeout_s : float, s
-        How long to look for it.
-    """
+    """A stream of markers; it comes when it comes and is no sensor."""
 
     def __init__(self, stream: str, *, source_id: str = "", timeout_s: float = 5.0) -> None:
         super().__init__(f"LSL markers {stream}")
@@ -52,15 +35,7 @@ class LslMarkers(Lived):
         self._inlet: Any = None
 
     def configure(self) -> None:
-        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When no such stream is on the network.
-        DeviceError
-            When pylsl is not installed, or it is no stream of markers.
-        """
+        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         self._inlet = open_inlet(
             self._name, self._known_by, timeout_s=self._timeout_s, check=self._check
@@ -68,27 +43,13 @@ class LslMarkers(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to listen; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``, or its sender is gone.
-        """
+        """Begin to listen; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._pulled()
         self._state = _ACTIVE
 
     def read(self) -> list[Marker]:
-        """Return the markers since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return the markers since the last read, oldest first."""
         self._require(_ACTIVE)
         return self._pulled()
 

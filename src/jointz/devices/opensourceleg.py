@@ -76,24 +76,6 @@ class OpenSourceLegActuator(Lived):
     A thread updates it and writes the commands; reading and commanding never wait for it. A zero
     that it is late with is written by a watchdog. It was never tried on hardware, and has no
     heartbeat: see the module.
-
-    Parameters
-    ----------
-    actuator : opensourceleg.actuators.base.ActuatorBase
-        Not started.
-    setup : ActuatorSetup
-        Calibration, limits and mounting.
-    clock : Clock
-        The host's.
-    polling : callable
-        Makes the polling: a thread, unless a test brings its own.
-    repeat : callable
-        Runs the watchdog.
-
-    Raises
-    ------
-    DeviceError
-        When the actuator cannot be used so: gear ratio, unknown units, coroutines.
     """
 
     def __init__(
@@ -154,13 +136,7 @@ class OpenSourceLegActuator(Lived):
         )
 
     def configure(self) -> None:
-        """Start the library's actuator, in its current or torque mode, at zero torque.
-
-        Raises
-        ------
-        NotConnectedError
-            When it does not start.
-        """
+        """Start the library's actuator, in its current or torque mode, at zero torque."""
         self._require(_UNCONFIGURED)
         check_port(self._device.library, self._name)
         _log.warning("%s: firmware %s.", self._name, NO_HEARTBEAT)
@@ -169,13 +145,7 @@ class OpenSourceLegActuator(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to queue samples and to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the actuator is lost.
-        """
+        """Begin to queue samples and to obey; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._check_sound()
         self._wanted = (0.0, 0)
@@ -183,35 +153,14 @@ class OpenSourceLegActuator(Lived):
         self._state = _ACTIVE
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised.
-        DeviceError
-            When the actuator is neither ``ACTIVE`` nor in ``FAULT``.
-        """
+        """Return all samples queued since the last read, oldest first."""
         if self.state is not _FAULT:
             self._require(_ACTIVE)
         self._device.check()
         return drained(self._queue)
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted; clamped to the limits of torque and current. Friction is not compensated.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised.
-        DeviceError
-            When the actuator is not ``ACTIVE`` or the torque is not finite.
-        """
+        """Ask for a torque on the joint until the next command or the command timeout."""
         self._require(_ACTIVE)
         self._check_sound()
         if not isfinite(torque_nm):
@@ -329,45 +278,13 @@ class OpenSourceLegActuator(Lived):
 
 
 def open_actuator(keys: Mapping[str, Any], *, clock: Clock) -> OpenSourceLegActuator:
-    """Return the actuator of a ``device.toml``, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    keys : mapping of str to object
-        Of its section, as :class:`~jointz.devices.opensourceleg_setup.ActuatorKeys` has them.
-    clock : Clock
-        The host's.
-
-    Raises
-    ------
-    DataError
-        Naming every problem of the keys.
-    DeviceError
-        When opensourceleg is not installed, has no such class, or the actuator cannot be used.
-    """
+    """Return the actuator of a ``device.toml``, ``UNCONFIGURED``."""
     spec = checked_keys(ActuatorKeys, keys, "actuator")
     return OpenSourceLegActuator(made(spec.device, spec.arguments), spec.setup, clock=clock)
 
 
 def open_sensor(keys: Mapping[str, Any], channel: str, *, clock: Clock) -> OpenSourceLegSensor:
-    """Return a sensor of a ``device.toml``, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    keys : mapping of str to object
-        Of its section, as :class:`~jointz.devices.opensourceleg_setup.SensorKeys` has them.
-    channel : str
-        ``angle`` or ``contact``.
-    clock : Clock
-        The host's.
-
-    Raises
-    ------
-    DataError
-        Naming every problem of the keys.
-    DeviceError
-        When opensourceleg is not installed or has no such class.
-    """
+    """Return a sensor of a ``device.toml``, ``UNCONFIGURED``."""
     spec = checked_keys(SensorKeys, keys, channel)
     shared = json.dumps(
         [spec.device, spec.arguments, spec.sample_rate_hz, id(clock)], sort_keys=True, default=str

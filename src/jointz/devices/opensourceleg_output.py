@@ -21,15 +21,6 @@ class TorqueOutput:
     """Writes torques, and knows whether the last of them was a zero that the library took.
 
     Only the polling thread writes other torques than zero.
-
-    Parameters
-    ----------
-    name : str
-        Of the device.
-    write : callable
-        Hands a torque (N*m) to the library; it may raise or hang.
-    may_be_on : callable
-        Returns whether a torque other than zero is allowed now.
     """
 
     def __init__(

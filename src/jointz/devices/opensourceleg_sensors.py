@@ -36,28 +36,6 @@ class OpenSourceLegSource:
     """A sensor of opensourceleg with a thread of its own, for one or more channels.
 
     The first channel that is configured starts it, the last that is closed stops it.
-
-    Parameters
-    ----------
-    sensor : opensourceleg.sensors.base.SensorBase
-        Not started.
-    clock : Clock
-        The host's.
-    sample_rate_hz : float, Hz
-        How often it is updated. The sensor must be as fast: a new update is read as a new
-        measurement.
-    polling : callable
-        Makes the polling: a thread, unless a test brings its own.
-
-    Attributes
-    ----------
-    device : PolledDevice
-        The sensor and its polling.
-
-    Raises
-    ------
-    DeviceError
-        When the sensor is offline.
     """
 
     def __init__(
@@ -78,31 +56,14 @@ class OpenSourceLegSource:
         self._open: list[OpenSourceLegSensor] = []
 
     def join(self, sensor: "OpenSourceLegSensor") -> None:
-        """Start the library's sensor for the first channel.
-
-        Parameters
-        ----------
-        sensor : OpenSourceLegSensor
-            The channel.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library's sensor does not start.
-        """
+        """Start the library's sensor for the first channel."""
         self.device.check()
         if not self._open:
             self.device.begin(lambda: None, self._poll)
         self._open = [*self._open, sensor]  # a new list: the thread may be in the old one
 
     def leave(self, sensor: "OpenSourceLegSensor") -> None:
-        """Stop the library's sensor after the last channel; never raises.
-
-        Parameters
-        ----------
-        sensor : OpenSourceLegSensor
-            The channel.
-        """
+        """Stop the library's sensor after the last channel; never raises."""
         self._open = [one for one in self._open if one is not sensor]
         if not self._open:
             self.device.end()
@@ -116,15 +77,7 @@ class OpenSourceLegSource:
 
 
 class OpenSourceLegSensor(Lived):
-    """One channel of a sensor of opensourceleg as our sensor; never tried on hardware.
-
-    Parameters
-    ----------
-    source : OpenSourceLegSource
-        The sensor, shared by its channels.
-    reading : Reading
-        What of it, and in which unit.
-    """
+    """One channel of a sensor of opensourceleg as our sensor; never tried on hardware."""
 
     def __init__(self, source: OpenSourceLegSource, reading: Reading) -> None:
         super().__init__(f"{source.device.name} {reading.channel}")
@@ -145,25 +98,13 @@ class OpenSourceLegSensor(Lived):
         )
 
     def configure(self) -> None:
-        """Start the library's sensor; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When it does not start.
-        """
+        """Start the library's sensor; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         self._source.join(self)
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to queue samples; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sensor is lost.
-        """
+        """Begin to queue samples; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._device.check()
         self._queue.clear()
@@ -171,15 +112,7 @@ class OpenSourceLegSensor(Lived):
         self._state = _ACTIVE
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised, or gave nothing for a second.
-        DeviceError
-            When the sensor is not ``ACTIVE``.
-        """
+        """Return all samples queued since the last read, oldest first."""
         self._require(_ACTIVE)
         self._device.check()
         samples, now_ns = drained(self._queue), self._device.clock.now_ns()
@@ -203,13 +136,7 @@ class OpenSourceLegSensor(Lived):
         self._source.leave(self)
 
     def take(self, now_ns: int) -> None:
-        """Queue what the library's sensor says, while ``ACTIVE``; called by the source.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            When its update returned.
-        """
+        """Queue what the library's sensor says, while ``ACTIVE``; called by the source."""
         if self._state is _ACTIVE:
             value = self._reading.of(self._device.library)
             self._queue.append(SensorSample(now_ns, now_ns, value))

@@ -96,13 +96,7 @@ class Reading(CheckedModel):
     kind: Literal["", "contact", "voltage", "pulse"] = ""
 
     def of(self, library: object) -> float:
-        """Return the value in the channel's unit.
-
-        Parameters
-        ----------
-        library : object
-            Sensor of opensourceleg, updated.
-        """
+        """Return the value in the channel's unit."""
         value: Any = getattr(library, self.attribute)
         raw = float(value if self.index is None else value[self.index])
         return self.gain * raw + self.offset
@@ -126,13 +120,7 @@ class SensorKeys(CheckedModel):
     kind: Literal["contact", "voltage", "pulse"] = "voltage"
 
     def reading(self, channel: str) -> Reading:
-        """Return how the channel is read.
-
-        Parameters
-        ----------
-        channel : str
-            ``angle`` or ``contact``.
-        """
+        """Return how the channel is read."""
         contact = channel == "contact"
         voltage = contact and self.kind == "voltage"
         return Reading(
@@ -150,22 +138,7 @@ KeysT = TypeVar("KeysT", bound=CheckedModel)
 
 
 def checked_keys(model: type[KeysT], keys: Mapping[str, Any], section: str) -> KeysT:
-    """Return the keys of a section of a ``device.toml``, checked.
-
-    Parameters
-    ----------
-    model : type
-        What they should be.
-    keys : mapping of str to object
-        As parsed, without ``driver``.
-    section : str
-        For messages.
-
-    Raises
-    ------
-    DataError
-        Naming every problem.
-    """
+    """Return the keys of a section of a ``device.toml``, checked."""
     try:
         return model.model_validate(dict(keys))
     except ValidationError as exc:
@@ -174,18 +147,7 @@ def checked_keys(model: type[KeysT], keys: Mapping[str, Any], section: str) -> K
 
 
 def profile_of(actuator: object) -> Profile:
-    """Return the profile of an actuator's class.
-
-    Parameters
-    ----------
-    actuator : object
-        Of opensourceleg.
-
-    Raises
-    ------
-    DeviceError
-        When neither the class nor one that it inherits from is known.
-    """
+    """Return the profile of an actuator's class."""
     for cls in type(actuator).__mro__:
         if cls.__name__ in PROFILES:
             return PROFILES[cls.__name__]
@@ -197,20 +159,7 @@ def profile_of(actuator: object) -> Profile:
 
 
 def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
-    """Raise where an actuator cannot be used as it is set up.
-
-    Parameters
-    ----------
-    actuator : opensourceleg.actuators.base.ActuatorBase
-        Not started.
-    setup : ActuatorSetup
-        Of it.
-
-    Raises
-    ------
-    DeviceError
-        Coroutines, offline mode, another gear ratio, no torque constant.
-    """
+    """Raise where an actuator cannot be used as it is set up."""
     name, model = str(actuator.tag), setup.torque_model
     if inspect.iscoroutinefunction(actuator.update):
         raise DeviceError(
@@ -229,20 +178,7 @@ def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
 
 
 def check_port(actuator: object, name: str) -> None:
-    """Raise where opensourceleg would end the whole process: at a port it cannot open.
-
-    Parameters
-    ----------
-    actuator : object
-        Of opensourceleg, not started.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    NotConnectedError
-        When it has a port that cannot be read and written.
-    """
+    """Raise where opensourceleg would end the whole process: at a port it cannot open."""
     port = getattr(actuator, "port", None)
     if isinstance(port, str) and port.startswith("/") and not os.access(port, os.R_OK | os.W_OK):
         raise NotConnectedError(

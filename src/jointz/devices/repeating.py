@@ -25,13 +25,6 @@ class RepeatingThread:
 
     A thread of Python waits its turn: expect it 0.1 ms late, and up to 5 ms where another
     thread computes without a pause.
-
-    Parameters
-    ----------
-    task : callable
-        What to do; it must not raise.
-    period_s : float, s
-        How often.
     """
 
     def __init__(self, task: Task, period_s: float) -> None:

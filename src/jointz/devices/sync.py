@@ -32,20 +32,7 @@ class DigitalOutput(Device, Protocol):
     """A line that is set high or low."""
 
     def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
-        """Set the line.
-
-        Parameters
-        ----------
-        high : bool
-            Whether to set it high.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Set the line."""
         ...
 
 
@@ -59,15 +46,7 @@ class _Line(Lived):
         self._request: Any = None
 
     def configure(self) -> None:
-        """Take the line; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When there is no such line, or another program has it.
-        DeviceError
-            When gpiod is not installed.
-        """
+        """Take the line; afterwards ``INACTIVE``."""
         self._require(_UNCONFIGURED)
         library = _gpiod(self._name)
         try:
@@ -106,22 +85,6 @@ class SyncInput(_Line):
 
     Samples stand on a grid of ``sample_rate_hz``; the level at each is that after the last edge
     before it, by the kernel's stamps. The edges themselves are in :attr:`edges`.
-
-    Parameters
-    ----------
-    chip : str
-        ``/dev/gpiochip0``.
-    line : int
-        Its number on the chip.
-    clock : Clock
-        The host's, which has to be the kernel's monotonic one.
-    sample_rate_hz : float, Hz
-        Of the samples.
-
-    Attributes
-    ----------
-    edges : list of (int, int)
-        Time (ns) and level after each edge of the last read.
     """
 
     def __init__(
@@ -147,15 +110,7 @@ class SyncInput(_Line):
         )
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
+        """Begin to sample; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._fetched()
         self._level = self._asked(lambda: int(bool(self._request.get_value(self._line))))
@@ -163,15 +118,7 @@ class SyncInput(_Line):
         self._state = _ACTIVE
 
     def read(self) -> list[SensorSample]:
-        """Return all samples since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all samples since the last read, oldest first."""
         self._require(_ACTIVE)
         self.edges = self._fetched()
         now_ns, at = self._now_ns(), 0
@@ -216,28 +163,14 @@ class SyncInput(_Line):
 
 
 class SyncOutput(_Line):
-    """A line that goes out; low unless it is set high.
-
-    Parameters
-    ----------
-    chip : str
-        ``/dev/gpiochip0``.
-    line : int
-        Its number on the chip.
-    """
+    """A line that goes out; low unless it is set high."""
 
     def __init__(self, chip: str, line: int) -> None:
         super().__init__(chip, line)
         self._library: Any = None
 
     def activate(self) -> None:
-        """Begin to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
+        """Begin to obey; afterwards ``ACTIVE``."""
         self._require(_INACTIVE)
         self._state = _ACTIVE
 
@@ -249,20 +182,7 @@ class SyncOutput(_Line):
         super().stop()
 
     def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
-        """Set the line.
-
-        Parameters
-        ----------
-        high : bool
-            Whether to set it high.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Set the line."""
         self._require(_ACTIVE)
         value = self._library.line.Value
         try:
@@ -287,22 +207,6 @@ def send_pulse(
     """Send one pulse, and a marker of when it rose.
 
     It waits for ``width_s``: never call it in the loop of an experiment.
-
-    Parameters
-    ----------
-    output : DigitalOutput
-        The line, ``ACTIVE``.
-    mark : callable
-        Given the marker (JSON) and its time by the clock (ns).
-    clock : Clock
-        The host's.
-    width_s : float, s
-        How long it is high.
-
-    Raises
-    ------
-    DeviceError
-        When the line cannot be set.
     """
     before_ns = clock.now_ns()
     output.set_high(True)

@@ -23,24 +23,12 @@ REST_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class TimedPulse:
-    """A pulse of the plan of a trial.
+    """A pulse of the plan of a trial."""
 
-    Parameters
-    ----------
-    number : int
-        Its place in the plan, from 1.
-    timing_point : str
-        Where in the cycle of the reference; "" where there is none.
-    onset_s : float, s
-        Since the reference began.
-    amplitude_nm : float, N*m
-        Signed height; 0 for a sham.
-    """
-
-    number: int
-    timing_point: str
-    onset_s: float
-    amplitude_nm: float
+    number: int  # its place in the plan, from 1
+    timing_point: str  # where in the cycle of the reference; "" where there is none
+    onset_s: float  # s: since the reference began
+    amplitude_nm: float  # N*m: signed height; 0 for a sham
 
     def to_dict(self) -> dict[str, Any]:
         """Return the pulse as plain values."""
@@ -48,35 +36,14 @@ class TimedPulse:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "TimedPulse":
-        """Return the pulse that :meth:`to_dict` wrote.
-
-        Parameters
-        ----------
-        values : mapping
-            What it returned.
-        """
+        """Return the pulse that :meth:`to_dict` wrote."""
         return cls(**values)
 
 
 def make_bench_plan(
     condition: ConditionSpec, pulse: PulseSpec, rng: np.random.Generator
 ) -> tuple[TimedPulse, ...]:
-    """Lay out the pulses of one trial of a bench.
-
-    Parameters
-    ----------
-    condition : ConditionSpec
-        With perturbations.
-    pulse : PulseSpec
-        Shape, amplitude, direction.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    tuple of TimedPulse
-        In order of time.
-    """
+    """Lay out the pulses of one trial of a bench."""
     plan = condition.perturbations
     if plan is None:
         return ()
@@ -104,30 +71,17 @@ def _onsets_s(
 
 @dataclass(frozen=True, slots=True)
 class BenchCourse:
-    """What every tick of a trial asks for.
+    """What every tick of a trial asks for."""
 
-    Parameters
-    ----------
-    torque, command : list of float, N*m
-        Reference and pulses.
-    position : list of float, rad
-        Of the far side.
-    pulse : list of int
-        Number of the pulse that is on, 0 for none.
-    first, stop : int
-        Ticks from which and up to which the reference counts: before it the bench is
-        led there, afterwards it is led back.
-    torque_controlled, position_controlled : bool
-        Which of the two is commanded at all.
-    """
-
-    torque: list[float]
-    command: list[float]
-    position: list[float]
-    pulse: list[int]
+    torque: list[float]  # N*m: reference and pulses
+    command: list[float]  # N*m
+    position: list[float]  # rad: of the far side
+    pulse: list[int]  # number of the pulse that is on, 0 for none
+    # ticks from which and up to which the reference counts: before it the bench is led there,
+    # afterwards it is led back
     first: int
     stop: int
-    torque_controlled: bool
+    torque_controlled: bool  # which of the two is commanded at all
     position_controlled: bool
 
 
@@ -140,23 +94,7 @@ def bench_course(
     rate_hz: float,
     rng: np.random.Generator,
 ) -> BenchCourse:
-    """Lay out a trial tick by tick.
-
-    Parameters
-    ----------
-    condition : ConditionSpec
-        Its references.
-    pulses : sequence of TimedPulse
-        Of the trial.
-    shape : PulseSpec or None
-        Of the pulses.
-    duration_s : float, s
-        Of the trial.
-    rate_hz : float, Hz
-        Of the loop.
-    rng : numpy.random.Generator
-        For references that are noise.
-    """
+    """Lay out a trial tick by tick."""
     n = round(duration_s * rate_hz)
     lead = round(LEAD_S * rate_hz) + round(REST_S * rate_hz)
 

@@ -7,20 +7,7 @@ _NEVER_LATE_NS = 2**63
 
 
 class BenchStreams:
-    """All samples that the devices queued since the tick before; empty where there is none.
-
-    Parameters
-    ----------
-    devices : Devices
-        Active, with an actuator.
-
-    Attributes
-    ----------
-    actuator, angle, torque, position, contact : list
-        The samples of this tick, oldest first.
-    newest_actuator, newest_angle : ActuatorSample, SensorSample
-        The last that came at all.
-    """
+    """All samples that the devices queued since the tick before; empty where there is none."""
 
     __slots__ = (
         "_last_ns",
@@ -63,18 +50,7 @@ class BenchStreams:
         self.newest_angle = NO_SENSOR_SAMPLE
 
     def read(self, slot_ns: int) -> float:
-        """Read all devices and return how old the stalest of them is, s; infinite at first.
-
-        Parameters
-        ----------
-        slot_ns : int, ns
-            Time of the tick.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        """
+        """Read all devices and return how old the stalest of them is, s; infinite at first."""
         last = self._last_ns
         actuator = self.actuator = self._read_actuator()
         if actuator:

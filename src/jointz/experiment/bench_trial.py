@@ -18,25 +18,7 @@ BenchProgress = Callable[[int, int], None]
 
 
 class BenchTrial:
-    """Reads, commands what the course asks for, and records, once a tick.
-
-    Parameters
-    ----------
-    course : BenchCourse
-        What every tick asks for.
-    period_ns : int, ns
-        Of the loop.
-    devices : Devices
-        Active, with an actuator.
-    gate : SafetyGate
-        The last stage before the actuator.
-    recorder : Recorder
-        The log.
-    clock : Clock
-        For the work a tick took.
-    progress : callable
-        Told every second of the trial.
-    """
+    """Reads, commands what the course asks for, and records, once a tick."""
 
     def __init__(
         self,
@@ -74,36 +56,12 @@ class BenchTrial:
         self._stopping = True
 
     def pause(self, *, on: bool) -> bool:
-        """Return False: a trial of a bench is one record, there is nothing to pause.
-
-        Parameters
-        ----------
-        on : bool
-            What was asked for.
-        """
+        """Return False: a trial of a bench is one record, there is nothing to pause."""
         del on
         return False
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
-        """Do everything that is to be done in one slot.
-
-        Parameters
-        ----------
-        slot, host_ns, skipped : int
-            Number of the slot, time (ns), slots skipped just before.
-
-        Returns
-        -------
-        bool
-            False when the trial is over or the safety gate has tripped.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        OSError
-            When the log cannot be written.
-        """
+        """Do everything that is to be done in one slot."""
         if self._first_slot < 0:
             self._first_slot = slot
         slot -= self._first_slot

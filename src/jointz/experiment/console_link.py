@@ -21,19 +21,7 @@ Tick = Callable[[int, int, int], bool]
 
 
 class ConsoleLink:
-    """Obeys a page, between conditions and in the loop.
-
-    Parameters
-    ----------
-    box : ControlBox
-        Where the page leaves its commands.
-    journal : Journal
-        Of the session.
-    request_stop : callable
-        Ends the trial that is on.
-    without_console : str
-        ``go_on`` or ``stop``: what the protocol wants when the page is lost.
-    """
+    """Obeys a page, between conditions and in the loop."""
 
     def __init__(
         self,
@@ -52,20 +40,7 @@ class ConsoleLink:
         self._refused, self._told_ns = 0, 0
 
     def await_start(self, condition: str, text: str) -> None:
-        """Write down what is to be done and return when the page says that it is.
-
-        Parameters
-        ----------
-        condition : str
-            The trial that is to begin.
-        text : str
-            The protocol's words.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            When a stop was asked for instead.
-        """
+        """Write down what is to be done and return when the page says that it is."""
         self._condition = condition
         self._write("prompted", text=text)
         while not self._box.stop_asked:
@@ -81,15 +56,7 @@ class ConsoleLink:
         raise KeyboardInterrupt
 
     def attended(self, trial: AnyTrial, condition: str) -> Tick:
-        """Return the tick of a trial with a look at the page before it.
-
-        Parameters
-        ----------
-        trial : AnyTrial
-            Which.
-        condition : str
-            Its name.
-        """
+        """Return the tick of a trial with a look at the page before it."""
         self._condition = condition
 
         def tick(slot: int, host_ns: int, skipped: int) -> bool:

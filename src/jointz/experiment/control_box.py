@@ -41,33 +41,14 @@ class Order(IntEnum):
 
 
 class Command(NamedTuple):
-    """One command.
+    """One command."""
 
-    Parameters
-    ----------
-    order : Order
-        What is asked for.
-    text : str
-        Of a note.
-    """
-
-    order: Order
-    text: str = ""
+    order: Order  # what is asked for
+    text: str = ""  # of a note
 
 
 class ControlBox:
-    """The side of the session: made with it, read at every tick.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; one that is there, left by a stretch before, is replaced.
-
-    Raises
-    ------
-    WriteError
-        When the disk does not take it.
-    """
+    """The side of the session: made with it, read at every tick."""
 
     __slots__ = ("_file", "_map", "_taken", "refused")
 
@@ -105,8 +86,6 @@ class ControlBox:
     def take(self) -> Command | None:
         """Return the oldest command that was not taken yet, None where there is none.
 
-        Notes
-        -----
         What cannot be read is counted in ``refused`` and left out: a torn or forged entry, an
         unknown code, entries that were written over before they were taken.
         """
@@ -138,18 +117,7 @@ class ControlBox:
 
 
 class ControlSender:
-    """The side of the page.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file that the session made.
-
-    Raises
-    ------
-    DataError
-        When it is not there, or something else.
-    """
+    """The side of the page."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -177,20 +145,7 @@ class ControlSender:
         _NUMBER.pack_into(self._map, _BEAT_AT, time.monotonic_ns())
 
     def send(self, order: Order, text: str = "") -> None:
-        """Leave a command.
-
-        Parameters
-        ----------
-        order : Order
-            What is asked for.
-        text : str
-            Of a note.
-
-        Raises
-        ------
-        DataError
-            When the text is too long.
-        """
+        """Leave a command."""
         data = text.encode()
         if len(data) > LONGEST_TEXT_BYTES:
             raise DataError(

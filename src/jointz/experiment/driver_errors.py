@@ -13,16 +13,6 @@ def drivers_answer_for(drivers: Mapping[str, object]) -> Iterator[None]:
 
     Drivers raise what their bus and their libraries raise. Looking for the driver in the
     traceback costs the loop nothing, which a check around every call would.
-
-    Parameters
-    ----------
-    drivers : mapping of str to object
-        Every driver by its name for messages; it may grow in the block.
-
-    Raises
-    ------
-    DeviceError
-        In place of an error, other than jointz's own, that a driver let through.
     """
     try:
         yield

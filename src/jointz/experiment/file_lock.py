@@ -12,22 +12,7 @@ _FAR = 2**31 - 2
 
 
 def hold(fd: int, file: Path) -> None:
-    """Hold a file until it is closed, or the process ends in any way.
-
-    Parameters
-    ----------
-    fd : int
-        Of the file, open for writing.
-    file : pathlib.Path
-        Its name, for messages.
-
-    Raises
-    ------
-    OutputError
-        When another process holds it.
-    WriteError
-        When the file system knows no locks.
-    """
+    """Hold a file until it is closed, or the process ends in any way."""
     try:
         free = _lock(fd)
     except OSError as exc:

@@ -14,26 +14,6 @@ class GaitWatch:
 
     A sample is placed in time by how much older it is, on its device's own clock,
     than the newest of the tick; so devices need not share the host's clock.
-
-    Parameters
-    ----------
-    gait : GaitSpec
-        Of the protocol.
-    contact_levels : tuple of float
-        The switch is off below the first and on from the second, in its own unit.
-
-    Attributes
-    ----------
-    strides : StridePhase
-        Counts, mean stride.
-    steady : bool
-        Whether the phase is known.
-    phase_pct, shadow_phase_pct : float, %
-        Phase by heel strikes and by the knee angle; NaN where unknown.
-    last_stride_ns : int, ns
-        When the last accepted stride ended, or the first tick.
-    retracted : bool
-        Whether the stride that was last told of turned out to be none.
     """
 
     __slots__ = (
@@ -60,15 +40,7 @@ class GaitWatch:
         self.last_stride_ns = 0
 
     def update(self, slot_ns: int, angle: list[SensorSample], contact: list[SensorSample]) -> bool:
-        """Take the samples of a tick and tell whether an accepted stride ended.
-
-        Parameters
-        ----------
-        slot_ns : int, ns
-            Time of the tick.
-        angle, contact : list of SensorSample
-            Of the tick, oldest first.
-        """
+        """Take the samples of a tick and tell whether an accepted stride ended."""
         stride = self.retracted = False
         for sample in contact:
             at_ns = slot_ns - contact[-1].device_time_ns + sample.device_time_ns

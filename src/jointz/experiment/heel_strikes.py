@@ -11,28 +11,7 @@ _CLOSED_SHARE = 0.75
 
 
 class HeelStrikeDetector:
-    """A Schmitt trigger with a refractory time, and second thoughts.
-
-    Parameters
-    ----------
-    low, high : float
-        The signal is off below ``low`` and on from ``high``; between, it stays as it was.
-    refractory_s : float, s
-        After a strike no other is taken for so long.
-
-    Attributes
-    ----------
-    retracted : bool
-        Whether the last sample showed the last strike to be false.
-
-    Examples
-    --------
-    >>> detector = HeelStrikeDetector(low=0.3, high=0.7, refractory_s=0.3)
-    >>> values = [0.0] * 100 + [1.0, 0.0, 1.0]
-    >>> strikes = [detector.update(i * 1_000_000, value) for i, value in enumerate(values)]
-    >>> [strike for strike in strikes if strike is not None]
-    [100000000]
-    """
+    """A Schmitt trigger with a refractory time, and second thoughts."""
 
     __slots__ = (
         "_before_ns",
@@ -62,20 +41,7 @@ class HeelStrikeDetector:
         self.retracted = False
 
     def update(self, time_ns: int, value: float) -> int | None:
-        """Take a sample and return the time of a strike that it brings.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When it was measured.
-        value : float
-            The switch; NaN changes nothing.
-
-        Returns
-        -------
-        int or None
-            ``time_ns`` where the sample is a heel strike.
-        """
+        """Take a sample and return the time of a strike that it brings."""
         self.retracted = self._check_at_ns is not None and self._found_false(time_ns, value)
         if self._on:
             if value < self._low:

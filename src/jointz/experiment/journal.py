@@ -29,22 +29,7 @@ _ANY_LINE = re.compile(rb'\{"event".*?\} [0-9a-f]{8}')
 
 
 class Journal:
-    """Appends events to a file, each by one unbuffered write; one process at a time.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; it is made, or gone on with.
-
-    Raises
-    ------
-    DataError
-        When the end of its last line is damaged.
-    OutputError
-        When another process is at it: both would count its pulses.
-    WriteError
-        When it cannot be written.
-    """
+    """Appends events to a file, each by one unbuffered write; one process at a time."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -67,38 +52,12 @@ class Journal:
         os.close(self._fd)
 
     def write(self, event: str, **details: Any) -> None:
-        """Append an event.
-
-        Parameters
-        ----------
-        event : str
-            What happened.
-        **details
-            Values that JSON holds.
-
-        Raises
-        ------
-        WriteError
-            When the line could not be written whole.
-        """
+        """Append an event."""
         append_whole(self._fd, _line({"event": event, **details}), self._path)
 
 
 def salvage_journal(path: Path) -> None:
-    """Leave damaged lines out of a journal; the damaged file is kept beside it.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; one that does not exist is not made.
-
-    Raises
-    ------
-    OutputError
-        When another process is at it.
-    WriteError
-        When it cannot be written.
-    """
+    """Leave damaged lines out of a journal; the damaged file is kept beside it."""
     if not path.exists():
         return
     fd = _locked(path)
@@ -120,17 +79,7 @@ def salvage_journal(path: Path) -> None:
 
 
 def write_salvaged(journal: Journal, events: Iterable[Event], texts: Iterable[str]) -> None:
-    """Write down what is damaged, unless it stands there already.
-
-    Parameters
-    ----------
-    journal : Journal
-        The session's.
-    events : iterable of Event
-        What stands in it.
-    texts : iterable of str
-        Sentences about damaged files.
-    """
+    """Write down what is damaged, unless it stands there already."""
     told = set(salvaged_texts(events))
     for text in texts:
         if text not in told:
@@ -138,31 +87,12 @@ def write_salvaged(journal: Journal, events: Iterable[Event], texts: Iterable[st
 
 
 def salvaged_texts(events: Iterable[Event]) -> list[str]:
-    """Return the sentences about damaged files that stand in a journal.
-
-    Parameters
-    ----------
-    events : iterable of Event
-        Of the journal.
-    """
+    """Return the sentences about damaged files that stand in a journal."""
     return [event["text"] for event in events if event["event"] == "salvaged"]
 
 
 def read_journal(path: Path, *, salvage: bool = False) -> list[Event]:
-    """Return the events of a journal, the oldest first.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; one that does not exist has no events.
-    salvage : bool
-        Whether to leave damaged lines out instead of refusing the journal.
-
-    Raises
-    ------
-    DataError
-        When a line in the middle was altered.
-    """
+    """Return the events of a journal, the oldest first."""
     if not path.exists():
         return []
     content = path.read_bytes()
@@ -178,32 +108,13 @@ def read_journal(path: Path, *, salvage: bool = False) -> list[Event]:
 
 
 def decode_event(line: bytes) -> Event | None:
-    """Return the event of a line, None where its checksum does not fit.
-
-    Parameters
-    ----------
-    line : bytes
-        Of a journal, without its end.
-    """
+    """Return the event of a line, None where its checksum does not fit."""
     text = checked_text(line)
     return None if text is None else dict(json.loads(text))
 
 
 def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
-    """Return the pulses of a condition that were completed, by their number in the plan.
-
-    Parameters
-    ----------
-    events : iterable of Event
-        Of the journal.
-    condition : str
-        Name of the condition.
-
-    Raises
-    ------
-    DataError
-        When a pulse was completed twice: two processes ran the session.
-    """
+    """Return the pulses of a condition that were completed, by their number in the plan."""
     done: dict[int, Event] = {}
     for event in events:
         if event["condition"] != condition:
@@ -221,15 +132,7 @@ def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
 
 
 def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
-    """Return the numbers of the pulses of a condition that began, once for every time.
-
-    Parameters
-    ----------
-    events : iterable of Event
-        Of the journal.
-    condition : str
-        Name of the condition.
-    """
+    """Return the numbers of the pulses of a condition that began, once for every time."""
     return [
         event["pulse"]
         for event in events
@@ -238,15 +141,7 @@ def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
 
 
 def segments_begun(events: Iterable[Event], condition: str) -> int:
-    """Return how many times a condition was begun or taken up again.
-
-    Parameters
-    ----------
-    events : iterable of Event
-        Of the journal.
-    condition : str
-        Name of the condition.
-    """
+    """Return how many times a condition was begun or taken up again."""
     own = [event for event in events if event["condition"] == condition]
     highest = max((int(event.get("segment", -1)) for event in own), default=-1)
     # Lines may be damaged and left out: the highest number tells more than their count.
@@ -254,15 +149,7 @@ def segments_begun(events: Iterable[Event], condition: str) -> int:
 
 
 def is_completed(events: Iterable[Event], condition: str) -> bool:
-    """Tell whether a condition is done.
-
-    Parameters
-    ----------
-    events : iterable of Event
-        Of the journal.
-    condition : str
-        Name of the condition.
-    """
+    """Tell whether a condition is done."""
     completed = False
     for event in events:
         if event["condition"] == condition and event["event"] in _ENDS:

@@ -23,24 +23,6 @@ def onset_accuracy(
     mean of the last n strides. Were strides independent with a coefficient of
     variation c, the share of the stride that it fires in would scatter with an SD
     of p c sqrt(1 + 1/n): nothing that predicts from the past alone does better.
-
-    Parameters
-    ----------
-    pulses : pandas.DataFrame
-        ``onset_s, timing_point``.
-    strides : Strides
-        Of the same recording.
-    timing_points : dict of str to float
-        Timing point -> % of the gait cycle.
-    strides_in_mean : int
-        n.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a timing point: ``timing_point, planned_pct, n, n_missing`` (pulses without
-        a measured phase, :func:`jointz.gait.phase.measured_phase`), ``error_mean_pct,
-        error_sd_pct, theory_sd_pct`` (SD realised in this recording).
     """
     measured_pct = measured_phase(pulses["onset_s"].to_numpy(), strides)
     walked = strides.duration_s[strides.accepted]

@@ -31,20 +31,6 @@ class StridePhase:
     phase is unknown until gait is steady again. Where stride after stride has a strike
     in its middle, two strides pass for one, because a strike was missed while the mean
     was learnt: it is learnt anew.
-
-    Parameters
-    ----------
-    gait : GaitSpec
-        Strides in the mean, accepted band, strides until gait counts as steady.
-
-    Attributes
-    ----------
-    strides : int
-        Strides accepted so far.
-    spurious, missing : int
-        Strikes that came too early and strides that were too long.
-    mean_ns : float, ns
-        Mean of the last strides, 0 while unknown.
     """
 
     __slots__ = (
@@ -76,13 +62,7 @@ class StridePhase:
         self._undo = self._state()
 
     def strike(self, time_ns: int) -> bool:
-        """Take a heel strike and tell whether it ended an accepted stride.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When the heel struck.
-        """
+        """Take a heel strike and tell whether it ended an accepted stride."""
         self._undo = self._state()
         duration = time_ns - self._last_ns
         if not self._last_ns:
@@ -114,13 +94,7 @@ class StridePhase:
         self.spurious = spurious + 1
 
     def steady(self, time_ns: int) -> bool:
-        """Tell whether the phase is known: gait is steady and no strike is overdue.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When.
-        """
+        """Tell whether the phase is known: gait is steady and no strike is overdue."""
         return (
             self._steady_run >= self._steady_after
             and not self._spurious_after_ns
@@ -128,13 +102,7 @@ class StridePhase:
         )
 
     def phase_pct(self, time_ns: int) -> float:
-        """Return time since the last strike over the mean stride, %; above 100 when it is late.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When. Ask only where :meth:`steady` holds.
-        """
+        """Return time since the last strike over the mean stride, %; above 100 when it is late."""
         return 100.0 * (time_ns - self._last_ns) / self.mean_ns
 
     def _state(self) -> tuple[Any, ...]:
@@ -169,11 +137,6 @@ class KneePhase:
     """Time since the last swing flexion peak of the knee over the mean time between peaks.
 
     Needs no footswitch. In shadow: recorded, never acted on.
-
-    Parameters
-    ----------
-    gait : GaitSpec
-        Strides in the mean.
     """
 
     __slots__ = ("_durations", "_last_ns", "_mean_ns", "_peak", "_peak_ns")
@@ -185,15 +148,7 @@ class KneePhase:
         self._mean_ns = 0.0
 
     def update(self, time_ns: int, angle: float) -> None:
-        """Take a sample of the knee angle.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When it was measured.
-        angle : float, rad
-            Flexion positive; NaN changes nothing.
-        """
+        """Take a sample of the knee angle."""
         if angle > _FLEXED_RAD:
             if angle > self._peak:
                 self._peak, self._peak_ns = angle, time_ns
@@ -202,13 +157,7 @@ class KneePhase:
             self._end_stride()
 
     def phase_pct(self, time_ns: int) -> float:
-        """Return the phase, % of the cycle; NaN while unknown.
-
-        Parameters
-        ----------
-        time_ns : int, ns
-            When.
-        """
+        """Return the phase, % of the cycle; NaN while unknown."""
         if not self._mean_ns:
             return float("nan")
         return (_PEAK_PCT + 100.0 * (time_ns - self._last_ns) / self._mean_ns) % 100.0

@@ -12,24 +12,7 @@ from jointz.experiment.whole_files import append_whole, open_to_append
 
 
 class Recorder:
-    """The log of one segment; it appears under its name with its whole header.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A file that does not exist yet.
-    header : mapping
-        What the log is of.
-    layout : Layout
-        Of the records.
-
-    Raises
-    ------
-    OutputError
-        When the file exists.
-    WriteError
-        When the disk does not take the header.
-    """
+    """The log of one segment; it appears under its name with its whole header."""
 
     def __init__(self, path: Path, header: Mapping[str, Any], layout: Layout) -> None:
         self._path = path
@@ -62,18 +45,7 @@ class Recorder:
         os.close(self._fd)
 
     def write(self, *records: tuple[float, ...]) -> None:
-        """Write the records of one tick.
-
-        Parameters
-        ----------
-        *records : tuple
-            One number a field of the layout.
-
-        Raises
-        ------
-        WriteError
-            When the disk does not take them whole.
-        """
+        """Write the records of one tick."""
         pack = self._pack
         data = pack(records[0]) if len(records) == 1 else b"".join(pack(r) for r in records)
         append_whole(self._fd, data, self._path)

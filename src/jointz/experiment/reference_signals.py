@@ -24,30 +24,7 @@ _RUN_IN_PERIODS = 20.0
 def reference_samples(
     reference: Reference, n: int, *, rate_hz: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return what a reference asks for at every tick; one that ends begins again.
-
-    Parameters
-    ----------
-    reference : Reference
-        Of the protocol.
-    n : int
-        Ticks.
-    rate_hz : float, Hz
-        Ticks a second.
-    rng : numpy.random.Generator
-        For noise.
-
-    Returns
-    -------
-    (n,) float
-        In the unit of the reference.
-
-    Examples
-    --------
-    >>> sine = Sine(kind="sine", amplitude=5.0, frequency_hz=1.0, offset=32.0)
-    >>> reference_samples(sine, 3, rate_hz=4.0, rng=np.random.default_rng(1))
-    array([32., 37., 32.])
-    """
+    """Return what a reference asks for at every tick; one that ends begins again."""
     if isinstance(reference, Noise):
         return _noise(reference, n, rate_hz, rng)
     return _at(reference, np.arange(n) / rate_hz)

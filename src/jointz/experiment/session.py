@@ -72,33 +72,17 @@ class Operator(Protocol):
     """Who runs the experiment."""
 
     def prompt(self, text: str) -> None:
-        """Show what is to be done before a condition and return when it is.
-
-        Parameters
-        ----------
-        text : str
-            The protocol's words.
-        """
+        """Show what is to be done before a condition and return when it is."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SessionPlan:
-    """What a session is to do.
+    """What a session is to do."""
 
-    Parameters
-    ----------
-    protocol : Protocol
-        Of the experiment.
-    seed : int
-        Of the plan.
-    folder : pathlib.Path
-        Where the session is kept.
-    """
-
-    protocol: ProtocolSpec
-    seed: int
-    folder: Path
+    protocol: ProtocolSpec  # of the experiment
+    seed: int  # of the plan
+    folder: Path  # where the session is kept
 
     @property
     def period_ns(self) -> int:
@@ -106,37 +90,13 @@ class SessionPlan:
         return round(1e9 / self.protocol.rates.control_hz)
 
     def stream(self, wearer: str, purpose: str) -> np.random.Generator:
-        """Return the random numbers of one purpose of a wearer; nothing else draws from them.
-
-        Parameters
-        ----------
-        wearer, purpose : str
-            Whose, and what they are for; "" is the plan of all conditions.
-        """
+        """Return the random numbers of one purpose of a wearer; nothing else draws from them."""
         key = (zlib.crc32(wearer.encode()), *((zlib.crc32(purpose.encode()),) if purpose else ()))
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
 class Session:
-    """Runs what is still to be done of a session.
-
-    Parameters
-    ----------
-    plan : SessionPlan
-        What to do.
-    rig : Rig
-        The participant and the devices.
-    clocks : callable
-        Makes the clock of a stretch.
-    operator : Operator
-        Asked before every condition.
-    progress : callable
-        Told after every accepted stride.
-    real_time : bool
-        Whether to keep the machine's scheduler and garbage collector out of the loop.
-    attended : bool
-        Whether an operator's page starts, pauses and stops instead of the operator.
-    """
+    """Runs what is still to be done of a session."""
 
     def __init__(
         self,
@@ -161,30 +121,14 @@ class Session:
         self._stop_requested = False
 
     def request_stop(self) -> None:
-        """End the session soon, fading out a pulse that is on.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            When no trial is running, so that nothing is to be faded out.
-        """
+        """End the session soon, fading out a pulse that is on."""
         self._stop_requested = True
         if self._trial is None:
             raise KeyboardInterrupt
         self._trial.request_stop()
 
     def run(self) -> None:
-        """Run all conditions that are not done yet.
-
-        Raises
-        ------
-        DeviceError
-            When a device failed or the safety gate tripped.
-        OutputError
-            When the disk does not take the records.
-        KeyboardInterrupt
-            When a stop was requested.
-        """
+        """Run all conditions that are not done yet."""
         folder = self._plan.folder
         make_folder(folder / "logs")
         with Journal(folder / JOURNAL_FILE) as journal, self._linked(journal):

@@ -17,28 +17,12 @@ SESSION_FILE, PLAN_FILE = "session.json", "plan.json"
 
 
 def log_path(folder: Path, condition: str, segment: int) -> Path:
-    """Return where the log of a stretch is kept.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    condition : str
-        Name of the condition.
-    segment : int
-        Number of the stretch, from 0.
-    """
+    """Return where the log of a stretch is kept."""
     return folder / "logs" / f"{condition}-{segment}.jzlog"
 
 
 def has_content(log: Path) -> bool:
-    """Tell whether a log is there and not empty or cut in its header, as a power cut may leave it.
-
-    Parameters
-    ----------
-    log : pathlib.Path
-        Its path.
-    """
+    """Return whether a log exists with a whole header: a power cut may leave none."""
     if not log.exists():
         return False
     with log.open("rb") as stream:
@@ -46,13 +30,7 @@ def has_content(log: Path) -> bool:
 
 
 def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
-    """Return the plan that a walking session wrote down, condition by condition.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    """
+    """Return the plan that a walking session wrote down, condition by condition."""
     return {
         name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
         for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
@@ -60,13 +38,7 @@ def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
 
 
 def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
-    """Return the plan that a session on a bench wrote down, trial by trial.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    """
+    """Return the plan that a session on a bench wrote down, trial by trial."""
     return {
         name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
         for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
@@ -77,18 +49,6 @@ def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     """Write the plan down, or see that the one that stands there is the same.
 
     Returns which of its two copies is damaged, "" where none is.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    plan : mapping of str to sequence of dict
-        Trial -> pulses.
-
-    Raises
-    ------
-    DataError
-        When another plan stands there: pulses are counted by their number in it.
     """
     file = folder / PLAN_FILE
     text = json.dumps(plan, indent=1)
@@ -109,18 +69,6 @@ def keep_description(folder: Path, about: Mapping[str, Any]) -> str:
     """Write down what the session is of, or see that the one there is of the same wearer.
 
     Returns which of its two copies is damaged, "" where none is.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    about : mapping
-        With ``wearer``; devices and software may be others after an interruption.
-
-    Raises
-    ------
-    DataError
-        When the file is damaged or of somebody else.
     """
     file = folder / SESSION_FILE
     if not is_written(file):

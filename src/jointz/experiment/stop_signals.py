@@ -111,8 +111,6 @@ def _insist(number: signal.Signals) -> None:
 def signals_held() -> Iterator[None]:
     """Let the signals wait until the end of the block; a process that is started in it inherits it.
 
-    Notes
-    -----
     In a run by the main thread, in which Python handles signals, whichever thread of a driver or
     a progress bar the system gives them to. Where signals cannot wait, they do not.
     """

@@ -9,20 +9,7 @@ NO_SENSOR_SAMPLE = SensorSample(NO_SAMPLE, NO_SAMPLE, _NAN)
 
 
 class Streams:
-    """All samples that the devices queued since the tick before.
-
-    Parameters
-    ----------
-    devices : Devices
-        Active.
-
-    Attributes
-    ----------
-    actuator, angle, contact : list
-        The samples of this tick, oldest first; empty where none came.
-    newest_actuator, newest_angle : ActuatorSample, SensorSample
-        The last that came at all.
-    """
+    """All samples that the devices queued since the tick before."""
 
     __slots__ = (
         "_actuator_ns",
@@ -52,18 +39,7 @@ class Streams:
         self.newest_angle = NO_SENSOR_SAMPLE
 
     def read(self, slot_ns: int) -> float:
-        """Read all devices and return how old the stalest of them is, s; infinite at first.
-
-        Parameters
-        ----------
-        slot_ns : int, ns
-            Time of the tick.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        """
+        """Read all devices and return how old the stalest of them is, s; infinite at first."""
         if self._read_actuator is None:
             self._actuator_ns = slot_ns
         else:

@@ -10,23 +10,7 @@ _QUANTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 
 
 def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
-    """Summarise lateness, period error and work of the ticks.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    period_ns : int, ns
-        Of the loop.
-
-    Returns
-    -------
-    dict
-        ``ticks``, ``missed_slots``, ``clamped_ticks`` (less torque was let through than
-        was asked for), ``mean_rate_hz`` and, in us, quantiles p50, p99, p99_9 and max of
-        ``lateness_us`` (after the slot), ``period_error_us`` (size, from tick to tick)
-        and ``busy_us`` (work of a tick).
-    """
+    """Summarise lateness, period error and work of the ticks."""
     ticks = records[records["part"] == 0]
     if ticks.size < 2:
         return {"ticks": int(ticks.size), "missed_slots": 0, "clamped_ticks": 0}

@@ -29,36 +29,17 @@ TrialProgress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What a trial is to walk.
+    """What a trial is to walk."""
 
-    Parameters
-    ----------
-    gait : GaitSpec
-        Of the protocol.
-    period_ns : int, ns
-        Of the loop.
-    strides : int
-        Accepted strides; with pulses, the last pulse and a few more decide.
-    contact_levels : tuple of float
-        Of the footswitch, off and on, in its own unit.
-    """
-
-    gait: GaitSpec
-    period_ns: int
-    strides: int
+    gait: GaitSpec  # of the protocol
+    period_ns: int  # ns: of the loop
+    strides: int  # accepted strides; with pulses, the last pulse and a few more decide
+    # of the footswitch, off and on, in its own unit
     contact_levels: tuple[float, float] = CONTACT_LEVELS
 
 
 class Motor:
-    """The actuator of a trial with everything between a wanted torque and its command.
-
-    Parameters
-    ----------
-    devices : Devices
-        With an actuator.
-    gate : SafetyGate
-        The last stage before the device.
-    """
+    """The actuator of a trial with everything between a wanted torque and its command."""
 
     __slots__ = ("applied", "command_torque", "gate", "stop", "zero_torque")
 
@@ -80,23 +61,6 @@ class Trial:
 
     Every decision is taken on the time of the tick's slot, so that the same
     samples make the same trial under a real and under a virtual clock.
-
-    Parameters
-    ----------
-    course : Course
-        Gait, period, length.
-    devices : Devices
-        Active.
-    motor : Motor or None
-        None where the participant does not wear the device.
-    pulses : PulseRunner or None
-        None in a condition without pulses.
-    recorder : Recorder
-        The log.
-    clock : Clock
-        For the work a tick took.
-    progress : callable
-        Told after every accepted stride.
     """
 
     def __init__(
@@ -136,43 +100,14 @@ class Trial:
         self._stopping = True
 
     def pause(self, *, on: bool) -> bool:
-        """Begin no more pulses while the participant walks on, or go on with them.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to pause.
-
-        Returns
-        -------
-        bool
-            False where there are no pulses to pause.
-        """
+        """Begin no more pulses while the participant walks on, or go on with them."""
         if self._pulses is None:
             return False
         self._pulses.pause(on=on)
         return True
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
-        """Do everything that is to be done in one slot.
-
-        Parameters
-        ----------
-        slot, host_ns, skipped : int
-            Number of the slot, time (ns), slots skipped just before.
-
-        Returns
-        -------
-        bool
-            False when the trial is over or the safety gate has tripped.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        OSError
-            When the log or the journal cannot be written.
-        """
+        """Do everything that is to be done in one slot."""
         if self._first_slot < 0:
             self._first_slot = slot
         slot -= self._first_slot

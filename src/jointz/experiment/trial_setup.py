@@ -37,53 +37,23 @@ class AnyTrial(Protocol):
         ...
 
     def pause(self, *, on: bool) -> bool:
-        """Begin no more pulses, or go on with them.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to pause.
-
-        Returns
-        -------
-        bool
-            False where there are none.
-        """
+        """Begin no more pulses, or go on with them."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class TrialSetup:
-    """What every trial is made of.
+    """What every trial is made of."""
 
-    Parameters
-    ----------
-    protocol : Protocol
-        Of the experiment.
-    condition : ConditionSpec
-        Of the trial.
-    name, segment : str, int
-        Of the trial, and which stretch of it.
-    devices : Devices
-        Not yet active.
-    gate : SafetyGate or None
-        None without an actuator.
-    recorder : Recorder
-        The log.
-    clock : Clock
-        The host's.
-    contact_levels_v : tuple of float, optional, V
-        Calibrated levels of a footswitch that gives volts, off and on.
-    """
-
-    protocol: ProtocolSpec
-    condition: ConditionSpec
-    name: str
-    segment: int
-    devices: Devices
-    gate: SafetyGate | None
-    recorder: Recorder
-    clock: Clock
+    protocol: ProtocolSpec  # of the experiment
+    condition: ConditionSpec  # of the trial
+    name: str  # int: of the trial, and which stretch of it
+    segment: int  # int
+    devices: Devices  # not yet active
+    gate: SafetyGate | None  # none without an actuator
+    recorder: Recorder  # the log
+    clock: Clock  # the host's
+    # V: calibrated levels of a footswitch that gives volts, off and on
     contact_levels_v: tuple[float, float] | None = None
 
     @property
@@ -107,19 +77,7 @@ def walking_trial(
     journal: Journal,
     progress: TrialProgress,
 ) -> Trial:
-    """Return a stretch of a walking condition.
-
-    Parameters
-    ----------
-    setup : TrialSetup
-        Devices and log.
-    left : sequence of PlannedPulse
-        Pulses still to be done.
-    journal : Journal
-        Told of every pulse.
-    progress : callable
-        Told after every accepted stride.
-    """
+    """Return a stretch of a walking condition."""
     protocol, condition = setup.protocol, setup.condition
     if protocol.gait is None:
         raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
@@ -155,19 +113,7 @@ def bench_trial(
     rng: np.random.Generator,
     progress: BenchProgress,
 ) -> BenchTrial:
-    """Return a trial on a bench.
-
-    Parameters
-    ----------
-    setup : TrialSetup
-        Devices and log.
-    pulses : sequence of TimedPulse
-        Of the trial.
-    rng : numpy.random.Generator
-        For references that are noise.
-    progress : callable
-        Told every second.
-    """
+    """Return a trial on a bench."""
     if setup.gate is None:
         raise ProtocolError(setup.protocol.name, ["a bench needs an actuator; the rig has none."])
     course = bench_course(

@@ -21,28 +21,14 @@ _GAP_SHARE = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strides:
-    """Consecutive strides, each from one heel strike to the next.
+    """Consecutive strides, each from one heel strike to the next."""
 
-    Parameters
-    ----------
-    start_s, duration_s : (n,) float, s
-        The heel strike that begins each stride, and its length.
-    accepted : (n,) bool
-        Strides that can be believed; ``code`` is ``""`` there.
-    touches_gap : (n,) bool
-        A hole in the time stamps, of any length, lies inside.
-    code : tuple of str
-        ``""``, or a code of :class:`jointz.core.codes.Exclusion`.
-    detail : tuple of str
-        More about the code, and about holes in accepted strides.
-    """
-
-    start_s: np.ndarray
+    start_s: np.ndarray  # the heel strike that begins each stride, and its length
     duration_s: np.ndarray
-    accepted: np.ndarray
-    touches_gap: np.ndarray
-    code: tuple[str, ...]
-    detail: tuple[str, ...]
+    accepted: np.ndarray  # strides that can be believed; ``code`` is ``""`` there
+    touches_gap: np.ndarray  # a hole in the time stamps, of any length, lies inside
+    code: tuple[str, ...]  # ``""``, or a code of :class:`jointz.core.codes.Exclusion`
+    detail: tuple[str, ...]  # more about the code, and about holes in accepted strides
 
     @property
     def strike_s(self) -> np.ndarray:
@@ -70,31 +56,6 @@ def find_strides(
     moves nor restarts the band. After five rejected strides in a row that lie
     within 0.75 to 1.33 of their own median, the cadence has changed for good:
     the band restarts at that median, and the five stay rejected.
-
-    Parameters
-    ----------
-    strike_s : (n,) float, s
-        Heel strikes, increasing.
-    gaps : (k, 2) float, s
-        Start and end of holes, in order (:func:`jointz.gait.timestamps.find_gaps`).
-    gap_tolerance_s : float, s, optional
-        Holes shorter than this leave a stride accepted, with ``touches_gap``
-        set; by default 0.15 of the expected stride.
-
-    Returns
-    -------
-    Strides
-        One stride between every two consecutive strikes.
-
-    Raises
-    ------
-    DataError
-        When the strikes do not increase.
-
-    Examples
-    --------
-    >>> find_strides(np.array([0.0, 1.1, 2.2, 3.3, 5.5, 6.6]), np.empty((0, 2))).code
-    ('', '', '', 'missing_strike', '')
     """
     strike_s = np.asarray(strike_s, dtype=float)
     duration = np.diff(strike_s)

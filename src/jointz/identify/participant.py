@@ -36,68 +36,30 @@ from jointz.identify.recommended.walking_evidence import Evidence
 
 @dataclass(frozen=True, slots=True)
 class ParticipantResult:
-    """Everything found in one participant's recordings.
+    """Everything found in one participant's recordings."""
 
-    Parameters
-    ----------
-    cells : mapping of str to tuple of CellEstimate
-        Method -> cells.
-    single : tuple of PulseEstimate
-        Pulses of a bench, each by itself.
-    pulses, strides, gaps : tuple
-        Every one found.
-    models : tuple of ParticipantModel
-        What the recommended method found about joint and sensor, of every session and side.
-    evidence : tuple of Evidence
-        What it explained, and by what.
-    curves : tuple of StrideCurves
-        Strides of somebody who was never perturbed, where a moment was recorded.
-    sampling : tuple of SamplingRecord
-        How fast each recording was sampled.
-    unclean_switches : tuple of str
-        Recordings whose footswitch, declared as one of two levels, does not rest at two.
-    units : tuple of (str, str)
-        Session and side of the perturbed recordings; "" where the study does not state them, and
-        on a bench.
-    """
-
-    cells: Mapping[str, tuple[CellEstimate, ...]]
-    single: tuple[PulseEstimate, ...]
-    pulses: tuple[PulseRecord, ...]
+    cells: Mapping[str, tuple[CellEstimate, ...]]  # method -> cells
+    single: tuple[PulseEstimate, ...]  # pulses of a bench, each by itself
+    pulses: tuple[PulseRecord, ...]  # every one found
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
+    # what the recommended method found about joint and sensor, of every session and side
     models: tuple[ParticipantModel, ...] = ()
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[Evidence, ...] = ()  # what it explained, and by what
+    # strides of somebody who was never perturbed, where a moment was recorded
     curves: tuple[StrideCurves, ...] = ()
-    sampling: tuple[SamplingRecord, ...] = ()
+    sampling: tuple[SamplingRecord, ...] = ()  # how fast each recording was sampled
+    # recordings whose footswitch, declared as one of two levels, does not rest at two
     unclean_switches: tuple[str, ...] = ()
+    # session and side of the perturbed recordings; "" where the study does not state them, and on a
+    # bench
     units: tuple[Unit, ...] = ()
 
 
 def analyze_participant(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> ParticipantResult:
-    """Estimate a participant's impedance by session, side and timing point or group.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What to do.
-
-    Returns
-    -------
-    ParticipantResult
-        Estimates of every method, and every pulse, stride and gap.
-
-    Raises
-    ------
-    DataError
-        When a recording cannot be used as the study describes it.
-    """
+    """Estimate a participant's impedance by session, side and timing point or group."""
     parts: list[ParticipantResult] = []
     known: set[int] = set()
     for unit, group in recording_groups(recordings, walking=settings.walking):

@@ -39,21 +39,7 @@ class AcquisitionReader:
     """
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted signals, which must have been sampled together.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged, a column is not there or could be several, or columns
-            were sampled at different times; nothing is ever interpolated.
-        """
+        """Return the wanted signals, which must have been sampled together."""
         content = read_acquisition(path, request.files)
         places = _places(path, content, [str(c) for c in request.columns])
         columns = {}
@@ -70,13 +56,6 @@ class AcquisitionReader:
 
         ``time`` is among them where several groups have a clock, and so is what the file calls
         the columns of their clocks: it is that of the group that the other columns are in.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            How text files are laid out.
         """
         content = read_acquisition(path, files)
         short = list(_short_names(content))
@@ -87,18 +66,7 @@ class AcquisitionReader:
 
 
 def study_columns(content: Acquisition) -> dict[tuple[str, str], str]:
-    """Return what a study calls the signals of a file, and the clocks of its groups.
-
-    Parameters
-    ----------
-    content : Acquisition
-        What the file holds.
-
-    Returns
-    -------
-    dict of tuple of str to str
-        Name of the group and of the signal, ``time`` for the clock, -> column.
-    """
+    """Return what a study calls the signals of a file, and the clocks of its groups."""
     return {
         (group.name, TIME if signal is None else signal.name): column
         for column, (group, signal) in _short_names(content).items()

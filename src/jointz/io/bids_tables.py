@@ -19,52 +19,19 @@ _NOT_LABEL = re.compile(r"[^A-Za-z0-9]")
 
 
 def label_of(text: str) -> str:
-    """Return a text as a label: letters and digits alone.
-
-    Parameters
-    ----------
-    text : str
-        Such as the id of a participant.
-
-    Examples
-    --------
-    >>> label_of("S_01 left")
-    'S01left'
-    """
+    """Return a text as a label: letters and digits alone."""
     return _NOT_LABEL.sub("", text)
 
 
 def entities_of(name: str) -> dict[str, str]:
-    """Return the entities of a file's name, in their order.
-
-    Parameters
-    ----------
-    name : str
-        The name; suffix and ending are no entities.
-
-    Examples
-    --------
-    >>> entities_of("sub-S01_task-walking_tracksys-knee_motion.tsv")
-    {'sub': 'S01', 'task': 'walking', 'tracksys': 'knee'}
-    """
+    """Return the entities of a file's name, in their order."""
     parts = name.split(".")[0].split("_")
     found = [_ENTITY.fullmatch(part) for part in parts]
     return {match[1]: match[2] for match in found if match}
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a sidecar.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read or holds no object.
-    """
+    """Read a sidecar."""
     try:
         content = json.loads(_text(path))
     except (ValueError, RecursionError) as exc:
@@ -78,38 +45,14 @@ def read_json(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table with a header.
+    """A table with a header."""
 
-    Parameters
-    ----------
-    rows : list of dict
-        A mapping a row, ``""`` for ``n/a``.
-    end_note : str
-        A note where the last line has no end, "" elsewhere.
-    """
-
-    rows: list[dict[str, str]]
-    end_note: str
+    rows: list[dict[str, str]]  # a mapping a row, ``""`` for ``n/a``
+    end_note: str  # a note where the last line has no end, "" elsewhere
 
 
 def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> Table:
-    """Read a table with a header.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    required : sequence of str
-        Columns that must be there.
-    whole : bool
-        Whether its last line must have an end, without which nobody can tell that it was not cut
-        off. Editors leave it out: where it need not be, the table has a note.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read, a column is missing or a row has another width.
-    """
+    """Read a table with a header."""
     text = _text(path)
     lines = _lines(path, text, whole=whole)
     names = [name.strip() for name in lines[0].split("\t")]
@@ -140,27 +83,7 @@ def _end_note(path: Path, text: str) -> str:
 
 
 def read_samples(path: Path, n_columns: int, *, named_in: str) -> np.ndarray:
-    """Read a table of numbers without a header, ``n/a`` as NaN.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    n_columns : int
-        How many columns it must have.
-    named_in : str
-        The table that names them, for the message.
-
-    Returns
-    -------
-    (n_samples, n_columns) float64 array
-        The numbers, bit for bit as they were written.
-
-    Raises
-    ------
-    DataError
-        Naming row and column where it is not such a table.
-    """
+    """Read a table of numbers without a header, ``n/a`` as NaN."""
     rows = []
     for row, line in enumerate(_lines(path, _text(path), whole=True), start=1):
         cells = line.split("\t")
@@ -179,22 +102,7 @@ def read_samples(path: Path, n_columns: int, *, named_in: str) -> np.ndarray:
 
 
 def number(path: Path, content: Mapping[str, Any], key: str) -> float:
-    """Return a positive number of a sidecar.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The sidecar, for the message.
-    content : mapping
-        What it holds.
-    key : str
-        The key.
-
-    Raises
-    ------
-    DataError
-        When it is missing or no positive number.
-    """
+    """Return a positive number of a sidecar."""
     value = content.get(key)
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(float(value or 0)) or float(value or 0) <= 0:
@@ -205,26 +113,7 @@ def number(path: Path, content: Mapping[str, Any], key: str) -> float:
 def cell_number(
     path: Path, row: int, name: str, cell: str, *, default: float | None = None
 ) -> float:
-    """Return the number of a cell, a default where it is empty.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The table, for the message.
-    row : int
-        Its row, from 1.
-    name : str
-        The column.
-    cell : str
-        What stands there.
-    default : float, optional
-        For an empty cell; without one it must not be empty.
-
-    Raises
-    ------
-    DataError
-        When it is no finite number.
-    """
+    """Return the number of a cell, a default where it is empty."""
     if not cell and default is not None:
         return default
     try:

@@ -43,67 +43,34 @@ _EVENTS_JSON: Mapping[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionChannel:
-    """One channel of a recording.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    values : (n,) float64 array
-        SI; NaN where a sample is missing.
-    kind : str
-        Type in BIDS, such as ``JNTANG``.
-    unit : str
-        SI unit as jointz writes it.
-    tracked_point : str
-        What it belongs to.
-    description : str
-        What it holds.
-    positive : str
-        Its positive direction, "" where it has none.
-    """
+    """One channel of a recording."""
 
     name: str
-    values: np.ndarray
-    kind: str
-    unit: str
-    tracked_point: str
-    description: str
-    positive: str = ""
+    values: np.ndarray  # SI; NaN where a sample is missing
+    kind: str  # type in BIDS, such as ``JNTANG``
+    unit: str  # SI unit as jointz writes it
+    tracked_point: str  # what it belongs to
+    description: str  # what it holds
+    positive: str = ""  # its positive direction, "" where it has none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionRecording:
-    """A recording as Motion-BIDS has it.
+    """A recording as Motion-BIDS has it."""
 
-    Parameters
-    ----------
-    entities : mapping
-        ``sub``, ``ses``, ``task``, ``tracksys``, ``acq``, ``run`` -> label, in this order; those
-        that it has.
-    time_s : (n,) float64 array
-        Its clock, increasing.
-    nominal_hz : float
-        Its rate.
-    channels : tuple of MotionChannel
-        Its channels.
-    sidecar : mapping
-        What else its sidecar says, in keys of BIDS.
-    told : mapping
-        What BIDS has no keys for: joint, side, condition, directions.
-    events : sequence of mapping
-        ``onset_s`` on its clock, ``duration_s``, ``amplitude``, ``timing_point`` of each pulse.
-    amplitude_unit : str
-        Of the pulses: ``N*m``, or ``rad`` where they are steps of the angle.
-    """
-
+    # ``sub``, ``ses``, ``task``, ``tracksys``, ``acq``, ``run`` -> label, in this order; those that
+    # it has
     entities: Mapping[str, str]
-    time_s: np.ndarray
-    nominal_hz: float
+    time_s: np.ndarray  # its clock, increasing
+    nominal_hz: float  # its rate
     channels: tuple[MotionChannel, ...]
+    # what else its sidecar says, in keys of BIDS
     sidecar: Mapping[str, Any] = field(default_factory=dict)
+    # what BIDS has no keys for: joint, side, condition, directions
     told: Mapping[str, Any] = field(default_factory=dict)
+    # ``onset_s`` on its clock, ``duration_s``, ``amplitude``, ``timing_point`` of each pulse
     events: Sequence[Mapping[str, Any]] = ()
+    # of the pulses: ``N*m``, or ``rad`` where they are steps of the angle
     amplitude_unit: str = "N*m"
 
     @property
@@ -119,25 +86,7 @@ class MotionRecording:
 
 
 def write_motion(recording: MotionRecording, root: Path) -> list[str]:
-    """Write samples, sidecar, channels and events of a recording.
-
-    Parameters
-    ----------
-    recording : MotionRecording
-        The recording.
-    root : pathlib.Path
-        The BIDS folder; the recording's own folders are made.
-
-    Returns
-    -------
-    list of str
-        The files, from the root.
-
-    Raises
-    ------
-    DataError
-        When it holds infinite numbers, which BIDS has no way to write.
-    """
+    """Write samples, sidecar, channels and events of a recording."""
     rate, start = even_clock(recording.time_s)
     channels = recording.channels
     if rate is None:
@@ -179,18 +128,7 @@ def _about_events(amplitude_unit: str) -> dict[str, Any]:
 
 
 def even_clock(time_s: np.ndarray) -> tuple[float | None, float]:
-    """Return the rate and the start that give time stamps back bit for bit; None: none does.
-
-    Parameters
-    ----------
-    time_s : (n,) float64 array, s
-        Increasing time stamps, at least two.
-
-    Examples
-    --------
-    >>> even_clock(np.arange(5) / 1000.0)
-    (1000.0, 0.0)
-    """
+    """Return the rate and the start that give time stamps back bit for bit; None: none does."""
     start = float(time_s[0])
     mean = (time_s.size - 1) / float(time_s[-1] - start)
     steps = np.arange(time_s.size)

@@ -36,18 +36,6 @@ class C3dFormat:
         A point gives three signals, ``LABEL.x``, ``.y`` and ``.z``, NaN where it was not seen
         (its residual is negative). Units are those of the file; other parameters are metadata
         by their names in lower case, several values as in JSON.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: a C3D file describes itself.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged, cut off, or contradicts itself.
         """
         content = path.read_bytes()
         file = Source(path, content, *read_parameters(path, content))
@@ -66,32 +54,11 @@ class C3dFormat:
         return Acquisition(tuple(g for g in groups if g), events, metadata)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content a C3D file cannot hold.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Return what of a content a C3D file cannot hold."""
         return plan(content)[1]
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write what a C3D file can hold, in single precision.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When nothing of it, or more names than a C3D file has room for, would be written.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write what a C3D file can hold, in single precision."""
         raw = c3d_bytes(plan(content)[0], path)
         with whole_file(path, "Make room or name another place.") as partial:
             partial.write_bytes(raw)

@@ -15,51 +15,23 @@ _WHOLE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """When the frames of a file were taken.
+    """When the frames of a file were taken."""
 
-    Parameters
-    ----------
-    rate_hz : float
-        Of the frames; 0 where nothing is written.
-    first_frame : int
-        Number of the first frame, counted from 0.
-    n_frames : int
-        How many.
-    times : mapping of str to int
-        Samples in a frame, by role.
-    rates_hz : mapping of str to float
-        Rates as stated, by role.
-    """
-
-    rate_hz: float
-    first_frame: int
-    n_frames: int
-    times: Mapping[str, int]
-    rates_hz: Mapping[str, float]
+    rate_hz: float  # of the frames; 0 where nothing is written
+    first_frame: int  # number of the first frame, counted from 0
+    n_frames: int  # how many
+    times: Mapping[str, int]  # samples in a frame, by role
+    rates_hz: Mapping[str, float]  # rates as stated, by role
 
 
 def single(rate_hz: float) -> float:
-    """Return a rate as single precision holds it, in as few digits as that needs.
-
-    Parameters
-    ----------
-    rate_hz : float
-        The rate.
-    """
+    """Return a rate as single precision holds it, in as few digits as that needs."""
     with np.errstate(over="ignore"):
         return float(str(np.float32(rate_hz)))
 
 
 def uniform(group: SignalGroup, lost: list[str]) -> SignalGroup | None:
-    """Return a group on a uniform clock, None where its samples are not uniform.
-
-    Parameters
-    ----------
-    group : SignalGroup
-        What is to be written.
-    lost : list of str
-        Takes a sentence for what changes.
-    """
+    """Return a group on a uniform clock, None where its samples are not uniform."""
     name, stamps, rate = group.name, group.time_s, group.rate_hz
     if stamps is not None:
         rate = _rate_of(stamps)
@@ -90,15 +62,7 @@ def uniform(group: SignalGroup, lost: list[str]) -> SignalGroup | None:
 def aligned(
     groups: Mapping[str, SignalGroup], lost: list[str]
 ) -> tuple[Clock, dict[str, SignalGroup]]:
-    """Return the one clock, and the groups that go with it, cut to whole frames.
-
-    Parameters
-    ----------
-    groups : mapping of str to SignalGroup
-        By role; the first gives the frames.
-    lost : list of str
-        Takes a sentence for what changes and what is left out.
-    """
+    """Return the one clock, and the groups that go with it, cut to whole frames."""
     timed = {role: g for role, group in groups.items() if (g := _holdable(group, lost)) is not None}
     if not timed:
         return Clock(0.0, 0, 0, {}, {}), {}

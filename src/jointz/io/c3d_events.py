@@ -18,23 +18,7 @@ _PART = re.compile(r"EVENT\.([A-Z_]+?)\d*")
 
 
 def read_events(file: Source) -> tuple[tuple[Event, ...], dict[str, Values]]:
-    """Return events of the EVENT group (minutes and seconds), else those of the header.
-
-    Parameters
-    ----------
-    file : Source
-        The file; takes a note of what cannot be put in the order of time.
-
-    Returns
-    -------
-    tuple of Event, dict
-        The events, and the other parameters of events in their order, by ``EVENT.NAME``.
-
-    Raises
-    ------
-    DataError
-        When an event has no time.
-    """
+    """Return events of the EVENT group (minutes and seconds), else those of the header."""
     parameters = file.parameters
     times = parameters.numbers("EVENT.TIMES")
     times = times[: 2 * (times.size // 2)].reshape(-1, 2)

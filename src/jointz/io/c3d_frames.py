@@ -25,30 +25,14 @@ _COPY = "Copy or export it again."
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a file says of itself.
+    """What a file says of itself."""
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    content : bytes
-        All of it.
-    machine : Machine
-        How it orders bytes.
-    header : Header
-        Its first block.
-    parameters : Parameters
-        Its parameter section.
-    notes : dict of str to str
-        Takes what looks odd, by what it is about.
-    """
-
-    path: Path
-    content: bytes
-    machine: Machine
-    header: Header
-    parameters: Parameters
-    notes: dict[str, str] = field(default_factory=dict)
+    path: Path  # the file
+    content: bytes  # all of it
+    machine: Machine  # how it orders bytes
+    header: Header  # its first block
+    parameters: Parameters  # its parameter section
+    notes: dict[str, str] = field(default_factory=dict)  # takes what looks odd, by what it is about
 
     @property
     def scale(self) -> float:
@@ -88,60 +72,25 @@ class Source:
         return self.parameters.count("ROTATION.USED", 0) if placed else 0
 
     def frame_bytes(self, n_points: int, n_values: int) -> int:
-        """Return the bytes of a frame.
-
-        Parameters
-        ----------
-        n_points, n_values : int
-            Its points and its analog values.
-        """
+        """Return the bytes of a frame."""
         return (4 if self.in_floats else 2) * (4 * n_points + n_values)
 
     def refuse(self, what: str, todo: str = "Export it again.") -> DataError:
-        """Return the error about the file.
-
-        Parameters
-        ----------
-        what : str
-            What was expected and found.
-        todo : str
-            What to do.
-        """
+        """Return the error about the file."""
         return DataError(f"{self.path.name}: {what} {todo}", path=str(self.path))
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """The frames as they stand in the file.
+    """The frames as they stand in the file."""
 
-    Parameters
-    ----------
-    points : (n, points, 4) float64 or int64 array
-        Coordinates and residual.
-    analogs : (n * per_frame, channels) float64 or int64 array
-        Samples before scale and offset.
-    first : int
-        Number of the first frame, counted from 0.
-    """
-
-    points: np.ndarray
-    analogs: np.ndarray
-    first: int
+    points: np.ndarray  # coordinates and residual
+    analogs: np.ndarray  # samples before scale and offset
+    first: int  # number of the first frame, counted from 0
 
 
 def take_frames(file: Source) -> Frames:
-    """Return the frames of a file in which header, parameters and length agree.
-
-    Parameters
-    ----------
-    file : Source
-        The file; takes notes of what looks odd.
-
-    Raises
-    ------
-    DataError
-        When they do not agree, or the frames are not all there.
-    """
+    """Return the frames of a file in which header, parameters and length agree."""
     _check_parameters(file)
     _check_counts(file)
     _check_scale(file)

@@ -27,40 +27,18 @@ Values = tuple[str, ...] | np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """How a file's computer orders bytes.
+    """How a file's computer orders bytes."""
 
-    Parameters
-    ----------
-    order : str
-        ``<`` or ``>``, as in :mod:`struct`.
-    vax : bool
-        Whether its floats are those of a VAX.
-    """
-
-    order: str
-    vax: bool = False
+    order: str  # ``<`` or ``>``, as in :mod:`struct`
+    vax: bool = False  # whether its floats are those of a VAX
 
     def ints(self, content: bytes, *, signed: bool = True) -> np.ndarray:
-        """Return words of two bytes as an (n,) int64 array.
-
-        Parameters
-        ----------
-        content : bytes
-            The words.
-        signed : bool
-            Whether a word may be negative.
-        """
+        """Return words of two bytes as an (n,) int64 array."""
         kind = f"{self.order}{'i' if signed else 'u'}2"
         return np.frombuffer(content, dtype=kind).astype(np.int64)
 
     def floats(self, content: bytes) -> np.ndarray:
-        """Return floats of four bytes as an (n,) float64 array.
-
-        Parameters
-        ----------
-        content : bytes
-            The floats.
-        """
+        """Return floats of four bytes as an (n,) float64 array."""
         if not self.vax:
             with np.errstate(invalid="ignore"):  # a NaN with a message of its own
                 return np.frombuffer(content, dtype=f"{self.order}f4").astype(np.float64)
@@ -78,99 +56,43 @@ MACHINES: Mapping[int, Machine] = {
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The words of the first block that are needed.
+    """The words of the first block that are needed."""
 
-    Parameters
-    ----------
-    n_points, n_analog_values : int
-        Points, and analog values, of a frame.
-    first_frame, last_frame : int
-        As the file counts them, from 1.
-    scale : float
-        Negative in files of floats.
-    data_block : int
-        Block where the frames start, counted from 1.
-    per_frame : int
-        Samples of an analog channel in a frame.
-    rate_hz : float
-        Of the frames.
-    events : tuple of (float, str)
-        Times and labels of the events of the header.
-    """
-
-    n_points: int
+    n_points: int  # points, and analog values, of a frame
     n_analog_values: int
-    first_frame: int
+    first_frame: int  # as the file counts them, from 1
     last_frame: int
-    scale: float
-    data_block: int
-    per_frame: int
-    rate_hz: float
-    events: tuple[tuple[float, str], ...]
+    scale: float  # negative in files of floats
+    data_block: int  # block where the frames start, counted from 1
+    per_frame: int  # samples of an analog channel in a frame
+    rate_hz: float  # of the frames
+    events: tuple[tuple[float, str], ...]  # times and labels of the events of the header
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Values by ``GROUP.NAME``, in upper case.
+    """Values by ``GROUP.NAME``, in upper case."""
 
-    Parameters
-    ----------
-    values : mapping of str to tuple of str, or array
-        Texts, or numbers in the shape that the file gives them.
-    unread : int
-        Bytes other than zero between the last parameter and the frames.
-    span : (int, int)
-        Byte where the section starts, and the byte after its last parameter.
-    """
-
-    values: Mapping[str, Values]
-    unread: int
-    span: tuple[int, int]
+    values: Mapping[str, Values]  # texts, or numbers in the shape that the file gives them
+    unread: int  # bytes other than zero between the last parameter and the frames
+    span: tuple[int, int]  # byte where the section starts, and the byte after its last parameter
 
     def texts(self, name: str) -> list[str]:
-        """Return the texts of a parameter and of those that continue it (``LABELS2`` ...).
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
+        """Return the texts of a parameter and of those that continue it (``LABELS2`` ...)."""
         return [str(v) for part in self._parts(name) if isinstance(part, tuple) for v in part]
 
     def numbers(self, name: str) -> np.ndarray:
-        """Return the numbers of a parameter and of those that continue it, flat.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
+        """Return the numbers of a parameter and of those that continue it, flat."""
         parts = [p.ravel(order="F") for p in self._parts(name) if isinstance(p, np.ndarray)]
         return np.concatenate([np.zeros(0), *parts])
 
     def number(self, name: str, default: float) -> float:
-        """Return the first number of a parameter.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        default : float
-            Where there is none.
-        """
+        """Return the first number of a parameter."""
         found = self.numbers(name)
         return float(found[0]) if found.size else default
 
     def count(self, name: str, default: int) -> int:
-        """Return a number that is never negative: a word that looks so has its sixteenth bit set.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        default : int
-            Where there is none.
-        """
+        """Return an unsigned number."""
         found = self.number(name, default)
         if not np.isfinite(found):
             return default
@@ -186,20 +108,7 @@ class Parameters:
 
 
 def read_parameters(path: Path, content: bytes) -> tuple[Machine, Header, Parameters]:
-    """Return what the header and the parameter section say.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for messages.
-    content : bytes
-        The whole file.
-
-    Raises
-    ------
-    DataError
-        When it is no C3D file, or cut off or damaged there.
-    """
+    """Return what the header and the parameter section say."""
     if len(content) < BLOCK or content[1] != KEY:
         found = f"{len(content)} bytes" if len(content) < BLOCK else f"byte 1 = {content[1]:#04x}"
         raise _broken(path, 0, f"the header of a C3D file ({BLOCK} bytes, byte 1 = 0x50)", found)
@@ -271,24 +180,7 @@ def _check_step(path: Path, name: str, places: tuple[int, int, int]) -> None:
 
 
 def parameter_values(path: Path, machine: Machine, content: bytes, at: int) -> tuple[Values, int]:
-    """Return the values of a parameter, and the byte after them.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for messages.
-    machine : Machine
-        How it orders bytes.
-    content : bytes
-        The whole file.
-    at : int
-        Where the kind of the parameter stands.
-
-    Raises
-    ------
-    DataError
-        When the kind is none, or the values are cut off.
-    """
+    """Return the values of a parameter, and the byte after them."""
     kind, n_dimensions = struct.unpack("bB", _cut(path, content, at, 2))
     if kind not in (_TEXT, _BYTE, _INT, _FLOAT) or n_dimensions > _MOST_DIMENSIONS:
         raise _broken(

@@ -46,66 +46,34 @@ _MOST_GROUPS = 127 - 5  # beside POINT, ANALOG, EVENT, ROTATION and TRIAL
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Points, channels or rotations that are to be written.
+    """Points, channels or rotations that are to be written."""
 
-    Parameters
-    ----------
-    labels, units, notes : tuple of str
-        One each.
-    values : (n, number of labels, cells of one) float64 array
-        Samples: three cells a point, one a channel, sixteen a rotation.
-    """
-
-    labels: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()  # one each
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    # samples: three cells a point, one a channel, sixteen a rotation
     values: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 1)))
 
 
 @dataclass(frozen=True, slots=True)
 class C3dContent:
-    """What is to be written.
+    """What is to be written."""
 
-    Parameters
-    ----------
-    columns : mapping of str to Columns
-        By ``points``, ``analogs`` and ``rotations``.
-    clock : Clock
-        Of the frames.
-    kinds : mapping of str to (str, list of str)
-        Kind of points that are no trajectories -> its unit and labels.
-    events : tuple of Event
-        Their times as they are.
-    parameters : mapping of str to tuple of str, or array
-        All else, by ``GROUP.NAME``.
-    """
-
-    columns: Mapping[str, Columns]
-    clock: Clock
+    columns: Mapping[str, Columns]  # by ``points``, ``analogs`` and ``rotations``
+    clock: Clock  # of the frames
+    # kind of points that are no trajectories -> its unit and labels
     kinds: Mapping[str, tuple[str, list[str]]]
-    events: tuple[Event, ...]
-    parameters: Mapping[str, Values]
+    events: tuple[Event, ...]  # their times as they are
+    parameters: Mapping[str, Values]  # all else, by ``GROUP.NAME``
 
 
 def is_told(name: str) -> bool:
-    """Whether a parameter becomes groups, signals or events, and so no metadata.
-
-    Parameters
-    ----------
-    name : str
-        ``GROUP.NAME``, in upper case.
-    """
+    """Whether a parameter becomes groups, signals or events, and so no metadata."""
     return _TOLD.fullmatch(name) is not None
 
 
 def plan(content: Acquisition) -> tuple[C3dContent, list[str]]:
-    """Return what can be written, and a sentence for everything that cannot.
-
-    Parameters
-    ----------
-    content : Acquisition
-        What is to be written.
-    """
+    """Return what can be written, and a sentence for everything that cannot."""
     lost: list[str] = []
     groups = _roles(content, lost)
     clock, groups = aligned(groups, lost)
@@ -122,26 +90,14 @@ def plan(content: Acquisition) -> tuple[C3dContent, list[str]]:
 
 
 def seconds_of(time_s: float) -> tuple[float, float]:
-    """Return a time as minutes and seconds, as a C3D file holds it.
-
-    Parameters
-    ----------
-    time_s : float
-        The time.
-    """
+    """Return a time as minutes and seconds, as a C3D file holds it."""
     minutes = float(np.float32(time_s // 60.0))
     with np.errstate(over="ignore"):
         return minutes, float(np.float32(time_s - 60.0 * minutes))
 
 
 def side_of(label: str) -> tuple[str, str]:
-    """Split the label of an event into context and label.
-
-    Parameters
-    ----------
-    label : str
-        Such as ``Left Foot Strike``.
-    """
+    """Split the label of an event into context and label."""
     side, _, what = label.partition(" ")
     return (side, what) if side in SIDES and what.strip() else ("", label)
 

@@ -21,13 +21,7 @@ _TEXT, _INT, _FLOAT = -1, 2, 4
 
 
 def text_of(values: Values) -> str:
-    """Write a parameter as text: one value plainly, several as in JSON.
-
-    Parameters
-    ----------
-    values : tuple of str, or array
-        What the parameter holds; floats are of single precision, written as short as that allows.
-    """
+    """Write a parameter as text: one value plainly, several as in JSON."""
     if isinstance(values, tuple):
         return values[0] if len(values) == 1 else json.dumps(list(values), ensure_ascii=False)
     plain: Any = values.tolist()
@@ -38,13 +32,7 @@ def text_of(values: Values) -> str:
 
 
 def values_of(text: str) -> Values:
-    """Read what :func:`text_of` wrote; anything else is one text.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    """
+    """Read what :func:`text_of` wrote; anything else is one text."""
     try:
         plain = json.loads(text)
     except (ValueError, RecursionError):
@@ -57,13 +45,7 @@ def values_of(text: str) -> Values:
 
 
 def write_parameters(values: Mapping[str, Values]) -> bytes:
-    """Return the parameter section, of whole blocks.
-
-    Parameters
-    ----------
-    values : mapping of str to tuple of str, or array
-        By ``GROUP.NAME``; each as :func:`fits` wants it.
-    """
+    """Return the parameter section, of whole blocks."""
     groups = list(dict.fromkeys(name.partition(".")[0] for name in values))
     entries = [_entry(name, -i, b"\0") for i, name in enumerate(groups, start=1)]
     for key, value in values.items():
@@ -76,15 +58,7 @@ def write_parameters(values: Mapping[str, Values]) -> bytes:
 
 
 def fits(key: str, values: Values) -> bool:
-    """Return whether a parameter can be written and comes back the same.
-
-    Parameters
-    ----------
-    key : str
-        ``GROUP.NAME``.
-    values : tuple of str, or array
-        What it is to hold.
-    """
+    """Return whether a parameter can be written and comes back the same."""
     group, dot, name = key.partition(".")
     named = all(part.isascii() and part.isprintable() and part.strip() for part in (group, name))
     if not dot or not named or max(len(group), len(name)) > _LONGEST_NAME:
@@ -105,13 +79,7 @@ def _entry(name: str, number: int, body: bytes) -> bytes:
 
 
 def _body(values: Values) -> bytes:
-    """Return kind, shape and values as they stand in the file.
-
-    Raises
-    ------
-    ValueError
-        When a side is longer than a byte can say, or a number does not fit its kind.
-    """
+    """Return kind, shape and values as they stand in the file."""
     if isinstance(values, tuple):
         raw = [text.encode("utf-8") for text in values]
         width = max(1, *map(len, raw)) if raw else 0

@@ -17,20 +17,7 @@ _EMPTY = Columns()
 
 
 def c3d_bytes(content: C3dContent, path: Path) -> bytes:
-    """Return a whole file.
-
-    Parameters
-    ----------
-    content : C3dContent
-        What to write.
-    path : pathlib.Path
-        The file, for messages.
-
-    Raises
-    ------
-    DataError
-        When there is nothing to write, or more text than the parameter section can hold.
-    """
+    """Return a whole file."""
     if not content.columns:
         raise DataError(
             f"{path.name}: C3D can hold nothing of it. Choose another format.", path=str(path)

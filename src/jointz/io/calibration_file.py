@@ -39,51 +39,18 @@ class _File(CheckedModel):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFile:
-    """What a calibration file says.
+    """What a calibration file says."""
 
-    Parameters
-    ----------
-    common : CalibrationSpec
-        Entries for everybody.
-    participants : mapping of str to CalibrationSpec
-        Participant -> entries of their own.
-    """
-
-    common: CalibrationSpec
-    participants: Mapping[str, CalibrationSpec]
+    common: CalibrationSpec  # entries for everybody
+    participants: Mapping[str, CalibrationSpec]  # participant -> entries of their own
 
     def of(self, participant: str) -> CalibrationSpec:
-        """Return what is known for a participant: their own entries over those for everybody.
-
-        Parameters
-        ----------
-        participant : str
-            The id; one that the file does not name has the entries for everybody.
-        """
+        """Return what is known for a participant: their own entries over those for everybody."""
         return self.common.overridden_by(self.participants.get(participant))
 
 
 def read_calibration(path: str | os.PathLike[str]) -> CalibrationFile:
-    """Read a calibration file.
-
-    Parameters
-    ----------
-    path : path
-        The file: a table ``[calibration]`` and ``[[participants]]`` with ``id`` and
-        ``calibration``, as in a study; either may be missing.
-
-    Returns
-    -------
-    CalibrationFile
-        The entries.
-
-    Raises
-    ------
-    DataError
-        When there is no such file.
-    StudyError
-        With every problem found.
-    """
+    """Read a calibration file."""
     file = Path(path)
     if not file.is_file():
         raise DataError(
@@ -106,27 +73,7 @@ def _checked(where: str, text: bytes) -> CalibrationFile:
 
 
 def calibration_toml(calibrations: Mapping[str, CalibrationSpec], *, earlier: str = "") -> str:
-    """Return the text of a calibration file.
-
-    Parameters
-    ----------
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries.
-    earlier : str
-        Text of a file to add them to: entries of the same name are replaced, all else stays.
-
-    Raises
-    ------
-    StudyError
-        When ``earlier`` is no calibration file, or is written in a way that cannot be added to.
-
-    Examples
-    --------
-    >>> from jointz.core.study import Calibrated
-    >>> known = CalibrationSpec(angle_lag_s=Calibrated(value=0.0065, sd=0.0005))
-    >>> print(calibration_toml({"S01": known}).splitlines()[-1])
-    calibration = { angle_lag_s = { value = 0.0065, sd = 0.0005 } }
-    """
+    """Return the text of a calibration file."""
     text = earlier or f"{_HEAD}jointz_calibration = 1\n"
     there = _checked("calibration file", text.encode()).participants
     newline = _newline(text)
@@ -139,27 +86,7 @@ def calibration_toml(calibrations: Mapping[str, CalibrationSpec], *, earlier: st
 
 
 def into_study(text: str, calibrations: Mapping[str, CalibrationSpec]) -> str:
-    """Return the text of a ``study.toml`` with entries of its participants' calibrations put in.
-
-    Parameters
-    ----------
-    text : str
-        What the file holds.
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries; those of the same name are replaced, others stay.
-
-    Returns
-    -------
-    str
-        The same text, comments and order kept, but for ``calibration = { ... }`` of these
-        participants.
-
-    Raises
-    ------
-    StudyError
-        When a participant is not there, or a calibration is written in another way than as
-        ``calibration = { ... }`` of a ``[[participants]]``.
-    """
+    """Return the text of a ``study.toml`` with entries of its participants' calibrations put in."""
     raw = parse_toml("study.toml", text.encode(), error=StudyError)
     given = {name: known for name, known in calibrations.items() if _entries(known)}
     people = _people(raw)
@@ -185,30 +112,7 @@ def into_study(text: str, calibrations: Mapping[str, CalibrationSpec]) -> str:
 
 
 def write_into_study(folder: Path, calibrations: Mapping[str, CalibrationSpec]) -> Path:
-    """Put entries into the ``study.toml`` of a folder, whole or not at all.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the study.
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries.
-
-    Returns
-    -------
-    pathlib.Path
-        The file that keeps what ``study.toml`` held before: ``study.toml.before-calibration``, or
-        with a number behind it where that is there already.
-
-    Raises
-    ------
-    DataError
-        When there is no ``study.toml``, or it is no UTF-8.
-    StudyError
-        When it cannot be edited; it is left as it was.
-    WriteError
-        When the system does not let it be written.
-    """
+    """Put entries into the ``study.toml`` of a folder, whole or not at all."""
     file = folder / "study.toml"
     before = file_text(file)
     after = into_study(before, calibrations)
@@ -218,18 +122,7 @@ def write_into_study(folder: Path, calibrations: Mapping[str, CalibrationSpec]) 
 
 
 def file_text(file: Path) -> str:
-    """Return what a text file holds, its ends of lines as they are.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read.
-    """
+    """Return what a text file holds, its ends of lines as they are."""
     try:
         return file.read_bytes().decode("utf-8")
     except (OSError, UnicodeDecodeError) as exc:
@@ -240,20 +133,7 @@ def file_text(file: Path) -> str:
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a text file whole or not at all, its ends of lines as they are.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The file; one that exists is replaced.
-    text : str
-        What it is to hold.
-
-    Raises
-    ------
-    WriteError
-        When the system does not let it be written.
-    """
+    """Write a text file whole or not at all, its ends of lines as they are."""
     with whole_file(file, "Name a place that can be written.") as partial:
         partial.write_bytes(text.encode("utf-8"))
 

@@ -31,21 +31,11 @@ _TABLES = {
 
 @dataclass(frozen=True, slots=True)
 class EntryFolder:
-    """An entry that was read.
+    """An entry that was read."""
 
-    Parameters
-    ----------
-    root : pathlib.Path
-        Its folder.
-    spec : Entry
-        What ``entry.toml`` says.
-    sha256 : str
-        Hash of ``entry.toml``.
-    """
-
-    root: Path
-    spec: Entry
-    sha256: str
+    root: Path  # its folder
+    spec: Entry  # what ``entry.toml`` says
+    sha256: str  # hash of ``entry.toml``
 
     @property
     def name(self) -> str:
@@ -53,18 +43,7 @@ class EntryFolder:
         return self.root.name
 
     def path(self, file: str) -> Path:
-        """Return where a file of the entry is.
-
-        Parameters
-        ----------
-        file : str
-            As the entry names it.
-
-        Raises
-        ------
-        DataError
-            When it lies outside the entry's folder, or is not there.
-        """
+        """Return where a file of the entry is."""
         parts = PurePosixPath(file)
         if parts.is_absolute() or ".." in parts.parts or "\\" in file:
             raise DataError(
@@ -89,47 +68,17 @@ class EntryFolder:
 
 @dataclass(frozen=True, slots=True)
 class ConditionTables:
-    """The values of one condition of an entry, as they stand in its files.
-
-    Parameters
-    ----------
-    condition : Condition
-        Which.
-    rows : pandas.DataFrame
-        In the columns of ``estimates.csv``, or those of printed values.
-    covariance : pandas.DataFrame or None
-        None where the entry has none.
-    sha256 : mapping of str to str
-        File -> hash of its bytes.
-    first_row : int
-        Row of the file of values that holds the first of them.
-    """
+    """The values of one condition of an entry, as they stand in its files."""
 
     condition: Condition
-    rows: pd.DataFrame
-    covariance: pd.DataFrame | None
-    sha256: Mapping[str, str]
-    first_row: int = 2
+    rows: pd.DataFrame  # in the columns of ``estimates.csv``, or those of printed values
+    covariance: pd.DataFrame | None  # none where the entry has none
+    sha256: Mapping[str, str]  # file -> hash of its bytes
+    first_row: int = 2  # row of the file of values that holds the first of them
 
 
 def entry_folders(collection: Path) -> tuple[Path, ...]:
-    """List the folders of a collection that hold an entry, or should.
-
-    Parameters
-    ----------
-    collection : pathlib.Path
-        The folder.
-
-    Returns
-    -------
-    tuple of pathlib.Path
-        Its sub-folders by name; hidden ones left out.
-
-    Raises
-    ------
-    DataError
-        When it is no folder, or has none inside.
-    """
+    """List the folders of a collection that hold an entry, or should."""
     try:
         found = sorted(p for p in collection.iterdir() if p.is_dir() and p.name[0] not in "._")
     except OSError as exc:
@@ -146,18 +95,7 @@ def entry_folders(collection: Path) -> tuple[Path, ...]:
 
 
 def read_entry(folder: Path) -> EntryFolder:
-    """Read an ``entry.toml``; the files that it names are not opened.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The folder of the entry.
-
-    Raises
-    ------
-    EntryError
-        With every problem of shape, each with the key's full path; when there is none.
-    """
+    """Read an ``entry.toml``; the files that it names are not opened."""
     file = folder / ENTRY_FILE
     try:
         text = file.read_bytes()
@@ -173,20 +111,7 @@ def read_entry(folder: Path) -> EntryFolder:
 
 
 def read_condition(entry: EntryFolder, condition: Condition) -> ConditionTables:
-    """Read the values of a condition, with their covariance where there is one.
-
-    Parameters
-    ----------
-    entry : EntryFolder
-        Whose.
-    condition : Condition
-        Which of its conditions.
-
-    Raises
-    ------
-    DataError
-        When a file is missing, damaged, or has not the columns it must have.
-    """
+    """Read the values of a condition, with their covariance where there is one."""
     values, sha256, first_row = _table(entry, condition.estimates, entry.spec.kind)
     hashes = {condition.estimates: sha256}
     covariance = None
@@ -197,20 +122,7 @@ def read_condition(entry: EntryFolder, condition: Condition) -> ConditionTables:
 
 
 def columns_of(entry: EntryFolder, file: str) -> tuple[str, ...]:
-    """List the columns of a table of an entry.
-
-    Parameters
-    ----------
-    entry : EntryFolder
-        The entry.
-    file : str
-        As the entry names it.
-
-    Raises
-    ------
-    DataError
-        When it is missing or damaged.
-    """
+    """List the columns of a table of an entry."""
     return tuple(list_columns(entry.path(file), FilesSpec()) or ())
 
 
@@ -219,29 +131,7 @@ def _table(entry: EntryFolder, file: str, kind: str) -> tuple[pd.DataFrame, str,
 
 
 def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
-    """Read a table of values.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    kind : str
-        ``estimates``, ``covariance`` or ``printed``.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        In the columns of its kind, with ``session`` and ``side``: empty where it has none.
-    sha256 : str
-        Hash of the file.
-    first_row : int
-        Row of the file that holds the first values.
-
-    Raises
-    ------
-    DataError
-        When it is missing, damaged, or has not those columns.
-    """
+    """Read a table of values."""
     # Tables of other programs, and older ones, have neither session nor side.
     stated = list_columns(path, FilesSpec()) or _TABLES[kind]
     columns = [n for n in _TABLES[kind] if n in stated or n not in _UNIT]
@@ -258,16 +148,7 @@ def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
 
 
 def written_entry(content: Mapping[str, Any], missing: Mapping[str, str] | None = None) -> str:
-    """Return the text of an ``entry.toml``.
-
-    Parameters
-    ----------
-    content : mapping
-        Keys and tables, in the order of the model; None and empty texts are left out.
-    missing : mapping of str to str, optional
-        Key with its table, such as ``joint.side``, -> what belongs there. Written as comments:
-        the key stays missing until somebody who knows fills it in.
-    """
+    """Return the text of an ``entry.toml``."""
     open_questions = dict(missing or {})
     lines = [f"{k} = {_value(v)}" for k, v in content.items() if _is_plain(v) and v is not None]
     lines += _asked(open_questions, "")

@@ -29,13 +29,7 @@ _EXACT = ("joint", "parameter", "condition", "activity", "method")
 
 
 def require_scale() -> tuple[Any, Any]:
-    """Return the modules ``duckdb`` and ``pyarrow``.
-
-    Raises
-    ------
-    DataError
-        When one of them is not installed.
-    """
+    """Return the modules ``duckdb`` and ``pyarrow``."""
     try:
         import duckdb
         import pyarrow as pa
@@ -49,24 +43,7 @@ def require_scale() -> tuple[Any, Any]:
 
 
 def write_catalog(table: pd.DataFrame, file: Path, about: Mapping[str, Any]) -> None:
-    """Write a catalog whole or not at all.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        In the columns of :data:`~jointz.core.collection_tables.CATALOG_COLUMNS`.
-    file : pathlib.Path
-        The file; one that exists is replaced.
-    about : mapping
-        What else it says of itself: time, versions, entries with their hashes.
-
-    Raises
-    ------
-    DataError
-        When pyarrow is not installed.
-    WriteError
-        When the system does not let it be written.
-    """
+    """Write a catalog whole or not at all."""
     _, arrow = require_scale()
     text = arrow.dictionary(arrow.int32(), arrow.string())
     kinds = {"text": text, "number": arrow.float64()}
@@ -85,23 +62,7 @@ def write_catalog(table: pd.DataFrame, file: Path, about: Mapping[str, Any]) -> 
 
 
 def catalog_about(file: Path) -> dict[str, Any]:
-    """Return what a catalog says of itself.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The catalog.
-
-    Returns
-    -------
-    dict
-        ``schema``, and what :func:`write_catalog` was given.
-
-    Raises
-    ------
-    DataError
-        When it is missing, damaged, or no catalog of this version.
-    """
+    """Return what a catalog says of itself."""
     _, arrow = require_scale()
     if not file.is_file():
         raise DataError(
@@ -130,27 +91,7 @@ def _database() -> Any:
 
 
 def read_catalog(file: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
-    """Return the rows of a catalog that a filter asks for, and what phases leave out unseen.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The catalog.
-    where : CatalogFilter
-        What is wanted; ``entry`` in folders.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        In the columns and the order of the catalog.
-    without_onset : int
-        Rows that would be in it but for their phase, having none; 0 where no phase is asked for.
-
-    Raises
-    ------
-    DataError
-        When the catalog is missing or damaged, or DuckDB is not installed.
-    """
+    """Return the rows of a catalog that a filter asks for, and what phases leave out unseen."""
     # Rows come back in the file's order, which is sorted. One question takes less than two.
     found = _asked(file, "SELECT *", where, or_without_onset=True)
     if where.phase_pct is None:
@@ -160,20 +101,7 @@ def read_catalog(file: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
 
 
 def count_rows(file: Path, where: CatalogFilter) -> int:
-    """Return how many rows of a catalog a filter asks for.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The catalog.
-    where : CatalogFilter
-        What is wanted; ``entry`` in folders.
-
-    Raises
-    ------
-    DataError
-        When the catalog is missing or damaged, or DuckDB is not installed.
-    """
+    """Return how many rows of a catalog a filter asks for."""
     return int(_asked(file, "SELECT count(*) AS n", where)["n"].iloc[0])
 
 
@@ -221,18 +149,7 @@ def _one_of(column: str, wanted: Sequence[str], conditions: list[str], values: l
 
 
 def check_filter(where: CatalogFilter) -> None:
-    """Refuse a filter that cannot find anything.
-
-    Parameters
-    ----------
-    where : CatalogFilter
-        What is wanted.
-
-    Raises
-    ------
-    DataError
-        When a range is none: not numbers, speeds out of order, phases out of 0..100.
-    """
+    """Refuse a filter that cannot find anything."""
     for name, pair in (("phase", where.phase_pct), ("speed", where.speed_m_s)):
         if pair is not None and not all(map(math.isfinite, pair)):
             raise DataError(f"{name}: expected two numbers, found {pair[0]} and {pair[1]}.")

@@ -37,29 +37,13 @@ def unit_in_name(name: str) -> str:
     """Return the unit that stands in brackets at the end of a column's name, else "".
 
     What stands in round brackets must be a unit that can be read: ``force (left)`` has none.
-
-    Parameters
-    ----------
-    name : str
-        The column's name.
-
-    Examples
-    --------
-    >>> unit_in_name("knee [deg]"), unit_in_name("torque (Nm)"), unit_in_name("force (left)")
-    ('deg', 'Nm', '')
     """
     unit = _in_brackets(name)
     return "" if name.rstrip().endswith(")") and not _readable(unit) else unit
 
 
 def name_with_unit(signal: Signal) -> str:
-    """Return a signal's name with its unit in brackets, where it does not end so already.
-
-    Parameters
-    ----------
-    signal : Signal
-        The signal.
-    """
+    """Return a signal's name with its unit in brackets, where it does not end so already."""
     if not signal.unit or unit_in_name(signal.name) == signal.unit:
         return signal.name
     return f"{signal.name} [{signal.unit}]"
@@ -74,20 +58,6 @@ def with_clock(
     else one that states none, and is taken for seconds; in any case it increases, and what was
     passed over is told. A column of time in seconds is taken out of the signals; its name is kept
     in the metadata. One in another unit stays as it is, and the clock is made of it.
-
-    Parameters
-    ----------
-    name : str
-        The group.
-    signals : sequence of Signal
-        Its columns, all of one length.
-    row : int
-        Where the first sample stands in the file, for notes.
-
-    Returns
-    -------
-    tuple of SignalGroup and dict
-        The group, and metadata that tell what was taken for the clock, and why others were not.
     """
     named = sorted((s for s in signals if is_time(s.name)), key=_unclearness)
     if not named:
@@ -115,15 +85,7 @@ def with_clock(
 
 
 def clock_column(group: SignalGroup, metadata: Mapping[str, str]) -> str:
-    """Return the name for a group's column of time stamps; no signal has it.
-
-    Parameters
-    ----------
-    group : SignalGroup
-        The group.
-    metadata : mapping of str to str
-        Of the content; may say what the column was called.
-    """
+    """Return the name for a group's column of time stamps; no signal has it."""
     taken = {signal.name for signal in group.signals}
     taken |= {name_with_unit(signal) for signal in group.signals}
     wanted = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
@@ -134,46 +96,22 @@ def clock_column(group: SignalGroup, metadata: Mapping[str, str]) -> str:
 
 
 def time_column_key(group: str) -> str:
-    """Return the key under which metadata keep the name of a group's time column.
-
-    Parameters
-    ----------
-    group : str
-        The group's name.
-    """
+    """Return the key under which metadata keep the name of a group's time column."""
     return _of_group(_TIME_COLUMN, group)
 
 
 def time_unit_key(group: str) -> str:
-    """Return the key under which metadata say that a clock without a unit is taken for seconds.
-
-    Parameters
-    ----------
-    group : str
-        The group's name.
-    """
+    """Return the key under which metadata say that a clock without a unit is taken for seconds."""
     return _of_group(f"{READING}time_unit", group)
 
 
 def is_time(name: str) -> bool:
-    """Whether a column of this name holds time stamps, as far as a name can say.
-
-    Parameters
-    ----------
-    name : str
-        The column's name.
-    """
+    """Whether a column of this name holds time stamps, as far as a name can say."""
     return _time_match(name) is not None
 
 
 def seconds_of_one(signal: Signal) -> float | None:
-    """Return the factor from a column of time to seconds, None where its unit is none of time.
-
-    Parameters
-    ----------
-    signal : Signal
-        The column; where it has no unit its name may, and else it is in seconds.
-    """
+    """Return the factor from a column of time to seconds, None where its unit is none of time."""
     try:
         si_unit, factor, _ = si_unit_of(_time_unit(signal) or "s")
     except UnitError:
@@ -182,20 +120,7 @@ def seconds_of_one(signal: Signal) -> float | None:
 
 
 def unique_names(names: Sequence[str], *, sign: str = "_") -> list[str]:
-    """Return names that differ: a later one of the same name gets a number.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The names.
-    sign : str
-        Between name and number.
-
-    Examples
-    --------
-    >>> unique_names(["a", "b", "a"])
-    ['a', 'b', 'a_2']
-    """
+    """Return names that differ: a later one of the same name gets a number."""
     found: dict[str, None] = {}
     following: dict[str, int] = {}
     for name in names:

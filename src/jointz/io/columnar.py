@@ -29,20 +29,7 @@ class ParquetReader:
     """Reads parquet; the unit of a column is its field's metadata ``units`` or ``unit``."""
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns; nulls become NaN, or "" in labels.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-
-        Raises
-        ------
-        DataError
-            When pyarrow is missing, the file is damaged, or a column is not there.
-        """
+        """Return the wanted columns; nulls become NaN, or "" in labels."""
         arrow = arrow_for(path)
         names = [str(c) for c in request.columns]
         available = self.list_columns(path, request.files) or []
@@ -63,15 +50,7 @@ class ParquetReader:
         return RawTable(columns, units, file_sha256(path))
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
-        """Return the names in the file's schema.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: a parquet file describes itself.
-        """
+        """Return the names in the file's schema."""
         arrow = arrow_for(path)
         try:
             return list(arrow.parquet.read_schema(path).names)
@@ -80,22 +59,7 @@ class ParquetReader:
 
 
 def read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> tuple[Any, Any]:
-    """Return the schema of a file, and a table of the named columns, else of all of known kinds.
-
-    Parameters
-    ----------
-    arrow : module
-        pyarrow.
-    path : pathlib.Path
-        The file.
-    names : sequence of str, optional
-        Columns that are there.
-
-    Raises
-    ------
-    DataError
-        When they take more memory than the limit, or one holds lists or the like.
-    """
+    """Return the schema of a file, and a table of the named columns, else of all of known kinds."""
     schema = arrow.parquet.read_schema(path)
     if names is None:
         names = [field.name for field in schema if _is_flat(arrow.types, field.type)]
@@ -137,15 +101,7 @@ def _is_flat(kind: Any, column_type: Any) -> bool:
 
 
 def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:
-    """Return what columns take in memory by what a file says of itself.
-
-    Parameters
-    ----------
-    metadata : pyarrow.parquet.FileMetaData
-        Of the file.
-    names : sequence of str, optional
-        Which columns; all by default.
-    """
+    """Return what columns take in memory by what a file says of itself."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     return sum(
@@ -165,22 +121,7 @@ def _column_bytes(arrow: Any, column: Any) -> int:
 
 
 def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> bool:
-    """Write estimates as Parquet, each with its covariances beside it.
-
-    Parameters
-    ----------
-    estimates : pandas.DataFrame
-        Columns of ``estimates.csv``.
-    covariance : pandas.DataFrame
-        Columns of ``covariance.csv``; may be empty.
-    path : pathlib.Path
-        The file.
-
-    Returns
-    -------
-    bool
-        False where pyarrow is not installed: the csv files hold the same.
-    """
+    """Write estimates as Parquet, each with its covariances beside it."""
     try:
         import pyarrow  # noqa: F401 - only whether it is there
     except ImportError:
@@ -192,18 +133,7 @@ def write_estimates(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Pat
 
 
 def arrow_for(path: Path) -> Any:
-    """Return pyarrow, with its parquet module loaded.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file it is needed for, for the message.
-
-    Raises
-    ------
-    DataError
-        When it is not installed.
-    """
+    """Return pyarrow, with its parquet module loaded."""
     try:
         import pyarrow as pa
         import pyarrow.parquet
@@ -216,15 +146,7 @@ def arrow_for(path: Path) -> Any:
 
 
 def arrow_numbers(arrow: Any, column: Any) -> np.ndarray:
-    """Return a column of numbers or booleans as float64, null as NaN; others as they are.
-
-    Parameters
-    ----------
-    arrow : module
-        pyarrow.
-    column : pyarrow.ChunkedArray
-        The column.
-    """
+    """Return a column of numbers or booleans as float64, null as NaN; others as they are."""
     kind = arrow.types
     plain = kind.is_integer(column.type) or kind.is_boolean(column.type)
     if plain or kind.is_floating(column.type) or kind.is_decimal(column.type):
@@ -234,12 +156,6 @@ def arrow_numbers(arrow: Any, column: Any) -> np.ndarray:
 
 
 def field_unit(field: Any) -> str:
-    """Return the unit that a field's metadata state, else "".
-
-    Parameters
-    ----------
-    field : pyarrow.Field
-        The field.
-    """
+    """Return the unit that a field's metadata state, else ""."""
     metadata = field.metadata or {}
     return next((metadata[k].decode() for k in _UNIT_KEYS if k in metadata), "")

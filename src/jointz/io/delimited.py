@@ -92,20 +92,7 @@ class DelimitedReader:
     """Reads delimited text; columns by name, or by number where there is no header."""
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-
-        Raises
-        ------
-        DataError
-            When a row, a cell or the end of the file is not what it should be.
-        """
+        """Return the wanted columns."""
         layout = replace(_layout(path, request.files), as_written=request.as_written)
         wanted = _positions(layout, request)
         numeric = sorted({wanted[c] for c in request.numeric})
@@ -125,15 +112,7 @@ class DelimitedReader:
         return RawTable(columns, {}, scan.sha256, layout.first_row)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names in the header, or numbers from 1 where there is none.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            How it is laid out.
-        """
+        """Return the names in the header, or numbers from 1 where there is none."""
         layout = _layout(path, files)
         if _holds_numbers(layout) and not all(name.isdigit() for name in layout.names):
             _refuse_header_of_numbers(layout)
@@ -144,56 +123,17 @@ class DelimitedReader:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Return whether a cell holds a number.
-
-    Parameters
-    ----------
-    cell : str
-        What stands there.
-    decimal : str
-        The decimal sign.
-
-    Examples
-    --------
-    >>> is_number("1,5", ","), is_number("1.5", ","), is_number("S01")
-    (True, False, False)
-    """
+    """Return whether a cell holds a number."""
     return bool(_NUMBER.fullmatch(as_written_with_point(cell, decimal)))
 
 
 def as_written_with_point(cell: str, decimal: str) -> str:
-    """Return a cell with a point where its decimal sign stands, and the other way round.
-
-    Parameters
-    ----------
-    cell : str
-        What stands there.
-    decimal : str
-        The decimal sign of its file.
-
-    Examples
-    --------
-    >>> as_written_with_point("17,5", ","), as_written_with_point("17,5", ".")
-    ('17.5', '17,5')
-    """
+    """Return a cell with a point where its decimal sign stands, and the other way round."""
     return cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
 
 
 def decompressed_text(path: Path, n_lines: int) -> list[str]:
-    """Return the first lines of a text file, without their ends.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, plain or gzip.
-    n_lines : int
-        At most so many.
-
-    Raises
-    ------
-    DataError
-        When it is missing, cut off, or no text.
-    """
+    """Return the first lines of a text file, without their ends."""
     try:
         with _decompression_errors(path), _open_bytes(path) as stream:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
@@ -206,20 +146,7 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
 
 
 def check_signs(path: Path, delimiter: str, decimal: str) -> None:
-    """Refuse signs by which no table can be taken apart.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for the message.
-    delimiter, decimal : str
-        The signs.
-
-    Raises
-    ------
-    DataError
-        When the delimiter is not one character, or stands in numbers.
-    """
+    """Refuse signs by which no table can be taken apart."""
     if len(delimiter) != 1 or not delimiter.isascii() or delimiter in '"\r\n':
         tab = " A tab is written $'\\t' in most shells." if delimiter == "\\t" else ""
         raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.{tab}")

@@ -9,20 +9,7 @@ from jointz.io.toml_problems import parse_toml
 
 
 def read_device_file(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what a ``device.toml`` holds, not checked yet.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Raises
-    ------
-    DeviceFileError
-        When it is not valid TOML.
-    DataError
-        When there is no such file, or it cannot be read.
-    """
+    """Return what a ``device.toml`` holds, not checked yet."""
     where = os.fspath(path)
     if not os.path.isfile(where):  # unlike Path.is_file it holds for names no system takes
         raise DataError(

@@ -36,35 +36,13 @@ class Format(Protocol):
     name: str
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
-        """Return all that a file holds, nothing interpolated, nothing converted.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            How text files are laid out; other formats ignore it.
-        """
+        """Return all that a file holds, nothing interpolated, nothing converted."""
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content the format cannot hold, a sentence each; empty: all is held.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Return what of a content the format cannot hold, a sentence each; empty: all is held."""
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write what the format can hold; the file is there whole or not at all.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-        """
+        """Write what the format can hold; the file is there whole or not at all."""
 
 
 _F = TypeVar("_F", bound=Format)
@@ -73,13 +51,7 @@ _FORMATS: dict[str, Format] = {}
 
 
 def register_format(*suffixes: str) -> Callable[[type[_F]], type[_F]]:
-    """Register a format class for files with these suffixes.
-
-    Parameters
-    ----------
-    *suffixes : str
-        Lower case, with the dot; the longest that fits a file wins.
-    """
+    """Register a format class for files with these suffixes."""
 
     def register(kind: type[_F]) -> type[_F]:
         _FORMATS.update(dict.fromkeys(suffixes, kind()))
@@ -115,29 +87,7 @@ def read_acquisition(path: Path, files: FilesSpec | None = None) -> Acquisition:
 
 
 def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) -> list[str]:
-    """Write a content in the format that the file's suffix says.
-
-    Parameters
-    ----------
-    content : Acquisition
-        What to write.
-    path : pathlib.Path
-        The file; one that exists is replaced.
-    lossy : bool
-        Whether what the format cannot hold may be left out.
-
-    Returns
-    -------
-    list of str
-        What was left out, a sentence each.
-
-    Raises
-    ------
-    DataError
-        When the format is unknown, or cannot hold all and ``lossy`` is not given.
-    WriteError
-        When the file cannot be written.
-    """
+    """Write a content in the format that the file's suffix says."""
     kind = format_of(path)
     lost = kind.losses(content)
     if lost and not lossy:
@@ -151,18 +101,7 @@ def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) 
 
 
 def format_of(path: Path) -> Format:
-    """Return the format that a file's suffix says.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; it need not exist.
-
-    Raises
-    ------
-    DataError
-        When no format has that suffix.
-    """
+    """Return the format that a file's suffix says."""
     name = path.name.lower()
     known = sorted({*_HOMES, *_FORMATS})
     fitting = [suffix for suffix in known if name.endswith(suffix)]

@@ -14,20 +14,6 @@ def check_hdf5(path: Path, file: Any, *, skip: Collection[str] = ()) -> None:
     """Refuse a file that takes more memory than the limit.
 
     Whatever is linked or referred to several times counts each time: so it is read.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    file : h5py.File
-        The same, opened.
-    skip : collection of str
-        Names at its root that nobody reads.
-
-    Raises
-    ------
-    DataError
-        When it is too large.
     """
     known: dict[Any, float] = {}
     check_unpacked(path, sum(_size(path, file, name, known) for name in file if name not in skip))

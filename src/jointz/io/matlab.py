@@ -62,20 +62,7 @@ class MatlabReader:
     """
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted series, flattened.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged or a series is not there; names those that are.
-        """
+        """Return the wanted series, flattened."""
         names = [str(c) for c in request.columns]
         tops = {name.partition(".")[0] for name in names}
         content, has_objects = load_variables(path, tops)
@@ -93,33 +80,12 @@ class MatlabReader:
         return RawTable(columns, {}, file_sha256(path))
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
-        """Return None: the names inside structs are known only after reading all.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used.
-        """
+        """Return None: the names inside structs are known only after reading all."""
         return None
 
 
 def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
-    """Return the variables, and whether there are MATLAB objects among them.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    variables : set of str or None
-        Names of those wanted; None for all.
-
-    Raises
-    ------
-    DataError
-        When the file is damaged, or too large for memory.
-    """
+    """Return the variables, and whether there are MATLAB objects among them."""
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
@@ -220,15 +186,7 @@ class _Inflated(io.RawIOBase):
 
 
 def value_at(value: Any, parts: list[str]) -> Any:
-    """Follow a dotted name; None where it leads nowhere.
-
-    Parameters
-    ----------
-    value : Any
-        Variables, or a struct.
-    parts : list of str
-        The name, taken apart at its dots.
-    """
+    """Follow a dotted name; None where it leads nowhere."""
     for part in parts:
         if isinstance(value, Mapping):
             value = value.get(part)
@@ -281,15 +239,7 @@ def _is_wide(matrix: np.ndarray) -> bool:
 
 
 def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield the dotted names of what may be a series of samples.
-
-    Parameters
-    ----------
-    content : mapping
-        Variables, or the fields of a struct.
-    prefix : str
-        Name of the struct with a dot.
-    """
+    """Yield the dotted names of what may be a series of samples."""
     for name, value in content.items():
         if isinstance(value, Mapping):
             yield from series_names(value, f"{prefix}{name}.")

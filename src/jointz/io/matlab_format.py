@@ -53,20 +53,7 @@ class MatlabFormat:
     name = "MATLAB .mat"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
-        """Return numeric and text series; those of one length make a group.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged, or holds no series.
-        """
+        """Return numeric and text series; those of one length make a group."""
         content, has_objects = load_variables(path, None)
         own = content.get(ROOT)
         version = own.get("version") if isinstance(own, Mapping) else None
@@ -78,13 +65,7 @@ class MatlabFormat:
         return _foreign(path, content, has_objects=has_objects)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what version 5 cannot hold: NUL and half letters.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Say what version 5 cannot hold: NUL and half letters."""
         lost = []
         for group in content.groups:
             lost += lost_signals(
@@ -96,22 +77,7 @@ class MatlabFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write the struct ``jointz`` (layout: this module's docstring).
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When a variable is larger than version 5 can hold.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write the struct ``jointz`` (layout: this module's docstring)."""
         names = field_names([group.name or "data" for group in content.groups])
         groups = {
             name: _group(group, content.metadata)
@@ -137,22 +103,7 @@ class MatlabFormat:
 
 
 def write_struct(content: Mapping[str, Any], path: Path) -> None:
-    """Write one struct ``jointz`` as a version 5 file, compressed.
-
-    Parameters
-    ----------
-    content : mapping
-        Field -> number, text, array, or a mapping for a struct inside.
-    path : pathlib.Path
-        The file; one that exists is replaced.
-
-    Raises
-    ------
-    DataError
-        When a variable is larger than version 5 can hold.
-    WriteError
-        When the file cannot be written.
-    """
+    """Write one struct ``jointz`` as a version 5 file, compressed."""
     from scipy.io import savemat
     from scipy.io.matlab import MatWriteError
 

@@ -21,42 +21,19 @@ _KEYWORDS = frozenset(
 
 
 def field_names(names: Sequence[str]) -> list[str]:
-    """Return a field name of MATLAB for each name; they differ where the names do not.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Any names.
-
-    Examples
-    --------
-    >>> field_names(["knee", "knee angle [deg]", "2nd", "end", ""])
-    ['knee', 'knee_angle__deg_', 'x2nd', 'end_', 'x']
-    """
+    """Return a field name of MATLAB for each name; they differ where the names do not."""
     # The number of a repeated name may not make it too long.
     cut = LONGEST_NAME - len(f"_{len(names) + 1}")
     return unique_names([_identifier(name, cut) for name in names])
 
 
 def column(values: np.ndarray) -> np.ndarray:
-    """Return samples as MATLAB has them: a column of doubles, or a cell array of text.
-
-    Parameters
-    ----------
-    values : (n,) array
-        float64, or str objects.
-    """
+    """Return samples as MATLAB has them: a column of doubles, or a cell array of text."""
     return values.reshape(-1, 1)
 
 
 def cells(texts: Iterable[str]) -> np.ndarray:
-    """Return a column of cells with a text each.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        The texts.
-    """
+    """Return a column of cells with a text each."""
     found = list(texts)
     array = np.empty((len(found), 1), dtype=object)
     array[:, 0] = found
@@ -64,13 +41,7 @@ def cells(texts: Iterable[str]) -> np.ndarray:
 
 
 def number_or_empty(value: float | None) -> Any:
-    """Return a number, or ``[]`` where there is none.
-
-    Parameters
-    ----------
-    value : float or None
-        The number.
-    """
+    """Return a number, or ``[]`` where there is none."""
     return np.empty((0, 0)) if value is None else float(value)
 
 

@@ -29,11 +29,6 @@ def memory_limit() -> int:
     """Return the limit in bytes: ``JOINTZ_MEMORY_LIMIT``, else a quarter of memory.
 
     Memory is the physical one, or the limit of the cgroup where that is less.
-
-    Raises
-    ------
-    DataError
-        When the variable holds no size.
     """
     stated = os.environ.get(VARIABLE, "")
     if not stated:
@@ -49,20 +44,7 @@ def memory_limit() -> int:
 
 
 def check_unpacked(path: Path, n_bytes: float) -> None:
-    """Refuse a file that takes more memory than the limit.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    n_bytes : float
-        What it takes, or what it has taken so far.
-
-    Raises
-    ------
-    TooLargeError
-        When that is more than the limit.
-    """
+    """Refuse a file that takes more memory than the limit."""
     limit = memory_limit()
     if n_bytes > limit:
         raise TooLargeError(

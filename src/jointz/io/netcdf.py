@@ -40,20 +40,7 @@ class NetcdfReader:
     """
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted variables; fill values become NaN, packed ones are unpacked.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged or a variable is not there.
-        """
+        """Return the wanted variables; fill values become NaN, packed ones are unpacked."""
         names = [str(c) for c in request.columns]
         available = self.list_columns(path, request.files)
         missing = [name for name in names if name not in available]
@@ -70,15 +57,7 @@ class NetcdfReader:
         return RawTable(columns, units, file_sha256(path), history=history)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
-        """Return the variables of all groups.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: a netCDF file describes itself.
-        """
+        """Return the variables of all groups."""
         with opened_netcdf(path) as file:
             return _walk(file, "")
 
@@ -197,15 +176,7 @@ def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def load_group(group: Any, only: Collection[str] | None = None) -> xr.Dataset:
-    """Return the variables of one group in memory, unpacked, times as numbers.
-
-    Parameters
-    ----------
-    group : h5netcdf.Group
-        A group of an opened file, or the file.
-    only : collection of str, optional
-        Names of the variables wanted, or of columns of theirs.
-    """
+    """Return the variables of one group in memory, unpacked, times as numbers."""
     store = xr.backends.H5NetCDFStore(group)
     dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
     if only is None:
@@ -216,23 +187,7 @@ def load_group(group: Any, only: Collection[str] | None = None) -> xr.Dataset:
 
 @contextmanager
 def opened_netcdf(path: Path) -> Iterator[Any]:
-    """Open by h5py, so that a file h5netcdf gives up on is closed all the same.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-
-    Yields
-    ------
-    h5netcdf.File
-        The file.
-
-    Raises
-    ------
-    DataError
-        When it is damaged, too large for memory, or of the classic format.
-    """
+    """Open by h5py, so that a file h5netcdf gives up on is closed all the same."""
     import h5netcdf
     import h5py
 

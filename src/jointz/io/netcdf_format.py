@@ -48,20 +48,7 @@ class NetcdfFormat:
     name = "netCDF-4"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
-        """Return every variable along one dimension, grouped by group and dimension.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: a netCDF file describes itself.
-
-        Raises
-        ------
-        DataError
-            When the file is damaged.
-        """
+        """Return every variable along one dimension, grouped by group and dimension."""
         _check_seal(path)
         with opened_netcdf(path) as file:
             own = file.attrs.get(_LAYOUT)
@@ -76,13 +63,7 @@ class NetcdfFormat:
             raise damaged(path, exc) from exc
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what even netCDF cannot hold: NUL and half letters, very long texts beside samples.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """List what netCDF cannot hold: NUL, surrogates, very long texts beside samples."""
         lost = []
         for group in content.groups:
             lost += lost_signals(group, "text with NUL or half letters", _odd_text)
@@ -93,20 +74,7 @@ class NetcdfFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write everything; samples are kept bit for bit.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        WriteError
-            When the file cannot be written.
-        """
+        """Write everything; samples are kept bit for bit."""
         data = _bytes_of(content)
         with whole_file(path, "Make room or name another place.") as partial:
             partial.write_bytes(data + _SEAL + hashlib.sha256(data).hexdigest().encode())

@@ -69,20 +69,7 @@ class OpenSimFormat:
     name = "OpenSim .mot/.sto"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
-        """Return the table; time stamps are its clock, the header its metadata.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: the file describes itself.
-
-        Raises
-        ------
-        DataError
-            When header and table do not go together, or a row is damaged.
-        """
+        """Return the table; time stamps are its clock, the header its metadata."""
         lines = _lines(path)
         header = _header(path, lines)
         names, samples, notes = _table(path, lines, header)
@@ -101,13 +88,7 @@ class OpenSimFormat:
         return Acquisition((group,), (), header.metadata | notes)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what the format cannot hold: several groups, text, no clock, mixed angles.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Say what the format cannot hold: several groups, text, no clock, mixed angles."""
         group = first_group(content)
         lost = lost_groups(content)
         lost += lost_signals(group, "text", lambda signal: signal.is_text)
@@ -120,22 +101,7 @@ class OpenSimFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group's signals of numbers.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When the group has no clock, or one that does not increase.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write the first group's signals of numbers."""
         group = first_group(content)
         time = group.times_s()
         if time is None or not len(time):

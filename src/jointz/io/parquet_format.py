@@ -42,20 +42,7 @@ class ParquetFormat:
     name = "parquet"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
-        """Return all columns of numbers, text and dates; nulls become NaN or "".
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: a parquet file describes itself.
-
-        Raises
-        ------
-        DataError
-            When pyarrow is missing, or the file is damaged.
-        """
+        """Return all columns of numbers, text and dates; nulls become NaN or ""."""
         arrow = arrow_for(path)
         try:
             return _content(arrow, path)
@@ -65,13 +52,7 @@ class ParquetFormat:
             raise damaged(path, exc) from exc
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what one table cannot hold: other groups, letters that are none.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Say what one table cannot hold: other groups, letters that are none."""
         group = first_group(content)
         odd = [s.name for s in group.signals if not is_plain(s.name + s.unit + s.description)]
         lost = lost_groups(content)
@@ -83,22 +64,7 @@ class ParquetFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group; a clock stands as the first column.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When pyarrow is missing.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write the first group; a clock stands as the first column."""
         arrow = arrow_for(path)
         group = first_group(content)
         names = unique_names([plainly(signal.name) for signal in group.signals])
@@ -153,14 +119,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
 
 
 def _own(told: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
-    """Return what jointz wrote.
-
-    Raises
-    ------
-    ValueError
-        When the table is another one: programs keep the metadata of a table out of which they
-        take columns or rows.
-    """
+    """Return what jointz wrote."""
     time = next((s.values for s in signals if clock and s.name == clock), None)
     columns = {s.name: s.values for s in signals if not clock or s.name != clock}
     labels = unique_names([plainly(signal.name) for signal in told.group.signals])

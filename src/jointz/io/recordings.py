@@ -75,26 +75,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
 
 
 def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
-    """Read the pulse table of a recording, None where it has none.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study.
-    entry : RecordingSpec
-        One of its recordings.
-
-    Returns
-    -------
-    pandas.DataFrame or None
-        ``onset_s``, ``duration_s``, ``amplitude_nm`` (NaN where not given) and
-        ``timing_point`` ("" where not given).
-
-    Raises
-    ------
-    DataError
-        For a missing ``onset_s``, unknown columns or cells that are no numbers.
-    """
+    """Read the pulse table of a recording, None where it has none."""
     if entry.perturbations is None:
         return None
     with named_as_written(study.root, entry.perturbations) as path:

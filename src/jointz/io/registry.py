@@ -37,25 +37,16 @@ _FLOAT_TEXT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class TableRequest:
-    """What is wanted of a file.
+    """What is wanted of a file."""
 
-    Parameters
-    ----------
-    numeric, labels : tuple of str or int
-        Columns that hold numbers, and columns that hold text.
-    files : FilesSpec
-        How text files are laid out; other formats ignore it.
-    as_written : bool
-        Whether a text file stands for itself, without a study: its labels are not rewritten,
-        only an empty cell is missing, and nothing is advised that a study would have to say.
-    from_zero : bool
-        Whether numbers of columns count from 0, as where one that is not wanted here is 0.
-    """
-
-    numeric: tuple[str | int, ...]
+    numeric: tuple[str | int, ...]  # columns that hold numbers, and columns that hold text
     labels: tuple[str | int, ...] = ()
+    # how text files are laid out; other formats ignore it
     files: FilesSpec = field(default_factory=FilesSpec)
+    # whether a text file stands for itself, without a study: its labels are not rewritten, only an
+    # empty cell is missing, and nothing is advised that a study would have to say
     as_written: bool = False
+    # whether numbers of columns count from 0, as where one that is not wanted here is 0
     from_zero: bool = False
 
     @property
@@ -66,55 +57,27 @@ class TableRequest:
 
 @dataclass(frozen=True, slots=True)
 class RawTable:
-    """Columns as they stand in a file, before units and signs are looked at.
+    """Columns as they stand in a file, before units and signs are looked at."""
 
-    Parameters
-    ----------
-    columns : mapping of str to (n,) array
-        Column, spelled as asked for, -> float64 (NaN: missing), or str objects
-        for label columns ("": missing).
-    units : mapping of str to str
-        The units that the file itself states.
-    sha256 : str
-        Hash of the file's bytes.
-    first_row : int
-        Row of a text file that holds the first sample, counted from 1 with
-        header and skipped rows; 1 for other formats.
-    history : tuple of dict
-        What was done before, as a recording of jointz says.
-    """
-
+    # column, spelled as asked for, -> float64 (NaN: missing), or str objects for label columns ("":
+    # missing)
     columns: Mapping[str, np.ndarray]
-    units: Mapping[str, str]
-    sha256: str
+    units: Mapping[str, str]  # the units that the file itself states
+    sha256: str  # hash of the file's bytes
+    # row of a text file that holds the first sample, counted from 1 with header and skipped rows; 1
+    # for other formats
     first_row: int = 1
-    history: tuple[dict[str, Any], ...] = ()
+    history: tuple[dict[str, Any], ...] = ()  # what was done before, as a recording of jointz says
 
 
 class Reader(Protocol):
     """What a file format has to offer."""
 
     def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        request : TableRequest
-            What is wanted of it.
-        """
+        """Return the wanted columns."""
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names of the columns, None where that means reading the file.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            How text files are laid out.
-        """
+        """Return the names of the columns, None where that means reading the file."""
 
 
 _R = TypeVar("_R", bound=Reader)
@@ -123,13 +86,7 @@ _READERS: dict[str, Reader] = {}
 
 
 def register_reader(*suffixes: str) -> Callable[[type[_R]], type[_R]]:
-    """Register a reader class for files with these suffixes.
-
-    Parameters
-    ----------
-    *suffixes : str
-        Lower case, with the dot; the longest that fits a file wins.
-    """
+    """Register a reader class for files with these suffixes."""
 
     def register(reader: type[_R]) -> type[_R]:
         _READERS.update(dict.fromkeys(suffixes, reader()))
@@ -147,33 +104,7 @@ def read_table(
     as_written: bool = False,
     from_zero: bool = False,
 ) -> RawTable:
-    """Read columns of a file; the file is never modified.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; its suffix says what it is.
-    numeric : sequence of str or int
-        Columns of numbers, by name, or by number in text files.
-    labels : sequence of str or int
-        Columns of text; numbers among them are written plainly (1.0 as "1").
-    files : FilesSpec
-        How text files are laid out.
-    as_written : bool
-        Whether a text file stands for itself: labels are then text to the letter.
-    from_zero : bool
-        Whether numbers of columns count from 0; they do too where one of them is 0.
-
-    Returns
-    -------
-    RawTable
-        The columns, all of one length.
-
-    Raises
-    ------
-    DataError
-        When the file is missing, unknown, damaged, or has no such columns.
-    """
+    """Read columns of a file; the file is never modified."""
     reader = _reader_of(path)
     request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
     both = {str(c) for c in numeric} & {str(c) for c in labels}
@@ -198,20 +129,7 @@ def read_table(
 
 
 def check_samples(path: Path, table: RawTable) -> None:
-    """Refuse a finite number whose powers no longer fit into a float.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for the message.
-    table : RawTable
-        What was read of it.
-
-    Raises
-    ------
-    DataError
-        Naming the first such row of the first such column.
-    """
+    """Refuse a finite number whose powers no longer fit into a float."""
     for name, values in table.columns.items():
         if values.dtype.kind != "f":
             continue
@@ -228,25 +146,7 @@ def check_samples(path: Path, table: RawTable) -> None:
 
 
 def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
-    """List the columns of a file without reading its samples.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    files : FilesSpec
-        How text files are laid out.
-
-    Returns
-    -------
-    list of str or None
-        The names; None where they cannot be known without reading everything.
-
-    Raises
-    ------
-    DataError
-        When the file is missing, unknown or damaged.
-    """
+    """List the columns of a file without reading its samples."""
     reader = _reader_of(path)
     try:
         return reader.list_columns(path, files)
@@ -255,27 +155,13 @@ def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
 
 
 def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, in hexadecimal.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    """
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def damaged(path: Path, cause: Exception) -> DataError:
-    """Make the error for a file that a format's own library could not read.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    cause : Exception
-        What the library said.
-    """
+    """Make the error for a file that a format's own library could not read."""
     reason = f"{type(cause).__name__}: {cause}".strip().rstrip(".")
     return DataError(
         f"{path.name}: cannot be read as a {path.suffix} file; it is cut off, damaged or of "
@@ -287,17 +173,7 @@ def damaged(path: Path, cause: Exception) -> DataError:
 def missing_columns(
     path: Path, missing: Sequence[str], available: Sequence[str], hint: str = ""
 ) -> DataError:
-    """Make the error that names every missing column and those there are.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    missing, available : sequence of str
-        Columns asked for in vain, and columns of the file.
-    hint : str
-        What to do, where it is known.
-    """
+    """Make the error that names every missing column and those there are."""
     close = {name: difflib.get_close_matches(name, available, n=1) for name in missing}
     guesses = [f"'{found[0]}' for '{name}'" for name, found in close.items() if found]
     shown = ", ".join(available[:_MOST_NAMES]) or "no column"
@@ -312,22 +188,7 @@ def missing_columns(
 
 
 def number_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
-    """Return a column of a typed format as (n,) float64.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for the message.
-    name : str
-        The column.
-    values : array
-        What the format's library returned.
-
-    Raises
-    ------
-    DataError
-        When it is not one series of real numbers.
-    """
+    """Return a column of a typed format as (n,) float64."""
     _check_series(path, name, values)
     if values.dtype.kind not in "fiub":
         raise DataError(
@@ -342,24 +203,7 @@ def number_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
 def label_column(
     path: Path, name: str, values: np.ndarray, *, as_written: bool = False
 ) -> np.ndarray:
-    """Return a column as (n,) str objects; 1.0 becomes "1", a missing value "".
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for the message.
-    name : str
-        The column.
-    values : array
-        Numbers, booleans, or objects.
-    as_written : bool
-        Whether the text "1.0" stays as it is.
-
-    Raises
-    ------
-    DataError
-        When it is not one series.
-    """
+    """Return a column as (n,) str objects; 1.0 becomes "1", a missing value ""."""
     _check_series(path, name, values)
     codes, found = pd.factorize(values)
     write = _text if as_written else _label

@@ -17,45 +17,27 @@ _MOST_TORN = 100
 
 
 class Damage(NamedTuple):
-    """A stretch of a log that was left out: damaged records.
+    """A stretch of a log that was left out: damaged records."""
 
-    Parameters
-    ----------
-    at : int
-        Number of intact records before it.
-    n_bytes : int
-        Its size.
-    """
-
-    at: int
-    n_bytes: int
+    at: int  # number of intact records before it
+    n_bytes: int  # its size
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionLog:
-    """A log as read.
+    """A log as read."""
 
-    Parameters
-    ----------
-    header : dict
-        What stands in its header.
-    records : (n,) structured array
-        Fields of the layout of :mod:`jointz.core.session_log` that the header names.
-    whole_bytes, torn_bytes : int
-        Of the header and all up to the last whole record, and of what follows: a record that
-        was cut off, or an end that the disk never got right.
-    damage : tuple of Damage
-        Stretches that were left out, in order; empty unless they were to be. Of a torn end, one
-        too long for what a crash leaves.
-    damaged_copy : str
-        Copy of the header that is damaged, ``first`` or ``second``; "" where none is.
-    """
-
-    header: dict[str, Any]
+    header: dict[str, Any]  # what stands in its header
+    # fields of the layout of :mod:`jointz.core.session_log` that the header names
     records: np.ndarray
+    # of the header and all up to the last whole record, and of what follows: a record that was cut
+    # off, or an end that the disk never got right
     whole_bytes: int
     torn_bytes: int
+    # stretches that were left out, in order; empty unless they were to be. Of a torn end, one too
+    # long for what a crash leaves
     damage: tuple[Damage, ...] = ()
+    # copy of the header that is damaged, ``first`` or ``second``; "" where none is
     damaged_copy: str = ""
 
 

@@ -16,36 +16,16 @@ _OF_A_SAMPLE = 1e-3  # how far a time may be from that of the rate: as it was ro
 
 @dataclass(frozen=True, slots=True)
 class SideInformation:
-    """Everything of an acquisition of one group but its samples.
+    """Everything of an acquisition of one group but its samples."""
 
-    Parameters
-    ----------
-    group : SignalGroup
-        Its signals have names, units and descriptions, and no samples.
-    stamped : bool
-        Whether time stamps are the clock; else the group's rate, or nothing.
-    events : tuple of Event
-        The events.
-    metadata : dict of str to str
-        The metadata.
-    """
-
-    group: SignalGroup
-    stamped: bool
+    group: SignalGroup  # its signals have names, units and descriptions, and no samples
+    stamped: bool  # whether time stamps are the clock; else the group's rate, or nothing
     events: tuple[Event, ...]
     metadata: dict[str, str]
 
 
 def written_beside(content: Acquisition, group: SignalGroup) -> str:
-    """Return the line of JSON for a group and the events and metadata of its content.
-
-    Parameters
-    ----------
-    content : Acquisition
-        What is written.
-    group : SignalGroup
-        The group that the table holds.
-    """
+    """Return the line of JSON for a group and the events and metadata of its content."""
     return json.dumps(
         {
             "version": _VERSION,
@@ -61,18 +41,7 @@ def written_beside(content: Acquisition, group: SignalGroup) -> str:
 
 
 def read_beside(text: str) -> SideInformation:
-    """Read what :func:`written_beside` wrote.
-
-    Parameters
-    ----------
-    text : str
-        The line.
-
-    Raises
-    ------
-    ValueError
-        When it is damaged, or of a later version.
-    """
+    """Read what :func:`written_beside` wrote."""
     try:
         found = json.loads(text)
         if found["version"] != _VERSION:
@@ -109,24 +78,7 @@ def filled(
     *,
     labels: Sequence[str],
 ) -> Acquisition:
-    """Put samples into what was read beside them.
-
-    Parameters
-    ----------
-    told : SideInformation
-        What was read.
-    columns : mapping of str to array
-        The samples by the names of the table.
-    stamps : array or None
-        Time stamps of the table, None where it has none.
-    labels : sequence of str
-        What a table calls the signals that were told of.
-
-    Raises
-    ------
-    ValueError
-        When the table is not the one that was told of: another program changed it.
-    """
+    """Put samples into what was read beside them."""
     if list(columns) != list(labels):
         found = next(i for i, pair in enumerate(zip_longest(columns, labels)) if len({*pair}) > 1)
         names = [[*some, "none"][min(found, len(some))] for some in (list(columns), labels)]
@@ -174,15 +126,7 @@ def _check_clock(told: SideInformation, stamps: np.ndarray | None) -> None:
 
 
 def first_other_time(stamps: np.ndarray, rate_hz: float, start_s: float) -> int | None:
-    """Return the first sample that is not where its rate puts it, but for rounding; else None.
-
-    Parameters
-    ----------
-    stamps : (n,) float64 array
-        Times of the samples, s.
-    rate_hz, start_s : float
-        The rate, and the time of the first sample.
-    """
+    """Return the first sample that is not where its rate puts it, but for rounding; else None."""
     with np.errstate(all="ignore"):
         times = start_s + np.arange(len(stamps)) / np.float64(rate_hz)
         same = (stamps == times) | (np.isnan(stamps) & np.isnan(times))

@@ -85,20 +85,7 @@ def open_study(path: str | os.PathLike[str]) -> Study:
 
 
 def data_file(root: Path, file: str) -> Path:
-    """Return the path of a file named in a study, variables expanded.
-
-    Parameters
-    ----------
-    root : pathlib.Path
-        The study's folder; a relative name starts there.
-    file : str
-        The name; ``${NAME}`` and ``${NAME:-default}`` are expanded.
-
-    Raises
-    ------
-    DataError
-        When a variable is not set and has no default.
-    """
+    """Return the path of a file named in a study, variables expanded."""
 
     def value(match: re.Match[str]) -> str:
         name = match.group(1) or match.group(3)
@@ -111,38 +98,14 @@ def data_file(root: Path, file: str) -> Path:
 
 
 def shown_file(file: str) -> str:
-    """Return the name people know a file by: what stands behind the folders of variables.
-
-    Parameters
-    ----------
-    file : str
-        As the study names it.
-
-    Examples
-    --------
-    >>> shown_file("${LAB_DISK:-../disk}/ewp.csv"), shown_file("${SECRET}.csv")
-    ('ewp.csv', '${SECRET}.csv')
-    """
+    """Return the name people know a file by: what stands behind the folders of variables."""
     own = _VARIABLE.sub("$", file).rpartition("/")[2]
     return file if "$" in own or "$" not in file else own
 
 
 @contextmanager
 def named_as_written(root: Path, file: str) -> Iterator[Path]:
-    """Give the path of a file named in a study; what its variables hold is not told in errors.
-
-    Parameters
-    ----------
-    root : pathlib.Path
-        The study's folder.
-    file : str
-        The name.
-
-    Yields
-    ------
-    pathlib.Path
-        As :func:`data_file` finds it.
-    """
+    """Give the path of a file named in a study; what its variables hold is not told in errors."""
     path = data_file(root, file)
     if "$" not in file:
         yield path
@@ -160,18 +123,7 @@ def named_as_written(root: Path, file: str) -> Iterator[Path]:
 def needed_channels(
     names: Iterable[str], condition: str | None, *, moments_only: bool = False
 ) -> list[str]:
-    """Return the channels that the file of a recording must hold.
-
-    Parameters
-    ----------
-    names : iterable of str
-        The channels of the study.
-    condition : str or None
-        Condition of the recording, None where a column of the file holds it.
-        Without a device only kinematics and contact are expected.
-    moments_only : bool
-        Nobody of the study wore a device: its torque is a moment, and every file holds it.
-    """
+    """Return the channels that the file of a recording must hold."""
     kept = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
     return [
         name
@@ -217,22 +169,7 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
 
 
 def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
-    """Return the SI unit of a channel, with factor and offset to it.
-
-    Parameters
-    ----------
-    name : str
-        The channel; those with units of their own accept no others.
-    unit : str
-        Its unit as written.
-    kind : str, optional
-        Of ``contact``: a ``voltage`` is in V, the others are pure numbers.
-
-    Raises
-    ------
-    UnitError
-        When the unit cannot be read or measures something else.
-    """
+    """Return the SI unit of a channel, with factor and offset to it."""
     if name in LABEL_CHANNELS:
         return ("1", 1.0, 0.0)
     contact = ("V",) if kind == "voltage" else ("1",)

@@ -49,21 +49,7 @@ class TextFormat:
     name = "text table"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
-        """Return all columns under their own names.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            How it is laid out; a delimiter that is not given is found in the header.
-
-        Raises
-        ------
-        DataError
-            When a row, a cell or the end of the file is not what it should be, or no column
-            holds numbers.
-        """
+        """Return all columns under their own names."""
         files, notes = _with_delimiter(path, files)
         names: list[str | int] = list(list_columns(path, files) or [])
         if not files.header:
@@ -92,13 +78,7 @@ class TextFormat:
         return Acquisition((group,), (), {**notes, **told})
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what a text table cannot hold: other groups, events, metadata, some texts.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Say what a text table cannot hold: other groups, events, metadata, some texts."""
         group = first_group(content)
         lost = lost_groups(content) + lost_events(content) + lost_metadata(content)
         lost += lost_descriptions(group)
@@ -119,22 +99,7 @@ class TextFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group, its clock as the first column; NaN is written ``NaN``.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When there is no number to write.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write the first group, its clock as the first column; NaN is written ``NaN``."""
         group = first_group(content)
         if not group.n_samples or not _has_numbers(group):
             raise DataError(

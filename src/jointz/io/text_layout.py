@@ -79,27 +79,13 @@ _UNIT_WORDS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
-    """The layout of a text file as it was found.
+    """The layout of a text file as it was found."""
 
-    Parameters
-    ----------
-    files : FilesSpec
-        As under ``[files]`` of a study.
-    names : tuple of str
-        What the file calls its columns, "" for a column that it does not name.
-    units : tuple of str
-        A row of units under the names; empty where there is none.
-    notes : tuple of str
-        What had to be decided.
-    rate_hz : float or None
-        The sampling rate that a line above the table states.
-    """
-
-    files: FilesSpec
-    names: tuple[str, ...]
-    units: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    rate_hz: float | None = None
+    files: FilesSpec  # as under ``[files]`` of a study
+    names: tuple[str, ...]  # what the file calls its columns, "" for a column that it does not name
+    units: tuple[str, ...] = ()  # a row of units under the names; empty where there is none
+    notes: tuple[str, ...] = ()  # what had to be decided
+    rate_hz: float | None = None  # the sampling rate that a line above the table states
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -110,25 +96,7 @@ class TextLayout:
 
 
 def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayout:
-    """Find out how a text file is laid out.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    given : mapping, optional
-        Fields of ``[files]`` that are known; only the others are looked for.
-
-    Returns
-    -------
-    TextLayout
-        The layout under which most cells are numbers.
-
-    Raises
-    ------
-    DataError
-        When the file is not text, holds no table of numbers, or the given signs are none.
-    """
+    """Find out how a text file is laid out."""
     known = dict(given or {})
     skipped = int(known.get("skip_rows") or 0)
     lines = decompressed_text(path, skipped + _LINES)

@@ -36,17 +36,7 @@ def parse_toml(
     *,
     error: type[StudyError] | type[ProtocolError] | type[DeviceFileError] | type[EntryError],
 ) -> dict[str, Any]:
-    """Parse a TOML file.
-
-    Parameters
-    ----------
-    where : str
-        The file, for the message.
-    text : bytes
-        What it holds, UTF-8.
-    error : type
-        Raised when it is not valid.
-    """
+    """Parse a TOML file."""
     try:
         raw = tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as exc:
@@ -59,17 +49,7 @@ def parse_toml(
 def shape_problems(
     error: ValidationError, model: type[BaseModel], raw: Mapping[str, Any]
 ) -> list[str]:
-    """Return what pydantic refused, a sentence each.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        What it raised.
-    model : type
-        The model of the whole file.
-    raw : mapping
-        The file.
-    """
+    """Return what pydantic refused, a sentence each."""
     return [
         _sentence(dict(e), model, raw)
         for e in error.errors()
@@ -80,17 +60,7 @@ def shape_problems(
 def all_problems(
     error: ValidationError, model: type[CheckedModel], raw: Mapping[str, Any]
 ) -> list[str]:
-    """Return what pydantic refused and every inconsistency among what can be read.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        What it raised.
-    model : type
-        The model of the whole file.
-    raw : mapping
-        The file.
-    """
+    """Return what pydantic refused and every inconsistency among what can be read."""
     found = _inconsistencies(_draft(model, raw), ())
     return [*shape_problems(error, model, raw), *dict.fromkeys(found)]
 

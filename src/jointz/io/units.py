@@ -118,32 +118,7 @@ class _Unit:
 
 
 def conversion(unit: str, si_unit: str) -> tuple[float, float]:
-    """Return factor and offset that take a unit to SI.
-
-    Parameters
-    ----------
-    unit : str
-        The unit as written: ``Nm``, ``deg/s``, ``%``; ``""`` and ``1`` are pure numbers.
-    si_unit : str
-        The SI unit wanted, such as ``N*m`` or ``rad``.
-
-    Returns
-    -------
-    tuple of float
-        ``(factor, offset)`` in ``si = factor * value + offset``.
-
-    Raises
-    ------
-    UnitError
-        When the unit cannot be read, or measures something else.
-
-    Examples
-    --------
-    >>> conversion("mNm", "N*m")
-    (0.001, 0.0)
-    >>> conversion("Nm/deg", "N*m/rad")[0]
-    57.29577951308232
-    """
+    """Return factor and offset that take a unit to SI."""
     found, wanted = _parse(unit), _parse(si_unit)
     if found.dimension != wanted.dimension:
         what, examples = _QUANTITIES.get(si_unit, ("something else", si_unit))
@@ -157,28 +132,7 @@ def conversion(unit: str, si_unit: str) -> tuple[float, float]:
 
 
 def si_unit_of(unit: str) -> tuple[str, float, float]:
-    """Return the SI unit of the same quantity, with factor and offset to it.
-
-    Parameters
-    ----------
-    unit : str
-        The unit as written.
-
-    Returns
-    -------
-    tuple of str, float, float
-        ``(si_unit, factor, offset)`` in ``si = factor * value + offset``.
-
-    Raises
-    ------
-    UnitError
-        When the unit cannot be read.
-
-    Examples
-    --------
-    >>> si_unit_of("mV")
-    ('V', 0.001, 0.0)
-    """
+    """Return the SI unit of the same quantity, with factor and offset to it."""
     found = _parse(unit)
     si_unit = _known_si(found.dimension) or _base_si(found.dimension)
     return si_unit, found.factor / _parse(si_unit).factor, found.offset

@@ -51,18 +51,7 @@ _MOTOR_MARKS = ("motor_position", "motor_velocity", "motor_current", "motor_torq
 
 
 def with_vendor_units(signals: Sequence[Signal]) -> tuple[tuple[Signal, ...], str]:
-    """Give the columns of a known log their units; others stay as they are.
-
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Columns of a text file.
-
-    Returns
-    -------
-    tuple of tuple of Signal and str
-        The columns, and whose log it is, "" where it is none that is known.
-    """
+    """Give the columns of a known log their units; others stay as they are."""
     names = {_attribute(signal.name) for signal in signals}
     if names.issuperset(_DEPHY_MARKS):
         return _known(signals, _DEPHY, "Dephy ActPack"), "Dephy ActPack"

@@ -47,20 +47,7 @@ class WorkbookFormat:
     name = "workbook .xlsx"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
-        """Return a group a sheet, or a group a column of time; formulas by their values.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used.
-
-        Raises
-        ------
-        DataError
-            When openpyxl is missing, the file is damaged, or a cell is not what it should be.
-        """
+        """Return a group a sheet, or a group a column of time; formulas by their values."""
         sheets, hidden = _sheets(path)
         if sheets and sheets[-1].title == OWN_SHEET:
             try:
@@ -87,13 +74,7 @@ class WorkbookFormat:
         return Acquisition(tuple(groups), (), metadata)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what cells cannot hold: infinite numbers, control characters, too many rows.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Say what cells cannot hold: infinite numbers, control characters, too many rows."""
         lost = []
         for group in content.groups:
             lost += lost_signals(group, "infinite numbers", has_infinity)
@@ -115,22 +96,7 @@ class WorkbookFormat:
         return lost
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write a sheet a group, and the sheet ``jointz``.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        DataError
-            When openpyxl is missing.
-        WriteError
-            When the file cannot be written.
-        """
+        """Write a sheet a group, and the sheet ``jointz``."""
         book = _openpyxl(path).Workbook(write_only=True)
         put_acquisition(book, content, most_rows=MOST_ROWS - 2)
         with whole_file(path, "Make room or name another place.") as partial:
@@ -170,15 +136,7 @@ def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
 
 
 def _check_parts(path: Path) -> None:
-    """Refuse a damaged part of the file: openpyxl leaves out sheets that it cannot find.
-
-    Raises
-    ------
-    zipfile.BadZipFile
-        When a part is not what its checksum or its name says.
-    DataError
-        When its parts, or their elements, take more memory than the limit.
-    """
+    """Refuse a damaged part of the file: openpyxl leaves out sheets that it cannot find."""
     total = 0
     with zipfile.ZipFile(path) as parts:
         # What a part holds beyond its declared size is never read: its checksum is then wrong.

@@ -36,28 +36,12 @@ _LONGEST_CELL = 32_767
 
 
 def fits(text: str) -> bool:
-    """Whether a cell can hold a text as it is.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    """
+    """Whether a cell can hold a text as it is."""
     return len(text) <= _LONGEST_CELL and _CONTROL.search(text) is None
 
 
 def put_acquisition(book: Any, content: Acquisition, *, most_rows: int) -> None:
-    """Put all of a content into an empty workbook of openpyxl.
-
-    Parameters
-    ----------
-    book : openpyxl.Workbook
-        In its mode of writing only; it is filled.
-    content : Acquisition
-        What to write.
-    most_rows : int
-        Samples that a sheet holds; later ones are left out.
-    """
+    """Put all of a content into an empty workbook of openpyxl."""
     titles = _titles([group.name for group in content.groups])
     for title, group in zip(titles, content.groups, strict=True):
         _put_group(book.create_sheet(title), group, content, most_rows)
@@ -73,20 +57,7 @@ def put_acquisition(book: Any, content: Acquisition, *, most_rows: int) -> None:
 
 
 def own_acquisition(sheets: Sequence[Sheet]) -> Acquisition:
-    """Return what :func:`put_acquisition` wrote.
-
-    Parameters
-    ----------
-    sheets : sequence of Sheet
-        The sheets; the last is ``jointz``.
-
-    Raises
-    ------
-    DataError
-        When a sheet is not what that sheet says, with the address of the cell.
-    ValueError
-        When that sheet itself is damaged.
-    """
+    """Return what :func:`put_acquisition` wrote."""
     by_title = {sheet.title: sheet for sheet in sheets[:-1]}
     own = sheets[-1]
     rows = [[cell for cell in row if cell is not None] for row in own.rows]

@@ -34,80 +34,34 @@ _MISSING = ("NA", "NaN", "nan", "N/A", "n/a")
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A sheet as openpyxl read it, and how to speak of its cells.
+    """A sheet as openpyxl read it, and how to speak of its cells."""
 
-    Parameters
-    ----------
-    file, title : str
-        Names, for messages.
-    rows : list of tuple
-        The values of the cells, rows of one width.
-    formulas : set of tuple of int
-        Row and column, from 0, of formulas without a stored value.
-    merged : tuple of tuple of int
-        First row, first column, last row, last column of merged cells, from 0.
-    """
-
-    file: str
+    file: str  # names, for messages
     title: str
-    rows: list[tuple[Any, ...]]
+    rows: list[tuple[Any, ...]]  # the values of the cells, rows of one width
+    # row and column, from 0, of formulas without a stored value
     formulas: frozenset[tuple[int, int]]
+    # first row, first column, last row, last column of merged cells, from 0
     merged: tuple[tuple[int, int, int, int], ...]
 
     def refuse(self, row: int, column: int, message: str) -> NoReturn:
-        """Raise the error about a cell.
-
-        Parameters
-        ----------
-        row, column : int
-            From 0.
-        message : str
-            Expected, found, what to do.
-
-        Raises
-        ------
-        DataError
-            Always.
-        """
+        """Raise the error about a cell."""
         where = f"{self.title}!{letters(column)}{row + 1}"
         raise DataError(f"{self.file}, {where}: {message}", path=self.file, row=row + 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Where a table stands in its sheet, rows and columns from 0.
-
-    Parameters
-    ----------
-    names_row : int
-        Row of names.
-    units_row : int or None
-        Row of units, None where there is none.
-    first_row : int
-        Row of the first sample.
-    columns : tuple of int
-        Columns with a name.
-    """
+    """Where a table stands in its sheet, rows and columns from 0."""
 
     names_row: int
-    units_row: int | None
-    first_row: int
-    columns: tuple[int, ...]
+    units_row: int | None  # row of units, None where there is none
+    first_row: int  # row of the first sample
+    columns: tuple[int, ...]  # columns with a name
 
 
 def letters(column: int) -> str:
-    """Return the letters of a column.
-
-    Parameters
-    ----------
-    column : int
-        From 0.
-
-    Examples
-    --------
-    >>> letters(0), letters(27)
-    ('A', 'AB')
-    """
+    """Return the letters of a column."""
     text = ""
     column += 1
     while column:
@@ -117,18 +71,7 @@ def letters(column: int) -> str:
 
 
 def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
-    """Return the groups of a sheet, and its prose and what was read how as metadata.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        The sheet.
-
-    Raises
-    ------
-    DataError
-        With the address of the cell that cannot be told.
-    """
+    """Return the groups of a sheet, and its prose and what was read how as metadata."""
     table = _find_table(sheet)
     last = len(sheet.rows) if table is None else table.names_row
     metadata = dict(_prose(sheet, last))

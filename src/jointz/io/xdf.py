@@ -62,18 +62,6 @@ class XdfFormat:
         a stream's clock they are put to account by pyxdf, and nothing is smoothed or
         interpolated. Streams of one name are told apart by source, else by number. Streams of
         texts at no nominal rate are markers, and each text is an event as well.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            The file.
-        files : FilesSpec
-            Not used: an XDF file describes itself.
-
-        Raises
-        ------
-        DataError
-            When pyxdf is missing or too old, or the file is damaged or cut off.
         """
         content = path.read_bytes()
         walked = walk(path, content)
@@ -86,30 +74,11 @@ class XdfFormat:
             raise damaged(path, exc) from exc
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content an XDF file cannot hold.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What is to be written.
-        """
+        """Return what of a content an XDF file cannot hold."""
         return plan(content)[1]
 
     def write(self, content: Acquisition, path: Path) -> None:
-        """Write XDF 1.0: numbers in double precision, bit for bit, and texts as they are.
-
-        Parameters
-        ----------
-        content : Acquisition
-            What to write.
-        path : pathlib.Path
-            The file.
-
-        Raises
-        ------
-        WriteError
-            When the file cannot be written.
-        """
+        """Write XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
         raw = xdf_bytes(plan(content)[0])
         with whole_file(path, "Make room or name another place.") as partial:
             partial.write_bytes(raw)
@@ -350,13 +319,7 @@ def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> l
 def _synchronised(
     path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
 ) -> list[str]:
-    """Say what became of the measured offsets of a stream's clock.
-
-    Raises
-    ------
-    DataError
-        When some parts of the stream are corrected, and others are not.
-    """
+    """Say what became of the measured offsets of a stream's clock."""
     segments = stream["info"]["clock_segments"]
     if not (walked.n_offsets and walked.n_samples):
         return []

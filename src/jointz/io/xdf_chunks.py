@@ -38,39 +38,18 @@ _MOST_CHANNELS = 65_536
 
 @dataclass(slots=True)
 class Stream:
-    """What the chunks of one stream say.
+    """What the chunks of one stream say."""
 
-    Parameters
-    ----------
-    name : str
-        As its header has it.
-    n_channels : int
-        Values of a sample.
-    value_bytes : int
-        Bytes of a value, 0 for texts.
-    n_samples : int
-        Samples found.
-    stamped : int
-        How many of them carry a time stamp.
-    first_stamped : bool
-        Whether the first one does.
-    n_offsets : int
-        Measured offsets of its clock.
-    footer_count : int or None
-        Samples that its footer counts, -1 where it counts none, None without a footer.
-    n_garbled : int
-        Texts that are no UTF-8.
-    """
-
-    name: str
-    n_channels: int
-    value_bytes: int
-    n_samples: int = 0
-    stamped: int = 0
-    first_stamped: bool = False
-    n_offsets: int = 0
+    name: str  # as its header has it
+    n_channels: int  # values of a sample
+    value_bytes: int  # bytes of a value, 0 for texts
+    n_samples: int = 0  # samples found
+    stamped: int = 0  # how many of them carry a time stamp
+    first_stamped: bool = False  # whether the first one does
+    n_offsets: int = 0  # measured offsets of its clock
+    # samples that its footer counts, -1 where it counts none, None without a footer
     footer_count: int | None = None
-    n_garbled: int = 0
+    n_garbled: int = 0  # texts that are no UTF-8
 
 
 @dataclass(slots=True)
@@ -103,20 +82,7 @@ class _Walk:
 
 
 def walk(path: Path, content: bytes) -> dict[int, Stream]:
-    """Return the streams of a file by number, every chunk of it found whole.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for messages.
-    content : bytes
-        The whole file.
-
-    Raises
-    ------
-    DataError
-        When it is no XDF file, or damaged or cut off anywhere.
-    """
+    """Return the streams of a file by number, every chunk of it found whole."""
     file = _Walk(path, content)
     if not content.startswith(MAGIC):
         raise file.refuse(0, "'XDF:'", repr(content[:4].decode("latin-1")))
@@ -133,22 +99,7 @@ def walk(path: Path, content: bytes) -> dict[int, Stream]:
 
 
 def xml_of(path: Path, at: int, raw: bytes) -> ElementTree.Element:
-    """Return the root of a chunk's XML, which is ``info``.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for messages.
-    at : int
-        Where the text starts.
-    raw : bytes
-        The text.
-
-    Raises
-    ------
-    DataError
-        When it is no XML.
-    """
+    """Return the root of a chunk's XML, which is ``info``."""
     try:
         root = ElementTree.fromstring(raw.decode("utf-8", errors="strict"))
     except (ElementTree.ParseError, ValueError) as exc:

@@ -35,47 +35,23 @@ class Clock(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class XdfStream:
-    """A stream that is to be written.
+    """A stream that is to be written."""
 
-    Parameters
-    ----------
-    header : mapping of str to list
-        Its description, a tree.
-    group : SignalGroup
-        Its samples, all of them numbers or all of them texts.
-    clock : Clock
-        How they are timed.
-    """
-
-    header: Tree
-    group: SignalGroup
-    clock: Clock
+    header: Tree  # its description, a tree
+    group: SignalGroup  # its samples, all of them numbers or all of them texts
+    clock: Clock  # how they are timed
 
 
 @dataclass(frozen=True, slots=True)
 class XdfContent:
-    """What is to be written.
+    """What is to be written."""
 
-    Parameters
-    ----------
-    header : mapping of str to list
-        The description of the file, a tree.
-    streams : tuple of XdfStream
-        In order.
-    """
-
-    header: Tree
-    streams: tuple[XdfStream, ...]
+    header: Tree  # the description of the file, a tree
+    streams: tuple[XdfStream, ...]  # in order
 
 
 def events_of(group: SignalGroup) -> list[Event]:
-    """Return an event for each text of a stream of markers.
-
-    Parameters
-    ----------
-    group : SignalGroup
-        The stream; a channel ``duration_s`` says how long each event of the first one was.
-    """
+    """Return an event for each text of a stream of markers."""
     times = group.times_s()
     texts = [signal for signal in group.signals if signal.is_text]
     if times is None or not texts:
@@ -93,13 +69,7 @@ def events_of(group: SignalGroup) -> list[Event]:
 
 
 def plan(content: Acquisition) -> tuple[XdfContent, list[str]]:
-    """Return what can be written, and a sentence for everything that cannot.
-
-    Parameters
-    ----------
-    content : Acquisition
-        What is to be written.
-    """
+    """Return what can be written, and a sentence for everything that cannot."""
     lost: list[str] = []
     owners = _owners(content)
     groups = [part for group in content.groups for part in _parts(group, lost)]
@@ -196,13 +166,7 @@ def _markers(
 
 
 def events_of_safely(group: SignalGroup) -> list[Event]:
-    """Return the events of a stream of texts, none where a duration in it is no number.
-
-    Parameters
-    ----------
-    group : SignalGroup
-        The stream.
-    """
+    """Return the events of a stream of texts, none where a duration in it is no number."""
     try:
         return events_of(group)
     except ValueError:

@@ -12,15 +12,7 @@ _INDEX = re.compile(r"[2-9]|[1-9]\d{1,3}")
 
 
 def flat(tree: Any, prefix: str = "") -> dict[str, str]:
-    """Return the texts of a tree; the second of two siblings of one name is ``name.2``.
-
-    Parameters
-    ----------
-    tree : mapping of str to list
-        Tag -> texts and trees, as pyxdf returns them.
-    prefix : str
-        Set before each name.
-    """
+    """Return the texts of a tree; the second of two siblings of one name is ``name.2``."""
     found: dict[str, str] = {}
     for tag, nodes in tree.items():
         for i, node in enumerate(nodes, start=1):
@@ -33,13 +25,7 @@ def flat(tree: Any, prefix: str = "") -> dict[str, str]:
 
 
 def grown(texts: Mapping[str, str]) -> tuple[Tree, list[str]]:
-    """Return the tree that :func:`flat` makes these texts of, and the names that fit no tree.
-
-    Parameters
-    ----------
-    texts : mapping of str to str
-        By dotted names.
-    """
+    """Return the tree that :func:`flat` makes these texts of, and the names that fit no tree."""
     tree: Tree = {}
     for name, text in texts.items():
         steps = list(_steps(name))
@@ -50,13 +36,7 @@ def grown(texts: Mapping[str, str]) -> tuple[Tree, list[str]]:
 
 
 def xml_bytes(tree: Tree) -> bytes:
-    """Return a tree under ``<info>``.
-
-    Parameters
-    ----------
-    tree : mapping of str to list
-        The tree.
-    """
+    """Return a tree under ``<info>``."""
     root = ElementTree.Element("info")
     _fill(root, tree)
     text: bytes = ElementTree.tostring(root, encoding="utf-8")
@@ -64,13 +44,7 @@ def xml_bytes(tree: Tree) -> bytes:
 
 
 def holdable(text: str) -> str:
-    """Return a text without what XML cannot hold.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    """
+    """Return a text without what XML cannot hold."""
     kept = "".join(letter for letter in text if _xml_holds(letter) or letter in " \t\n")
     return kept if kept.strip() else ""
 

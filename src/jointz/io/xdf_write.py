@@ -20,13 +20,7 @@ _SHORT = 0xFF
 
 
 def xdf_bytes(content: XdfContent) -> bytes:
-    """Return a whole file.
-
-    Parameters
-    ----------
-    content : XdfContent
-        What to write.
-    """
+    """Return a whole file."""
     head = xml_bytes({"version": ["1.0"], **content.header})
     chunks = [MAGIC, _chunk(FILE_HEADER, head)]
     streams = list(enumerate(content.streams, start=1))

@@ -15,19 +15,7 @@ from jointz.reference.audit_chapter4 import chapter4_findings
 
 
 def audit() -> tuple[Finding, ...]:
-    """Return what is inconsistent in the printed text, chapter by chapter.
-
-    Returns
-    -------
-    tuple of Finding
-        In the order of the text.
-
-    Examples
-    --------
-    >>> findings = audit()
-    >>> [f.recomputed for f in findings if f.what == "mean inertia error, I1"]
-    ['-14.8 %']
-    """
+    """Return what is inconsistent in the printed text, chapter by chapter."""
     return (
         *_chapter2_means(),
         *_chapter2_statements(),

@@ -40,15 +40,7 @@ _NAMES: Final = MappingProxyType(
 
 
 def column_mean(table: Mapping[str, Mapping[str, Printed]], subject: str) -> float:
-    """Return the mean of one person's numbers over the timing points of a printed table.
-
-    Parameters
-    ----------
-    table : mapping
-        By timing point and subject, such as :data:`jointz.reference.chapter4.VAF`.
-    subject : str
-        Such as ``S2``.
-    """
+    """Return the mean of one person's numbers over the timing points of a printed table."""
     return fmean(row[subject].value for row in table.values())
 
 

@@ -50,19 +50,7 @@ _Row = dict[str, Any]
 
 
 def behind_section(analysis: StudyAnalysis) -> _Row | None:
-    """Return what the page shows behind the estimates, None where no budget was made.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    dict or None
-        ``undecided`` (rows), ``models`` (rows), ``details`` (rows) and ``gravity`` (whether any
-        stiffness was corrected).
-    """
+    """Return what the page shows behind the estimates, None where no budget was made."""
     cells = [c for c in analysis.cells if c.budget]
     if not cells:
         return None
@@ -159,18 +147,7 @@ def _model_row(model: ParticipantModel) -> _Row:
 
 
 def likely(probability: float) -> str:
-    """Write a probability in a word and in %.
-
-    Parameters
-    ----------
-    probability : float
-        0 to 1.
-
-    Examples
-    --------
-    >>> likely(0.98), likely(0.47), likely(0.004)
-    ('likely (98 %)', 'open (47 %)', 'unlikely (< 1 %)')
-    """
+    """Write a probability in a word and in %."""
     word = (
         "likely" if probability >= _LIKELY else "unlikely" if probability <= _UNLIKELY else "open"
     )

@@ -78,20 +78,7 @@ def source_name(source: str) -> str:
 
 
 def mean_shares(cells: Sequence[CellEstimate], parameter: str) -> dict[str, float]:
-    """Return the mean share of each source in the variance over cells.
-
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of one timing point, say.
-    parameter : str
-        Which parameter.
-
-    Returns
-    -------
-    dict of str to float
-        Source -> share; empty where no cell has a budget.
-    """
+    """Return the mean share of each source in the variance over cells."""
     shares = [s for c in cells if (s := variance_shares(c, parameter))]
     if not shares:
         return {}
@@ -100,18 +87,7 @@ def mean_shares(cells: Sequence[CellEstimate], parameter: str) -> dict[str, floa
 
 
 def draw_budget(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw the share of each source in the variance, stacked, by timing point and parameter.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where the method makes no budget.
-    """
+    """Draw the share of each source in the variance, stacked, by timing point and parameter."""
     budgeted = person_cells([c for c in analysis.cells if c.budget])
     names = timing_points(budgeted)
     found = {

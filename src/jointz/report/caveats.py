@@ -83,18 +83,7 @@ _RECOMMENDED: Final = (
 
 
 def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
-    """Return what every reader of a report should know, in plain words.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    tuple of (head, text)
-        Those of the method that made the estimates.
-    """
+    """Return what every reader of a report should know, in plain words."""
     words = subjects(analysis)
     if words.bench:
         return _BENCH if words.loads else _AT_REST

@@ -19,18 +19,7 @@ _SYMBOLS = dict(zip(PARAMETERS, "KBJ", strict=True))
 
 
 def certificate_section(certificate: Certificate | None) -> dict[str, Any] | None:
-    """Return the sentence and the table of a certificate, None where there is none.
-
-    Parameters
-    ----------
-    certificate : Certificate or None
-        What came of known responses injected into the study's own strides.
-
-    Returns
-    -------
-    dict or None
-        ``sentence``, ``note`` and ``rows``, one a timing point, ``all`` first.
-    """
+    """Return the sentence and the table of a certificate, None where there is none."""
     if certificate is None or not certificate.errors:
         return None
     points = list(dict.fromkeys(row.timing_point for row in certificate.errors))

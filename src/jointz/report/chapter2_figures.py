@@ -44,26 +44,7 @@ _METHODS: Final = (
 
 
 def draw_chapter2(curves: Mapping[str, Any]) -> dict[str, str]:
-    """Draw the figures of chapter II that the curves allow.
-
-    Parameters
-    ----------
-    curves : mapping
-        ``bandwidth`` (amplitude -> frequency, gain, coherence, bandwidths), ``intrinsic``
-        (measured and modelled frequency response), ``loads`` (one mapping a case, trajectory and
-        parameter), ``mechanisms`` (one mapping each); plain values in SI and Hz.
-
-    Returns
-    -------
-    dict of str to str
-        Of ``figure_2_5``, ``figure_intrinsic``, ``figure_2_6``, ``figure_mechanisms`` those
-        whose curve is there -> SVG text, 180 mm wide.
-
-    Examples
-    --------
-    >>> draw_chapter2({})
-    {}
-    """
+    """Draw the figures of chapter II that the curves allow."""
     return draw_given(_DRAWINGS, curves)
 
 

@@ -41,25 +41,7 @@ _PRINTED: Final[Mapping[str, Any]] = {
 
 
 def draw_chapter3(curves: Mapping[str, Any]) -> dict[str, str]:
-    """Draw the figures of chapter III that the curves allow.
-
-    Parameters
-    ----------
-    curves : mapping
-        ``torque_models`` (time, speed, sensor, torque and RMS error by each model), ``chirp``
-        (time, sensor, model, segments), ``static`` (deflection, sensor, model and the stiffness
-        by each), ``perturbation`` (stiffness by each method, printed and true); plain values in SI.
-
-    Returns
-    -------
-    dict of str to str
-        Of ``figure_3_3`` to ``figure_3_6`` those whose curve is there -> SVG text, 180 mm wide.
-
-    Examples
-    --------
-    >>> draw_chapter3({})
-    {}
-    """
+    """Draw the figures of chapter III that the curves allow."""
     return draw_given(_DRAWINGS, curves)
 
 

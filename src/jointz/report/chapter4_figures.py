@@ -57,26 +57,7 @@ _LEGEND_COLUMNS: Final = 3
 
 
 def draw_chapter4(curves: Mapping[str, Any]) -> dict[str, str]:
-    """Draw the figures of chapter IV and 3.7 as far as the curves allow.
-
-    Parameters
-    ----------
-    curves : mapping
-        ``strides``, ``device_effect``, ``impedance``, ``literature``
-        (:func:`jointz.workflows.chapter4_simulated.simulated_chapter`), ``pilot``
-        (:func:`jointz.workflows.chapter4_pilot.pilot_results`), ``pairs`` and ``replicates``
-        (:func:`jointz.workflows.chapter4_statistics.published_statistics`).
-
-    Returns
-    -------
-    dict of str to str
-        Of :data:`DRAWINGS` those whose curve is there -> SVG text, 180 mm wide.
-
-    Examples
-    --------
-    >>> draw_chapter4({})
-    {}
-    """
+    """Draw the figures of chapter IV and 3.7 as far as the curves allow."""
     return draw_given(DRAWINGS, curves)
 
 

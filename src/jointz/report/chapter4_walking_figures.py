@@ -35,13 +35,7 @@ _HALF_MM: Final = 72.0
 
 
 def draw_strides(curve: Mapping[str, Any]) -> "Figure":
-    """Draw single and mean angle and torque over the gait cycle.
-
-    Parameters
-    ----------
-    curve : mapping
-        ``person``, ``gait_pct``, ``angle_rad`` and ``torque_nm`` (one row a stride).
-    """
+    """Draw single and mean angle and torque over the gait cycle."""
     figure = new_figure(74.0)
     gait = numbers(curve["gait_pct"])
     strides = (
@@ -74,15 +68,7 @@ def _over_cycle(axes: "Axes") -> None:
 
 
 def draw_device_effect(curve: Mapping[str, Any]) -> "Figure":
-    """Draw t over the gait cycle with its thresholds, the mean angles, and their difference.
-
-    Parameters
-    ----------
-    curve : mapping
-        ``gait_pct``, ``t``, ``threshold``, ``flip_threshold``, ``printed_threshold``,
-        ``no_device_rad``, ``device_rad``, ``difference_rad``, ``low_rad``, ``high_rad``,
-        ``margin_rad``.
-    """
+    """Draw t over the gait cycle with its thresholds, the mean angles, and their difference."""
     figure = new_figure(128.0)
     gait = numbers(curve["gait_pct"])
     upper = place_axes(figure, 13.0, 11.0, width_mm=WIDTH_MM - 16.0, height_mm=48.0)

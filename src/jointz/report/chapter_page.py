@@ -28,40 +28,13 @@ _Row = dict[str, Any]
 
 
 def render_chapter(reproduction: Reproduction, figures: Mapping[str, str]) -> str:
-    """Write a chapter printed beside ours as one HTML page with its figures and styles inside.
-
-    Parameters
-    ----------
-    reproduction : Reproduction
-        The chapter.
-    figures : mapping of str to str
-        Name -> SVG text, as ``draw_chapter2`` and its likes return them. A figure stands with
-        its table; one whose table is not there stands behind the tables; figures of other names
-        have no place on the page.
-
-    Returns
-    -------
-    str
-        HTML that needs no network, no fonts and no script.
-
-    Examples
-    --------
-    >>> page = render_chapter(Reproduction(2, "The exoskeleton on its bench", ()), {})
-    >>> "Chapter II again: The exoskeleton on its bench</h1>" in page
-    True
-    """
+    """Write a chapter printed beside ours as one HTML page with its figures and styles inside."""
     title = f"{_heading(reproduction)}: {reproduction.title}"
     return _page(title, [(reproduction, figures)])
 
 
 def render_validation(chapters: Sequence[tuple[Reproduction, Mapping[str, str]]]) -> str:
-    """Write several chapters as one page.
-
-    Parameters
-    ----------
-    chapters : sequence of (Reproduction, mapping of str to str)
-        Each with its figures, as :func:`render_chapter` takes them.
-    """
+    """Write several chapters as one page."""
     return _page("Validation: the dissertation again", chapters)
 
 

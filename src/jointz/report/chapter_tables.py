@@ -37,19 +37,7 @@ _Row = dict[str, Any]
 
 
 def compared_cells(rows: Sequence[Compared]) -> _Row:
-    """Return the columns that hold something, and the text of every cell.
-
-    Parameters
-    ----------
-    rows : sequence of Compared
-        Of a table.
-
-    Returns
-    -------
-    dict
-        ``columns`` (``key``, ``head``), ``unit`` where all rows share one, ``noted``, ``folded``
-        and ``rows`` (``quantity``, ``unit``, ``note``, ``cells``: column -> ``value``, ``spread``).
-    """
+    """Return the columns that hold something, and the text of every cell."""
     units = {row.unit for row in rows}
     scales = {unit: _scale([row for row in rows if row.unit == unit]) for unit in units}
     columns = [
@@ -152,32 +140,14 @@ _CELLS: Final[Mapping[str, Callable[[Compared, float, float], tuple[str, str]]]]
 
 
 def holds_truth(row: Compared) -> bool | None:
-    """Return whether the interval of a row holds its truth, None where it lacks either.
-
-    Parameters
-    ----------
-    row : Compared
-        The row.
-    """
+    """Return whether the interval of a row holds its truth, None where it lacks either."""
     if row.truth is None or row.recommended_low is None or row.recommended_high is None:
         return None
     return row.recommended_low <= row.truth <= row.recommended_high
 
 
 def claim_cells(rows: Sequence[Claim]) -> _Row:
-    """Return what a table of statements shows.
-
-    Parameters
-    ----------
-    rows : sequence of Claim
-        Of a table.
-
-    Returns
-    -------
-    dict
-        ``rows`` (the statements, each with ``badge``: how its verdict is marked), ``counts``
-        (verdict -> how many), ``remarked`` and ``folded``.
-    """
+    """Return what a table of statements shows."""
     return {
         "rows": [{"claim": row, "badge": _BADGES.get(row.verdict, "open")} for row in rows],
         "counts": Counter(row.verdict for row in rows),
@@ -187,19 +157,7 @@ def claim_cells(rows: Sequence[Claim]) -> _Row:
 
 
 def grid_cells(grid: ParticipantGrid) -> _Row:
-    """Return what a table of timing points by participants shows.
-
-    Parameters
-    ----------
-    grid : ParticipantGrid
-        The table.
-
-    Returns
-    -------
-    dict
-        ``participants``, ``unit`` and ``blocks`` (``label``, ``rows``: ``point``, ``cells``,
-        ``average``), all text.
-    """
+    """Return what a table of timing points by participants shows."""
     return {
         "participants": grid.participants,
         "unit": grid.unit,

@@ -11,30 +11,7 @@ _GAP = "  "
 
 
 def chapter_text(reproduction: Reproduction) -> str:
-    """Write the tables of a chapter as text.
-
-    Parameters
-    ----------
-    reproduction : Reproduction
-        The chapter.
-
-    Returns
-    -------
-    str
-        Title, tables and notes; of tables that the page folds up only where they are.
-
-    Examples
-    --------
-    >>> from jointz.core.reproduction_tables import Compared
-    >>> rows = (Compared("stiffness", "N*m/rad", printed=146.4, dissertation=145.83),)
-    >>> table = ComparedTable("dither", "In motion", "", rows)
-    >>> print(chapter_text(Reproduction(3, "The actuator", (table,))))
-    Chapter 3: The actuator
-    <BLANKLINE>
-    In motion
-      Quantity   Unit     Printed  Dissertation's method
-      stiffness  N·m/rad  146.4    146
-    """
+    """Write the tables of a chapter as text."""
     lines = [f"Chapter {reproduction.chapter}: {reproduction.title}"]
     for table in reproduction.tables:
         lines += ["", *_table_lines(table)]

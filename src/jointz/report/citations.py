@@ -7,18 +7,10 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Citation:
-    """One entry of a list of references.
+    """One entry of a list of references."""
 
-    Parameters
-    ----------
-    short : str
-        How the text cites it.
-    full : str
-        How the list gives it.
-    """
-
-    short: str
-    full: str
+    short: str  # how the text cites it
+    full: str  # how the list gives it
 
 
 #: Key -> entry, in the order of the list.
@@ -90,33 +82,11 @@ CITATIONS: Final = {
 
 
 def cite(key: str) -> str:
-    """Return how a text cites an entry.
-
-    Parameters
-    ----------
-    key : str
-        Of :data:`CITATIONS`.
-
-    Examples
-    --------
-    >>> cite("bootstrap")
-    '(Efron 1979)'
-    """
+    """Return how a text cites an entry."""
     return f"({CITATIONS[key].short})"
 
 
 def cited(texts: Iterable[str]) -> list[str]:
-    """Return the full entries that texts cite, in the order of the list.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        What was written with :func:`cite`.
-
-    Examples
-    --------
-    >>> cited(["resampled (Efron 1979)"])[0][:8]
-    'Efron B.'
-    """
+    """Return the full entries that texts cite, in the order of the list."""
     whole = " ".join(texts)
     return [entry.full for key, entry in CITATIONS.items() if cite(key) in whole]

@@ -50,18 +50,7 @@ _Panel = tuple[str, list[str]]
 
 
 def draw_comparison(made: Comparison) -> dict[str, str]:
-    """Draw the figures of a comparison.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-
-    Returns
-    -------
-    dict of str to str
-        ``means``, and ``differences`` where there are some -> SVG text, 180 mm wide.
-    """
+    """Draw the figures of a comparison."""
     with figure_style():
         figures = {}
         if any(m.mean is not None for m in made.means):
@@ -72,13 +61,7 @@ def draw_comparison(made: Comparison) -> dict[str, str]:
 
 
 def source_looks(made: Comparison) -> dict[str, tuple[str, str]]:
-    """Return colour and mark of every source.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-    """
+    """Return colour and mark of every source."""
     own = [s.name for s in made.sources if not s.published]
     looks = {name: _LOOKS[k % len(_LOOKS)] for k, name in enumerate(own)}
     return looks | {s.name: _PUBLISHED for s in made.sources if s.published}

@@ -50,26 +50,7 @@ _Row = dict[str, Any]
 
 
 def render_comparison(made: Comparison, figures: Mapping[str, str]) -> str:
-    """Write a comparison as one HTML page with its figures and styles inside.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-    figures : mapping of str to str
-        As :func:`jointz.report.comparison_figures.draw_comparison` returns them.
-
-    Returns
-    -------
-    str
-        HTML that needs no network, no fonts and no script.
-
-    Examples
-    --------
-    >>> empty = Comparison((), (), (), ())
-    >>> "Comparison of nothing</h1>" in render_comparison(empty, {})
-    True
-    """
+    """Write a comparison as one HTML page with its figures and styles inside."""
     environment = Environment(
         loader=PackageLoader("jointz.report"),
         autoescape=True,

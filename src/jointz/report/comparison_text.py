@@ -22,13 +22,7 @@ _DASH = "-"
 
 
 def comparison_tables(made: Comparison) -> list[TextTable]:
-    """Return the tables of a comparison that hold something.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-    """
+    """Return the tables of a comparison that hold something."""
     level = f"{100 * made.ci_level:g} % interval"
     tables = [
         (
@@ -101,50 +95,24 @@ def _difference_row(d: Difference, made: Comparison) -> list[str]:
 
 
 def has_effects(made: Comparison) -> bool:
-    """Return whether there is an effect size to show.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-    """
+    """Return whether there is an effect size to show."""
     return any(d.effect for d in made.differences)
 
 
 def adjusted_p(made: Comparison) -> str:
-    """Return the head of a column of p.
-
-    Parameters
-    ----------
-    made : Comparison
-        The comparison.
-    """
+    """Return the head of a column of p."""
     return "p (alone)" if made.adjust == "none" else f"p ({made.adjust.title()})"
 
 
 def people_text(d: Difference) -> str:
-    """Return how many people a difference is of.
-
-    Parameters
-    ----------
-    d : Difference
-        The difference.
-    """
+    """Return how many people a difference is of."""
     if d.design == GROUPS or d.n_first != d.n_second:
         return f"{d.n_first} and {d.n_second}"
     return str(d.n_first)
 
 
 def equivalence_text(d: Difference, ci_level: float) -> str:
-    """Return whether two means are shown to be alike.
-
-    Parameters
-    ----------
-    d : Difference
-        The difference.
-    ci_level : float
-        One less the level of the tests.
-    """
+    """Return whether two means are shown to be alike."""
     if d.p_equivalence is None:
         return _DASH
     shown = d.p_equivalence < 1.0 - ci_level
@@ -166,15 +134,7 @@ def _repeat_row(r: Repeatability) -> list[str]:
 
 
 def fit_tables(fit: MixedModelFit, *, adjust: str, error: str) -> list[TextTable]:
-    """Return means and pairs of a mixed model.
-
-    Parameters
-    ----------
-    fit : MixedModelFit
-        The model.
-    adjust, error : str
-        As :meth:`MixedModelFit.pairs` takes them.
-    """
+    """Return means and pairs of a mixed model."""
     level = f"{100 * fit.ci_level:g} % interval"
     means = [
         [m.level, _number(m.mean), _interval(m.ci_low, m.ci_high), str(m.n_participants)]
@@ -198,15 +158,7 @@ def fit_tables(fit: MixedModelFit, *, adjust: str, error: str) -> list[TextTable
 
 
 def fit_dict(fit: MixedModelFit, *, adjust: str, error: str) -> dict[str, Any]:
-    """Return a mixed model with the pairs that were asked for, ready for JSON.
-
-    Parameters
-    ----------
-    fit : MixedModelFit
-        The model.
-    adjust, error : str
-        As :meth:`MixedModelFit.pairs` takes them.
-    """
+    """Return a mixed model with the pairs that were asked for, ready for JSON."""
     rows = fit.pairs(adjust, error=error).to_dict("records")
     plain = fit.to_dict() | {"formula": fit.formula, "adjust": adjust, "error": error}
     return _finite({**plain, "pairs": rows})  # type: ignore[no-any-return]
@@ -227,18 +179,7 @@ def _finite(value: Any) -> Any:
 
 
 def p_text(p: float | None) -> str:
-    """Return a probability as it is read, a dash where there is none.
-
-    Parameters
-    ----------
-    p : float or None
-        The probability.
-
-    Examples
-    --------
-    >>> p_text(0.03456), p_text(1e-7), p_text(None)
-    ('0.035', '< 0.0001', '-')
-    """
+    """Return a probability as it is read, a dash where there is none."""
     if p is None or not np.isfinite(p):
         return _DASH
     return "< 0.0001" if p < 1e-4 else f"{p:.2g}"

@@ -28,17 +28,7 @@ _Row = dict[str, Any]
 def forest_plots(
     pooled: pd.DataFrame, studies: pd.DataFrame, by: tuple[str, ...]
 ) -> list[dict[str, Any]]:
-    """Return what the page's forest plots show and where, by joint and parameter.
-
-    Parameters
-    ----------
-    pooled : pandas.DataFrame
-        Rows of one parameter each, in the order of the page.
-    studies : pandas.DataFrame
-        The studies behind them, printed ones too.
-    by : tuple of str
-        Columns that tell places apart.
-    """
+    """Return what the page's forest plots show and where, by joint and parameter."""
     behind = studies[studies["weight_pct"].notna()]
     keys = [*by, "parameter", "unit"]
     held = dict(list(behind.groupby(keys, sort=False)))

@@ -43,25 +43,17 @@ _NO_SUCH_PLACE: Final[_Row] = {"kind": "no-place", "reach": "", "told": [], "tit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoverageTables:
-    """What the page is made of, as pooling writes it.
+    """What the page is made of, as pooling writes it."""
 
-    Parameters
-    ----------
-    pooled : pandas.DataFrame
-        One row a place, parameter and method, with ``value, ci_low, ci_high, prediction_low,
-        prediction_high, tau, i2_pct, q_p, n_studies, n_people, n_left_out, n_at_bound,
-        n_undecided, n_failed, methods, model, printed, status``.
-    studies, printed : pandas.DataFrame
-        One row a study at a place, ``study, method, n_people, value, se, ci_low, ci_high,
-        weight_pct, status`` among its columns; printed values by themselves.
-    by : tuple of str
-        Columns that tell places apart.
-    """
-
+    # one row a place, parameter and method, with ``value, ci_low, ci_high, prediction_low,
+    # prediction_high, tau, i2_pct, q_p, n_studies, n_people, n_left_out, n_at_bound, n_undecided,
+    # n_failed, methods, model, printed, status``
     pooled: pd.DataFrame
+    # one row a study at a place, ``study, method, n_people, value, se, ci_low, ci_high, weight_pct,
+    # status`` among its columns; printed values by themselves
     studies: pd.DataFrame
     printed: pd.DataFrame
-    by: tuple[str, ...]
+    by: tuple[str, ...]  # columns that tell places apart
 
     @property
     def along(self) -> str:
@@ -74,13 +66,7 @@ class CoverageTables:
         return tuple(key for key in self.by if key not in ("joint", self.along))
 
     def points(self, activity: str | None = None) -> list[str]:
-        """Return what occurs along the gait cycle, of an activity where these are told apart.
-
-        Parameters
-        ----------
-        activity : str, optional
-            Which; by default all.
-        """
+        """Return what occurs along the gait cycle, of an activity where these are told apart."""
         rows = self.pooled
         if activity is not None and "activity" in self.by:
             rows = rows[rows["activity"] == activity]
@@ -96,26 +82,7 @@ def render_coverage(
     asked: Mapping[str, Any] | None = None,
     provenance: Mapping[str, str] | None = None,
 ) -> str:
-    """Write what a collection knows as one HTML page with its figures and styles inside.
-
-    Parameters
-    ----------
-    tables : CoverageTables
-        What was pooled.
-    citations : sequence of mapping
-        Every entry used: ``study``, ``cite``, ``licence``, ``consent``.
-    rules, notes : sequence of str
-        How was pooled; what a reader of the numbers must know.
-    asked : mapping, optional
-        Filters and rules, as :class:`~jointz.core.collection_pool.CollectionPool` has them.
-    provenance : mapping of str to str, optional
-        Name -> value, such as versions and the hash of the catalog.
-
-    Returns
-    -------
-    str
-        HTML that needs no network, no fonts and no script; light and dark.
-    """
+    """Write what a collection knows as one HTML page with its figures and styles inside."""
     environment = Environment(
         loader=PackageLoader("jointz.report"),
         autoescape=True,

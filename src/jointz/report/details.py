@@ -70,19 +70,7 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
 
 
 def models_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return what was found about each person's joint and sensor, one row a person.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The fields of :class:`~jointz.core.participant_model.ParticipantModel`; doubts are
-        separated by spaces.
-    """
+    """Return what was found about each person's joint and sensor, one row a person."""
     columns = list(ParticipantModel.__slots__)
     rows = [model.to_dict() | {"doubts": " ".join(model.doubts)} for model in analysis.models]
     return pd.DataFrame(rows, columns=columns)

@@ -14,18 +14,7 @@ _EFFECTS: Final = ("type", "direction", "joint")
 
 
 def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return rows and notes of the table, None where no pulse went another way.
-
-    Parameters
-    ----------
-    statistics : mapping
-        Of an analysis, with ``pulse_effects`` where there are any.
-
-    Returns
-    -------
-    dict or None
-        ``rows`` (one a load, trajectory, parameter and effect), ``methods`` and ``notes``.
-    """
+    """Return rows and notes of the table, None where no pulse went another way."""
     found = statistics.get("pulse_effects")
     if not found:
         return None

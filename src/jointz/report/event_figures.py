@@ -48,18 +48,7 @@ _Grid = Mapping[tuple[str, int], Mapping[str, Sequence[StrideRecord]]]
 
 
 def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw stride durations over time in every recording, and their histogram.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where no stride was found.
-    """
+    """Draw stride durations over time in every recording, and their histogram."""
     if not analysis.strides:
         return None
     conditions = list(dict.fromkeys(s.condition for s in analysis.strides))
@@ -96,18 +85,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
 
 
 def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw where in the cycle each pulse began, relative to its target.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where no pulse has both a target and a measured phase.
-    """
+    """Draw where in the cycle each pulse began, relative to its target."""
     pulses = onset_errors(analysis.pulses)
     errors = {key: known for key, all_ in pulses.items() if (known := all_[~np.isnan(all_)]).size}
     if not errors:

@@ -49,18 +49,10 @@ FIGURES = tuple(_DRAWN)
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure in the formats that it is written in.
+    """A figure in the formats that it is written in."""
 
-    Parameters
-    ----------
-    svg : str
-        One ``<svg>`` element; text is outlines.
-    pdf : bytes
-        The same, with text in embedded TrueType fonts.
-    """
-
-    svg: str
-    pdf: bytes
+    svg: str  # one ``<svg>`` element; text is outlines
+    pdf: bytes  # the same, with text in embedded TrueType fonts
 
 
 def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
@@ -68,61 +60,23 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
 
     The same analysis gives the same text. Nothing of the user's matplotlib
     settings is read or changed.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    dict of str to str
-        Name of the figure -> SVG text, 180 mm wide, and 85 mm the one called ``column``; a
-        figure without data is not in it.
-
-    Examples
-    --------
-    >>> draw_figures(StudyAnalysis(cells=()))
-    {}
     """
     drawn = {name: draw_figure(analysis, name) for name in FIGURES}
     return {name: svg for name, svg in drawn.items() if svg is not None}
 
 
 def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
-    """Draw one figure; None where the analysis has no data for it.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    name : str
-        One of :data:`FIGURES`.
-    """
+    """Draw one figure; None where the analysis has no data for it."""
     return _drawn(analysis, name, to_svg)
 
 
 def draw_picture(analysis: StudyAnalysis, name: str) -> Picture | None:
-    """Draw one figure once, and write it in every format; None where there is no data for it.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    name : str
-        One of :data:`FIGURES`.
-    """
+    """Draw one figure once, and write it in every format; None where there is no data for it."""
     return _drawn(analysis, name, to_picture)
 
 
 def to_picture(figure: "Figure") -> Picture:
-    """Write a figure in every format; inside :func:`~jointz.report.style.figure_style` only.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    """
+    """Write a figure in every format; inside :func:`~jointz.report.style.figure_style` only."""
     return Picture(to_svg(figure), to_pdf(figure))
 
 

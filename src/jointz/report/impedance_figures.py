@@ -74,18 +74,7 @@ class _Mark:
 
 
 def shown_parameters(analysis: StudyAnalysis) -> list[str]:
-    """Return the parameters to draw: values per kg where there are any, else absolute.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    list of str
-        Parameters of which at least one estimate stands.
-    """
+    """Return the parameters to draw: values per kg where there are any, else absolute."""
     standing = {p.name for cell in analysis.cells for p in cell.parameters if p.stands}
     pairs = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
     picked = (next((name for name in pair if name in standing), None) for pair in pairs)
@@ -93,13 +82,7 @@ def shown_parameters(analysis: StudyAnalysis) -> list[str]:
 
 
 def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
-    """Return timing points in the order of the gait cycle, groups as they come.
-
-    Parameters
-    ----------
-    cells : iterable of CellEstimate
-        The cells; values shared by all timing points are not counted.
-    """
+    """Return timing points in the order of the gait cycle, groups as they come."""
     by_name: dict[str, list[float]] = {}
     for cell in cells:
         if cell.timing_point != ALL_POINTS:
@@ -112,34 +95,12 @@ def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
 
 
 def draw_impedance_column(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw what :func:`draw_impedance_over_gait` does at the width of a single column.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where no estimate stands.
-    """
+    """Draw what :func:`draw_impedance_over_gait` does at the width of a single column."""
     return _draw_impedance(analysis, _COLUMN)
 
 
 def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw each person's estimates and the means over people, one panel a parameter.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where no estimate stands.
-    """
+    """Draw each person's estimates and the means over people, one panel a parameter."""
     return _draw_impedance(analysis, _PAGE)
 
 

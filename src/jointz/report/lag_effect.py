@@ -20,26 +20,6 @@ def fit_with_lag(
 ) -> tuple[float, float, float]:
     """Return the K, B, J that a regression reads when the angle is late and nothing else is wrong.
 
-    Parameters
-    ----------
-    response : Response
-        Its torque drives the joint; behind its end the torque stays what it was.
-    impedance : tuple of float
-        True K, B, J of the simulated joint, SI.
-    lag_s : float, s
-        Of the angle behind the torque.
-    cutoff_hz : float, Hz
-        Of the zero-phase low-pass that both pass.
-    window_s : float, s
-        From the onset: what is fitted.
-
-    Returns
-    -------
-    tuple of float
-        K, B, J, not negative, SI.
-
-    Notes
-    -----
     A linear joint at rest, a pure delay, no noise; torque regressed on angle, velocity and
     acceleration (4.2). A sensor with a time constant differs little from a delay behind the
     low-pass of 20 Hz.

@@ -55,21 +55,6 @@ def to_latex(text: str) -> str:
     r"""Escape a text for LaTeX.
 
     Letters of other scripts stay as they are: they need LuaLaTeX or XeLaTeX and a font.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        What LaTeX prints as that text; never a command of the text's own.
-
-    Examples
-    --------
-    >>> to_latex("5 % of S_01, kg·m²")
-    '5 \\% of S\\_01, kg$\\cdot$m$^{2}$'
     """
     return _TOKEN.sub(_token, text)
 
@@ -83,30 +68,7 @@ def latex_table(
     notes: Sequence[str] = (),
     wide: Sequence[str] = (),
 ) -> str:
-    r"""Return a table as LaTeX, with the rules of booktabs.
-
-    Parameters
-    ----------
-    head : sequence of str
-        Names of the columns, not yet escaped; what is in round brackets, a unit, stands below.
-    rows : sequence of sequence of str
-        Cells, as many in a row as the head has.
-    caption : str
-        Above the table.
-    label : str
-        For ``\ref``.
-    notes : sequence of str
-        Below the table.
-    wide : sequence of str
-        Columns whose text is broken over lines.
-
-    Returns
-    -------
-    str
-        A ``table*``, which is as wide as a page of one column or of two; with more than
-        :data:`MOST_ROWS` a ``longtable``, which breaks over pages and which a page of two columns
-        has no place for. A comment on top says which packages it needs.
-    """
+    r"""Return a table as LaTeX, with the rules of booktabs."""
     columns = "".join(r"p{0.42\linewidth}" if name in wide else "l" for name in head)
     body = [" & ".join(map(to_latex, row)) + r" \\" for row in rows]
     # A row that begins with a bracket would be taken for the argument of the \\ before it.

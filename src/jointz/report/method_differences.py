@@ -37,19 +37,7 @@ class _Pair:
 
 
 def differences_section(analysis: StudyAnalysis) -> _Row | None:
-    """Return what the page says of both methods, None where there are not both.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    dict or None
-        ``lead`` (a sentence), ``rows`` (one a timing point, medians over participants, % of the
-        recommended estimate) and ``reasons`` (head and text).
-    """
+    """Return what the page says of both methods, None where there are not both."""
     pairs = _pairs(analysis)
     if not pairs:
         return None
@@ -62,15 +50,7 @@ def differences_section(analysis: StudyAnalysis) -> _Row | None:
 
 
 def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float, float] | None:
-    """Return the lag found, and the part of it that the study's calibration does not take out.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    cell : CellEstimate
-        Whose.
-    """
+    """Return the lag found, and the part of it that the study's calibration does not take out."""
     model = next((m for m in analysis.models if m.label == cell.label), None)
     if model is None:
         return None

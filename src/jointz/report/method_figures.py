@@ -63,16 +63,6 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
 
     The bars are Student's intervals over people, made alike for all methods
     from the estimates that stand; for one person they are the person's own.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where there is nothing to compare with.
     """
     parameters = shown_parameters(analysis)
     if not analysis.comparison or not parameters:
@@ -95,36 +85,14 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
 
 
 def draw_truth(truth: pd.DataFrame) -> str:
-    """Draw estimates against the truth of a simulated study, as SVG.
-
-    Parameters
-    ----------
-    truth : pandas.DataFrame
-        Columns ``parameter, truth, estimate, ci_low, ci_high, covered``.
-
-    Returns
-    -------
-    str
-        SVG text; empty where the table holds no estimate.
-    """
+    """Draw estimates against the truth of a simulated study, as SVG."""
     with figure_style():
         figure = truth_figure(truth)
         return "" if figure is None else to_svg(figure)
 
 
 def truth_figure(truth: pd.DataFrame) -> "Figure | None":
-    """Draw estimates against the truth; inside :func:`~jointz.report.style.figure_style` only.
-
-    Parameters
-    ----------
-    truth : pandas.DataFrame
-        As for :func:`draw_truth`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where the table holds no estimate.
-    """
+    """Draw estimates against the truth; inside :func:`~jointz.report.style.figure_style` only."""
     known = truth.dropna(subset=["truth", "estimate"])
     present = set(known["parameter"])
     parameters = [name for name in PARAMETERS if name in present][:3]

@@ -13,13 +13,6 @@ from jointz.stats.population import decided_mean
 def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
     """Return the cells of every method, one a person and timing point, the chosen one first.
 
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Notes
-    -----
     A case that the chosen method could not estimate stands in for it, and once more in the
     comparison, under the method that could: it counts once.
     """
@@ -34,15 +27,7 @@ def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
 def standing(
     cells: Iterable[CellEstimate], parameter: str, timing_point: str
 ) -> list[ParameterEstimate]:
-    """Return the estimates of a parameter at a timing point that stand.
-
-    Parameters
-    ----------
-    cells : iterable of CellEstimate
-        Of one method.
-    parameter, timing_point : str
-        Which.
-    """
+    """Return the estimates of a parameter at a timing point that stand."""
     at_point = (c.parameter(parameter) for c in cells if c.timing_point == timing_point)
     return [p for p in at_point if p is not None and p.stands and p.value is not None]
 
@@ -50,19 +35,7 @@ def standing(
 def method_mean(
     analysis: StudyAnalysis, method: str, estimates: Sequence[ParameterEstimate], timing_point: str
 ) -> tuple[float, float, float]:
-    """Return mean over people and ends of its interval, NaN where there is none or undecided.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis; of its chosen method the means are those of ``population.csv``.
-    method : str
-        Whose.
-    estimates : sequence of ParameterEstimate
-        That stand, one of each person; that of one person stands with its own interval.
-    timing_point : str
-        Where.
-    """
+    """Return mean over people and ends of its interval, NaN where there is none or undecided."""
     if len(estimates) > 1 and method == analysis.settings.get("method"):
         for row in analysis.population:
             if (row.timing_point, row.parameter) == (timing_point, estimates[0].name):

@@ -33,13 +33,7 @@ _OF_POSTURE: Final = ("angle_zero_rad",)
 
 
 def calibration_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say what was known of the instruments, and what was made of it.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say what was known of the instruments, and what was made of it."""
     given = list(_calibrations(analysis))
     used = used_methods(analysis)
     keys = [k for k in _CALIBRATED if any(c.get(k) for c in given) and _has_part(k, analysis)]
@@ -56,13 +50,7 @@ def calibration_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def lag_is_calibrated(analysis: StudyAnalysis) -> bool:
-    """Tell whether a lag between angle and torque was calibrated for everything analysed.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether a lag between angle and torque was calibrated for everything analysed."""
     return all(any(c.get(k) for k in _LAGS) for c in _calibrations(analysis))
 
 

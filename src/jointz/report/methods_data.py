@@ -43,13 +43,7 @@ _TORQUE_MODEL: Final[Mapping[str, tuple[str, str]]] = {
 
 
 def people_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say who was measured.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say who was measured."""
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     if not people:
         return ["No impedance was estimated: the study holds nobody and nothing with pulses."]
@@ -74,24 +68,12 @@ def people_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def protocol_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say in which conditions, and with which pulses, as they were found.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say in which conditions, and with which pulses, as they were found."""
     return [*_condition_sentences(analysis), *_pulse_sentences(analysis)]
 
 
 def signal_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how torque came about, at which rate, and what is known of the instruments.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how torque came about, at which rate, and what is known of the instruments."""
     study = analysis.provenance.get("study") or {}
     worn = wore_device(analysis)
     sentences = _torque_sentences(study) if worn else []
@@ -111,13 +93,7 @@ def signal_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how many pulses and strides were left out, by code.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how many pulses and strides were left out, by code."""
     sentences = []
     for one, records in (("pulse", analysis.pulses), ("stride", analysis.strides)):
         counts = Counter(r.code for r in records if r.code)
@@ -212,25 +188,13 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 def torque_is_from_current(analysis: StudyAnalysis) -> bool:
-    """Tell whether torque was computed from the current of a motor, friction and all.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether torque was computed from the current of a motor, friction and all."""
     channels = (analysis.provenance.get("study") or {}).get("channels") or {}
     return "current" in channels and "torque" not in channels
 
 
 def torque_is_turned(study: Mapping[str, Any]) -> bool:
-    """Tell whether the sign of a torque that was measured was turned on reading.
-
-    Parameters
-    ----------
-    study : mapping
-        What ``study.toml`` said.
-    """
+    """Tell whether the sign of a torque that was measured was turned on reading."""
     own = ((study.get("channels") or {}).get("torque") or {}).get("positive")
     on_device = study.get("torque_acts_on") == "device"
     return is_turned(own, study.get("positive"), on_device=on_device)
@@ -269,26 +233,14 @@ def _measured_torque(study: Mapping[str, Any]) -> str:
 
 
 def wore_device(analysis: StudyAnalysis) -> bool:
-    """Tell whether there is a recording with a device, as far as anything tells.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether there is a recording with a device, as far as anything tells."""
     study = analysis.provenance.get("study") or {}
     told = {r.get("condition") for r in study.get("recordings") or ()} - {None}
     return (told | {s.condition for s in analysis.strides}) != {"no_device"}
 
 
 def recorded_rates(analysis: StudyAnalysis) -> dict[tuple[str, str], float]:
-    """Return participant and recording -> samples a second as recorded, with a device.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis; one of an older version does not tell.
-    """
+    """Return participant and recording -> samples a second as recorded, with a device."""
     rows = analysis.statistics.get("sampling") or ()
     worn = wore_device(analysis)
     return {
@@ -299,13 +251,7 @@ def recorded_rates(analysis: StudyAnalysis) -> dict[tuple[str, str], float]:
 
 
 def response_rates(analysis: StudyAnalysis) -> dict[str, float]:
-    """Return participant -> samples a second of the responses that were analysed.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return participant -> samples a second of the responses that were analysed."""
     rates = ((c.participant, _rate_hz(c.response)) for c in analysis.cells)
     return {person: rate for person, rate in rates if rate is not None}
 

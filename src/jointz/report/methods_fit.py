@@ -68,13 +68,7 @@ _STICKING: Final = ", and samples where friction may have held it still were lef
 
 
 def estimation_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how responses were made and fitted.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how responses were made and fitted."""
     used = used_methods(analysis)
     others = [m for m in used if m != FULL_RECORD]
     sentences = []
@@ -90,13 +84,7 @@ def estimation_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def interval_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how intervals were made, at which level, and what is no value.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how intervals were made, at which level, and what is no value."""
     settings, used = analysis.settings, set(used_methods(analysis))
     level = f"{format_exact(100 * settings.get('ci_level', 0.95))} %"
     made = interval_methods(analysis)

@@ -33,13 +33,7 @@ _STATUSES: Final[Mapping[str, str]] = {
 
 
 def quasi_stiffness_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how quasi-stiffness was made; nothing where there is none.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how quasi-stiffness was made; nothing where there is none."""
     rows = list(analysis.statistics.get("quasi_stiffness") or ())
     if not rows:
         return []

@@ -42,13 +42,7 @@ _SAME_RATE: Final = 1e-3
 
 
 def recommended_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how the recommended method predicted and fitted.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say how the recommended method predicted and fitted."""
     latencies = " or ".join(format_exact(1e3 * s) for s in LATENCIES_S)
     return [
         _sampling(analysis),

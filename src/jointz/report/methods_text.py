@@ -32,13 +32,6 @@ def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> l
     """Write a methods section, one text a paragraph, ready to paste into a paper.
 
     Only what settings and data say is written; what they do not hold is left out.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    simulated : bool
-        Whether it is known that nobody was measured.
     """
     paragraphs = [
         [_SIMULATED] if simulated else [],
@@ -53,15 +46,7 @@ def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> l
 
 
 def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
-    """Return the methods section and what it cites as plain text.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    simulated : bool
-        Whether it is known that nobody was measured.
-    """
+    """Return the methods section and what it cites as plain text."""
     paragraphs = methods_paragraphs(analysis, simulated=simulated)
     if references := cited(paragraphs):
         paragraphs.append("\n".join(("References", *references)))
@@ -69,15 +54,7 @@ def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
 
 
 def methods_latex(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
-    r"""Return the methods section and what it cites as LaTeX to ``\input``.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    simulated : bool
-        Whether it is known that nobody was measured.
-    """
+    r"""Return the methods section and what it cites as LaTeX to ``\input``."""
     paragraphs = methods_paragraphs(analysis, simulated=simulated)
     texts = list(map(to_latex, paragraphs))
     if references := cited(paragraphs):

@@ -11,24 +11,12 @@ FULL_RECORD: Final = "full_record"
 
 
 def used_methods(analysis: StudyAnalysis) -> list[str]:
-    """Return the methods that the estimates were made by: a case may have needed another.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return the methods that the estimates were made by: a case may have needed another."""
     own = list(dict.fromkeys(c.method for c in analysis.cells if c.method))
     chosen = analysis.settings.get("method")
     return own or ([str(chosen)] if chosen else [])
 
 
 def used_pulses(analysis: StudyAnalysis) -> bool:
-    """Tell whether a pulse was used at all: without one nothing was estimated.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether a pulse was used at all: without one nothing was estimated."""
     return any(c.n_used for c in analysis.cells)

@@ -79,36 +79,7 @@ def render_report(
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
 ) -> str:
-    """Write the report as one HTML page with its figures and styles inside.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    figures : mapping of str to str
-        Name -> SVG text, as :func:`jointz.report.figures.draw_figures` returns
-        them, and ``truth`` of :func:`jointz.report.method_figures.draw_truth`;
-        figures of other names have no place on the page.
-    title : str
-        Title of the page.
-    truth : pandas.DataFrame, optional
-        Columns ``participant, timing_point, parameter, truth, estimate,
-        ci_low, ci_high, error_pct, covered``: for simulated studies.
-    run : RunReport, optional
-        How the experiment went, where jointz ran it.
-
-    Returns
-    -------
-    str
-        HTML that needs no network and no fonts. Its one script copies the methods on a button; its
-        policy lets a browser run no other and fetch nothing.
-
-    Examples
-    --------
-    >>> page = render_report(StudyAnalysis(cells=()), {}, title="Nothing yet")
-    >>> "Nothing yet</h1>" in page
-    True
-    """
+    """Write the report as one HTML page with its figures and styles inside."""
     environment = Environment(
         loader=PackageLoader("jointz.report"),
         autoescape=True,
@@ -163,22 +134,7 @@ def render_report(
 
 
 def inline_svg(svg: str, name: str, label: str) -> Markup:
-    """Make an SVG fit to stand in a page beside others.
-
-    Parameters
-    ----------
-    svg : str
-        One ``<svg>`` element.
-    name : str
-        Prefix of all its ids, so that figures do not use each other's glyphs.
-    label : str
-        What it shows, for those who do not see it.
-
-    Returns
-    -------
-    markupsafe.Markup
-        The element, as wide as its place, without rules that reach the page.
-    """
+    """Make an SVG fit to stand in a page beside others."""
     text = svg[svg.index("<svg") :]
     text = _ID.sub(rf'id="{name}-\1"', text)
     text = _REFERENCE.sub(rf"\1{name}-\2", text)

@@ -34,13 +34,7 @@ _DRIVEN: Final = "; the measured torque drives it and has no fit"
 
 
 def summary_paragraph(analysis: StudyAnalysis) -> str:
-    """Say in plain words who was measured, how, and what stands.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say in plain words who was measured, how, and what stands."""
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     if not people:
         return "The study holds nobody and nothing with pulses, so there is nothing to report."
@@ -65,37 +59,19 @@ def summary_paragraph(analysis: StudyAnalysis) -> str:
 
 
 def interval_methods(analysis: StudyAnalysis) -> list[str]:
-    """Return how the intervals of the standing estimates were made.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return how the intervals of the standing estimates were made."""
     every = (p for c in analysis.cells for p in c.parameters if p.stands and p.ci_method)
     return _merged(dict.fromkeys(p.ci_method for p in every))
 
 
 def chosen_method(analysis: StudyAnalysis) -> str:
-    """Return the method that was asked for, or that of the first estimate where nothing tells.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return the method that was asked for, or that of the first estimate where nothing tells."""
     first = next((c.method for c in analysis.cells), "")
     return str(analysis.settings.get("method") or first)
 
 
 def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
-    """Return how many pulses were used and left out, each counted once.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis; a pulse that was given no timing point is in no cell, and counts too.
-    """
+    """Return how many pulses were used and left out, each counted once."""
     if analysis.pulses:
         used = sum(not p.code for p in analysis.pulses)
         return used, len(analysis.pulses) - used
@@ -105,13 +81,7 @@ def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
 
 
 def captions(analysis: StudyAnalysis) -> dict[str, str]:
-    """Return what each figure shows, how its intervals were made, and n.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return what each figure shows, how its intervals were made, and n."""
     words = subjects(analysis)
     people = words.counted(len({c.participant for c in analysis.cells}))
     used, _ = pulse_counts(analysis)
@@ -176,18 +146,7 @@ def captions(analysis: StudyAnalysis) -> dict[str, str]:
 
 
 def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
-    """Return the strides in which a pulse begins, or that were left out for holding one.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    set of (str, str, float)
-        Participant, recording and start of each, s.
-    """
+    """Return the strides in which a pulse begins, or that were left out for holding one."""
     onsets: dict[tuple[str, str], list[float]] = {}
     for pulse in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s):
         onsets.setdefault((pulse.participant, pulse.recording), []).append(pulse.onset_s)
@@ -236,13 +195,7 @@ def _not_drawn(analysis: StudyAnalysis) -> str:
 
 
 def fitted_signals(analysis: StudyAnalysis) -> str:
-    """Return which signal the chosen method fitted: ``angle``, ``torque`` or both.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return which signal the chosen method fitted: ``angle``, ``torque`` or both."""
     held = [c.response for c in analysis.cells if c.response is not None]
     names = ("torque" if r.fitted_angle is None else "angle" for r in held)
     return " or ".join(dict.fromkeys(names)) or "torque"
@@ -304,15 +257,7 @@ def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
 
 
 def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
-    """Say what interval the means over participants have.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    level : str
-        Its level with a space behind, where that is to be said.
-    """
+    """Say what interval the means over participants have."""
     if any(m.method == POOLED_METHOD for m in analysis.population):
         return (
             f"the {level}interval of a normal model of people in which each estimate counts by its "
@@ -322,13 +267,7 @@ def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
 
 
 def mean_over_people_note(analysis: StudyAnalysis) -> str:
-    """Say what mean, SD and n over participants are, where they are not the plain ones.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Say what mean, SD and n over participants are, where they are not the plain ones."""
     if not any(m.method == POOLED_METHOD for m in analysis.population):
         return "n: those whose estimate stands."
     return (

@@ -10,13 +10,7 @@ _OF_ANGLES: Final = ("rad", "deg", "°", "turn", "rev")
 
 
 def pulse_names(analysis: StudyAnalysis) -> tuple[str, str]:
-    """Return what one pulse is called, and what several are.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return what one pulse is called, and what several are."""
     if not onset_is_commanded(analysis):
         return "step of the angle", "steps of the angle"
     if pulse_unit(analysis) == "rad":
@@ -25,13 +19,7 @@ def pulse_names(analysis: StudyAnalysis) -> tuple[str, str]:
 
 
 def pulse_unit(analysis: StudyAnalysis) -> str:
-    """Return the unit of the amplitudes: that of what the pulses were read off.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return the unit of the amplitudes: that of what the pulses were read off."""
     source = _source(analysis)
     if source == "reference":
         study = analysis.provenance.get("study") or {}
@@ -41,24 +29,12 @@ def pulse_unit(analysis: StudyAnalysis) -> str:
 
 
 def onset_is_commanded(analysis: StudyAnalysis) -> bool:
-    """Tell whether pulses begin with a command; steps of the angle are found in the angle.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether pulses begin with a command; steps of the angle are found in the angle."""
     return _source(analysis) != "angle"
 
 
 def window_start(analysis: StudyAnalysis) -> str:
-    """Return from when on the response to a pulse is taken.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return from when on the response to a pulse is taken."""
     if onset_is_commanded(analysis):
         return "the commanded onset"
     return "where the speed of the filtered angle first exceeds a tenth of its peak"

@@ -16,13 +16,7 @@ _MEASURES: Final = ("slope", "local_slope", "secant")
 
 
 def quasi_stiffness_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
-    """Return what the page says of quasi-stiffness, None where there is none.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return what the page says of quasi-stiffness, None where there is none."""
     found = _rows(analysis)
     if not found:
         return None
@@ -47,13 +41,7 @@ def quasi_stiffness_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
 
 
 def quasi_stiffness_table(analysis: StudyAnalysis) -> Table:
-    """Return the table for a paper; without rows where there is no quasi-stiffness.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return the table for a paper; without rows where there is no quasi-stiffness."""
     found = _rows(analysis)
     words = subjects(analysis)
     unit = pretty_unit(found[0]["unit"]) if found else ""

@@ -61,16 +61,6 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
 
     The panels of a row share their axes. To stay quick with sixty and more
     panels, the panels of a row are drawn side by side on one pair of axes.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-        None where no cell holds a response.
     """
     cells = {(c.label, c.timing_point): c for c in analysis.cells}
     responses = [c.response for c in analysis.cells if c.response is not None]

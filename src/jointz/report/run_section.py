@@ -7,19 +7,7 @@ from jointz.report.wording import format_integer
 
 
 def run_section(run: RunReport) -> dict[str, Any]:
-    """Return what the page shows of a run: pulses, onsets and time keeping.
-
-    Parameters
-    ----------
-    run : RunReport
-        The run.
-
-    Returns
-    -------
-    dict
-        ``rows`` (one a timing point, over all participants), ``gaps`` and ``timing``
-        (sentences).
-    """
+    """Return what the page shows of a run: pulses, onsets and time keeping."""
     rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
     return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
 

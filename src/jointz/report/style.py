@@ -92,43 +92,21 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(height_mm: float, *, width_mm: float = WIDTH_MM) -> "Figure":
-    """Return an empty figure that pyplot does not know of.
-
-    Parameters
-    ----------
-    height_mm, width_mm : float
-        Size, mm; of double-column width where nothing else is asked.
-    """
+    """Return an empty figure that pyplot does not know of."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH))
 
 
 def width_of(figure: "Figure") -> float:
-    """Return the width of a figure, mm.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    """
+    """Return the width of a figure, mm."""
     return float(figure.get_figwidth() * _MM_PER_INCH)
 
 
 def place_axes(
     figure: "Figure", left_mm: float, top_mm: float, *, width_mm: float, height_mm: float
 ) -> "Axes":
-    """Add axes at a place counted from the figure's upper left corner.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; axes are added to it.
-    left_mm, top_mm : float
-        Upper left corner of the axes, mm.
-    width_mm, height_mm : float
-        Size of the axes, mm.
-    """
+    """Add axes at a place counted from the figure's upper left corner."""
     total = figure.get_figheight() * _MM_PER_INCH
     bottom = total - top_mm - height_mm
     across = width_of(figure)
@@ -137,19 +115,7 @@ def place_axes(
 
 
 def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
-    """Write text at a place counted from the figure's upper left corner.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; the text is added to it.
-    left_mm, top_mm : float
-        Where, mm.
-    text : str
-        What.
-    **style : Any
-        Passed to matplotlib.
-    """
+    """Write text at a place counted from the figure's upper left corner."""
     total = figure.get_figheight() * _MM_PER_INCH
     figure.text(left_mm / width_of(figure), 1.0 - top_mm / total, text, **style)
 
@@ -157,17 +123,7 @@ def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **sty
 def place_legend(
     figure: "Figure", handles: "Sequence[Artist]", *, columns: int | None = None
 ) -> None:
-    """Put a legend at the top of a figure, in one row where nothing else is asked.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    handles : sequence of matplotlib.artist.Artist
-        What to explain; their labels are shown.
-    columns : int, optional
-        Entries in a row.
-    """
+    """Put a legend at the top of a figure, in one row where nothing else is asked."""
     below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
     figure.legend(
         handles=handles,
@@ -182,15 +138,7 @@ def place_legend(
 
 
 def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
-    """Return a handle for :func:`place_legend`.
-
-    Parameters
-    ----------
-    label, colour : str
-        What it says, and its colour.
-    **style : Any
-        Passed to matplotlib.
-    """
+    """Return a handle for :func:`place_legend`."""
     from matplotlib.lines import Line2D
 
     small = {"markersize": 4.0, "markeredgewidth": 0.8, "linewidth": 1.0}
@@ -198,17 +146,7 @@ def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
 
 
 def panel_heading(axes: "Axes", text: str, *, note: str = "", stacked: bool = False) -> None:
-    """Write a panel's name above it on the left and a note on the right.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        The panel.
-    text, note : str
-        What to write.
-    stacked : bool
-        Write the note below the name, where a panel is too narrow for both.
-    """
+    """Write a panel's name above it on the left and a note on the right."""
     above: dict[str, Any] = {
         "xycoords": "axes fraction",
         "textcoords": "offset points",
@@ -222,15 +160,7 @@ def panel_heading(axes: "Axes", text: str, *, note: str = "", stacked: bool = Fa
 
 
 def shade_phases(axes: "Axes", *, names: bool) -> None:
-    """Shade every second gait phase and write the names along the upper edge.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes over % of the gait cycle.
-    names : bool
-        Whether to write the names.
-    """
+    """Shade every second gait phase and write the names along the upper edge."""
     spans = list(PHASES.values())
     axes.broken_barh(
         [(start, end - start) for start, end in spans[::2]],
@@ -256,23 +186,7 @@ def shade_phases(axes: "Axes", *, names: bool) -> None:
 
 
 def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Join curves to one with NaN between them: one path in place of many.
-
-    Parameters
-    ----------
-    segments : iterable of ((n,) float, (n,) float)
-        Abscissae and ordinates of each curve.
-
-    Returns
-    -------
-    tuple of (m,) float arrays
-        Abscissae and ordinates; empty where there is no curve.
-
-    Examples
-    --------
-    >>> broken_line([(np.array([0.0]), np.array([1.0]))])[0]
-    array([ 0., nan])
-    """
+    """Join curves to one with NaN between them: one path in place of many."""
     parts = [(np.append(x, np.nan), np.append(y, np.nan)) for x, y in segments]
     if not parts:
         return np.empty(0), np.empty(0)
@@ -280,20 +194,7 @@ def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.n
 
 
 def ticks_at(positions: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a path of short vertical strokes between two heights.
-
-    Parameters
-    ----------
-    positions : (n,) float
-        Abscissae.
-    low, high : float
-        Ends of every stroke.
-
-    Returns
-    -------
-    tuple of (3 n,) float arrays
-        Abscissae and ordinates with NaN between strokes.
-    """
+    """Return a path of short vertical strokes between two heights."""
     return broken_line((np.array([x, x]), np.array([low, high])) for x in positions)
 
 
@@ -301,16 +202,6 @@ def to_svg(figure: "Figure") -> str:
     """Write a figure as SVG without date, prologue or outside references.
 
     Must be called inside :func:`figure_style`.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    str
-        One ``<svg>`` element; text is outlines.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -324,16 +215,6 @@ def to_pdf(figure: "Figure") -> bytes:
     """Write a figure as PDF that is the same on every run.
 
     Must be called inside :func:`figure_style`.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    bytes
-        One page of the figure's size; fonts are embedded as TrueType.
     """
     buffer = io.BytesIO()
     nothing = dict.fromkeys(("CreationDate", "Creator", "Producer"))

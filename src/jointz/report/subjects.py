@@ -10,40 +10,17 @@ from jointz.report.wording import format_count
 
 @dataclass(frozen=True, slots=True)
 class Subjects:
-    """Words for the columns ``participant`` and ``timing_point``.
+    """Words for the columns ``participant`` and ``timing_point``."""
 
-    Parameters
-    ----------
-    one, many : str
-        Who was measured.
-    point, points : str
-        At what.
-    bench : bool
-        Whether they were measured on a bench: there is no gait cycle.
-    loads : bool
-        Whether they are loads: neither people nor a joint.
-    """
-
-    one: str = "participant"
+    one: str = "participant"  # who was measured
     many: str = "participants"
-    point: str = "timing point"
+    point: str = "timing point"  # at what
     points: str = "timing points"
-    bench: bool = False
-    loads: bool = False
+    bench: bool = False  # whether they were measured on a bench: there is no gait cycle
+    loads: bool = False  # whether they are loads: neither people nor a joint
 
     def counted(self, count: int) -> str:
-        """Return a number of them in words.
-
-        Parameters
-        ----------
-        count : int
-            How many.
-
-        Examples
-        --------
-        >>> Subjects().counted(2)
-        '2 participants'
-        """
+        """Return a number of them in words."""
         return format_count(count, self.one, self.many)
 
 
@@ -55,13 +32,7 @@ _GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True, loads=
 
 
 def subjects(analysis: StudyAnalysis) -> Subjects:
-    """Return the words for a study.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        Its analysis.
-    """
+    """Return the words for a study."""
     if analysis.settings.get("kind") != "bench":
         return _PEOPLE
     study = analysis.provenance.get("study") or {}
@@ -72,25 +43,13 @@ def subjects(analysis: StudyAnalysis) -> Subjects:
 
 
 def nobody_perturbed(analysis: StudyAnalysis) -> bool:
-    """Tell whether there is no impedance to report because nobody was perturbed.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Tell whether there is no impedance to report because nobody was perturbed."""
     statuses = {p.status for c in analysis.cells for p in c.parameters}
     return statuses == {Failure.NO_PERTURBED_RECORDING.status}
 
 
 def report_title(analysis: StudyAnalysis) -> str:
-    """Return the title of a study's report.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        Its analysis.
-    """
+    """Return the title of a study's report."""
     if subjects(analysis).loads:
         return "Impedance of loads on the bench"
     return f"Impedance of the {analysis.settings.get('joint', 'joint')}"

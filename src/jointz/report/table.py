@@ -15,24 +15,12 @@ NOTE: Final = "Note"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table as it is printed.
+    """A table as it is printed."""
 
-    Parameters
-    ----------
-    caption : str
-        What it shows: unit, interval, n and method.
-    head : tuple of str
-        Names of the columns, with units.
-    rows : tuple of tuple of str
-        Cells as people read them.
-    notes : tuple of str
-        Below it: what dashes and limits mean.
-    """
-
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
+    caption: str  # what it shows: unit, interval, n and method
+    head: tuple[str, ...]  # names of the columns, with units
+    rows: tuple[tuple[str, ...], ...]  # cells as people read them
+    notes: tuple[str, ...] = ()  # below it: what dashes and limits mean
 
     def to_frame(self) -> pd.DataFrame:
         """Return the cells as they are printed, for a csv file, which has no notes below."""
@@ -40,13 +28,7 @@ class Table:
         return pd.DataFrame(rows, columns=list(self.head))
 
     def to_latex(self, name: str) -> str:
-        """Return the table as LaTeX.
-
-        Parameters
-        ----------
-        name : str
-            Its label, after ``tab:``.
-        """
+        """Return the table as LaTeX."""
         # The notes below say what the column of notes does, and a page is narrow.
         kept = [k for k, name in enumerate(self.head) if name != NOTE]
         return latex_table(

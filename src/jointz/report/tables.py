@@ -44,19 +44,7 @@ _PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
 
 
 def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
-    """Return the tables that an analysis has data for, by the names of their files.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-
-    Returns
-    -------
-    dict of str to Table
-        ``estimates``, ``estimates_per_mass``, ``population``, ``methods``, ``exclusions``; where
-        nobody was perturbed ``quasi_stiffness`` instead of estimates, where a moment was recorded.
-    """
+    """Return the tables that an analysis has data for, by the names of their files."""
     makers: Mapping[str, Callable[[StudyAnalysis], Table]] = {
         "estimates": lambda a: _estimates(a, _ABSOLUTE),
         "estimates_per_mass": lambda a: _estimates(a, _PER_MASS),
@@ -70,13 +58,7 @@ def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
 
 
 def captions_text(tables: Mapping[str, Table]) -> str:
-    """Return captions and notes of tables as plain text: a csv file has no place for them.
-
-    Parameters
-    ----------
-    tables : mapping of str to Table
-        File's name without suffix -> table.
-    """
+    """Return captions and notes of tables as plain text: a csv file has no place for them."""
     texts = [
         f"{name}: {' '.join((t.caption, *(note.lstrip(MARKS) for note in t.notes)))}\n"
         for name, t in tables.items()
@@ -85,20 +67,7 @@ def captions_text(tables: Mapping[str, Table]) -> str:
 
 
 def shown(estimate: ParameterEstimate | None) -> str:
-    """Write an estimate as tables print it: a value, ``< limit``, or a dash.
-
-    Parameters
-    ----------
-    estimate : ParameterEstimate or None
-        The estimate.
-
-    Examples
-    --------
-    >>> shown(ParameterEstimate("damping", 2e-14, 0.0, 0.31, "at_bound"))
-    '< 0.310'
-    >>> shown(ParameterEstimate("damping", None, None, None, "undecided"))
-    '\u2014'
-    """
+    """Write an estimate as tables print it: a value, ``< limit``, or a dash."""
     if estimate is None or not estimate.stands:
         return NO_VALUE
     if estimate.status == "at_bound":

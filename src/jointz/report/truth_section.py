@@ -20,19 +20,7 @@ _Row = dict[str, Any]
 
 
 def truth_section(truth: pd.DataFrame) -> _Row:
-    """Return errors and coverage by parameter, and every estimate beside its truth.
-
-    Parameters
-    ----------
-    truth : pandas.DataFrame
-        Columns ``participant, timing_point, parameter, truth, estimate, ci_low, ci_high,
-        error_pct, covered``.
-
-    Returns
-    -------
-    dict
-        ``summary`` and ``rows``.
-    """
+    """Return errors and coverage by parameter, and every estimate beside its truth."""
     known = truth.dropna(subset=["truth", "estimate"])
     summary = []
     for name in PARAMETERS:

@@ -11,49 +11,19 @@ from jointz.core.study import Calibrated
 
 @dataclass(frozen=True, slots=True)
 class BenchLoad:
-    """A known load.
+    """A known load."""
 
-    Parameters
-    ----------
-    name : str
-        As the protocol calls it.
-    stiffness : float, N*m/rad
-        Of the spring, about the angle 0.
-    damping : float, N*m*s/rad
-        Of a damper.
-    inertia : float, kg*m^2
-        Of the mass, about the output.
-    locked : bool
-        Whether the output is held; the rest is then without effect.
-    """
-
-    name: str
-    stiffness: float = 0.0
-    damping: float = 0.0
-    inertia: float = 0.0
-    locked: bool = False
+    name: str  # as the protocol calls it
+    stiffness: float = 0.0  # N*m/rad: of the spring, about the angle 0
+    damping: float = 0.0  # N*m*s/rad: of a damper
+    inertia: float = 0.0  # kg*m^2: of the mass, about the output
+    locked: bool = False  # whether the output is held; the rest is then without effect
 
 
 def draw_load(spec: LoadSpec, *, seed: int, spread: bool) -> BenchLoad:
     """Return the load that really hangs there: the one stated, or one drawn within its sd.
 
     Two loads that state the same spring have the same spring.
-
-    Parameters
-    ----------
-    spec : LoadSpec
-        As the protocol states it.
-    seed : int
-        Of the bench.
-    spread : bool
-        Whether to draw.
-
-    Examples
-    --------
-    >>> from jointz.core.study import Calibrated
-    >>> spec = LoadSpec(name="1", stiffness=Calibrated(value=168.0, sd=14.3))
-    >>> draw_load(spec, seed=1, spread=False).stiffness
-    168.0
     """
 
     def drawn(part: str) -> float:

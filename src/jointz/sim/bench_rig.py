@@ -16,25 +16,6 @@ def simulated_bench(
     """Return a bench with one load.
 
     The bench is one and the same for all loads: its calibration error is drawn once.
-
-    Parameters
-    ----------
-    bench : str
-        ``series-elastic`` or ``quasi-direct-drive``.
-    load : LoadSpec
-        As the protocol states it; what really hangs there is drawn within its sd, but in
-        the preset ``clean``.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    seed : int
-        Of everything random.
-    sample_rate_hz : float, Hz
-        Of all devices.
-
-    Raises
-    ------
-    DataError
-        When there is no such bench.
     """
     hung = draw_load(load, seed=seed, spread=preset != "clean")
     gain = bench_stream(seed, "gain")

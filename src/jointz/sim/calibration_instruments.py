@@ -20,15 +20,7 @@ _CREEP_SD, _CREEP_TIME_S = 0.04, 20.0
 
 
 def draw_angle_zero(person: Person, preset: Preset) -> float:
-    """Return what the goniometer of a person shows at the true zero, rad.
-
-    Parameters
-    ----------
-    person : Person
-        Who wears it.
-    preset : Preset
-        ``clean`` tapes it on without an error.
-    """
+    """Return what the goniometer of a person shows at the true zero, rad."""
     if preset.name == "clean":
         return 0.0
     drawn = float(person.stream("angle zero").standard_normal())
@@ -37,34 +29,16 @@ def draw_angle_zero(person: Person, preset: Preset) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ContactLevels:
-    """What a footswitch gives.
+    """What a footswitch gives."""
 
-    Parameters
-    ----------
-    open_v, closed_v : float, V
-        Mean with the heel off the ground, and on it.
-    noise_sd_v : float, V
-        White.
-    creep_sd : float
-        Share, of both levels: slow, an Ornstein-Uhlenbeck process.
-    """
-
-    open_v: float
-    closed_v: float
-    noise_sd_v: float
-    creep_sd: float
+    open_v: float  # V: mean with the heel off the ground, and on it
+    closed_v: float  # V
+    noise_sd_v: float  # V: white
+    creep_sd: float  # share, of both levels: slow, an Ornstein-Uhlenbeck process
 
 
 def draw_contact_levels(person: Person, preset: Preset) -> ContactLevels:
-    """Return the levels of a person's footswitch.
-
-    Parameters
-    ----------
-    person : Person
-        Whose.
-    preset : Preset
-        ``clean`` has neither noise nor creep.
-    """
+    """Return the levels of a person's footswitch."""
     shares = person.stream("contact levels").random(2).tolist()
     open_v, closed_v = (
         low + share * (high - low)
@@ -76,17 +50,7 @@ def draw_contact_levels(person: Person, preset: Preset) -> ContactLevels:
 
 
 class OffsetSensor(SimulatedSensor):
-    """A goniometer that does not show zero at zero.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    description : SensorDescription
-        What it says about itself.
-    offset_rad : float, rad
-        Added to all it shows.
-    """
+    """A goniometer that does not show zero at zero."""
 
     def __init__(
         self, wiring: Wiring, description: SensorDescription, *, offset_rad: float
@@ -101,21 +65,7 @@ class OffsetSensor(SimulatedSensor):
 
 
 class VoltageFootswitch(SimulatedFootswitch):
-    """The switch under the heel as a voltage.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    plant : RunningPlant
-        That walks.
-    description : SensorDescription
-        What it says about itself.
-    levels : ContactLevels
-        Of the switch.
-    rng : numpy.random.Generator
-        Drawn from sample by sample, and by nobody else.
-    """
+    """The switch under the heel as a voltage."""
 
     def __init__(
         self,

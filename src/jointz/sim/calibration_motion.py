@@ -18,13 +18,7 @@ _STILL_S = 1.0
 
 
 class StillMotion:
-    """A path that does not move.
-
-    Parameters
-    ----------
-    angle_rad : float, rad
-        Where it stays.
-    """
+    """A path that does not move."""
 
     def __init__(self, angle_rad: float) -> None:
         self._curve = np.zeros((2, HARMONICS))
@@ -40,15 +34,7 @@ class StillMotion:
 
 
 class HandSwing:
-    """A hinge swung by hand about an angle: 0.5 to 3 Hz, about 40 degrees from end to end.
-
-    Parameters
-    ----------
-    centre_rad : float, rad
-        About which it swings.
-    rng : numpy.random.Generator
-        Drawn from in the order of swings, and by nobody else.
-    """
+    """A hinge swung by hand about an angle: 0.5 to 3 Hz, about 40 degrees from end to end."""
 
     def __init__(self, centre_rad: float, rng: np.random.Generator) -> None:
         self._centre_rad, self._rng = centre_rad, rng

@@ -30,37 +30,22 @@ _PASSIVE_STIFFNESS, _PASSIVE_RATIO, _PASSIVE_SPREAD = 4.0, 0.08, 0.2
 
 @dataclass(frozen=True, slots=True)
 class CalibratedBody:
-    """What the actuator moves in one condition of a calibration.
+    """What the actuator moves in one condition of a calibration."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float, N*m/rad, N*m*s/rad, kg*m^2
-        Beyond the place where torque is measured, and beyond the strap on a leg.
-    gravity_nm : float, N*m
-        Weight times distance of what hangs; 0 where it is held or lies.
-    posture_rad : float, rad
-        Angle of the joint about which it moves.
-    on_leg : bool
-        Whether strap and goniometer are on the leg: with the tissue under it, and the torsion.
-        Otherwise both are rigid.
-    """
-
+    # N*m/rad, N*m*s/rad, kg*m^2: beyond the place where torque is measured, and beyond the strap on
+    # a leg
     stiffness: float
-    damping: float
-    inertia: float
-    gravity_nm: float
-    posture_rad: float
+    damping: float  # N*m/rad, N*m*s/rad, kg*m^2
+    inertia: float  # N*m/rad, N*m*s/rad, kg*m^2
+    gravity_nm: float  # N*m: weight times distance of what hangs; 0 where it is held or lies
+    posture_rad: float  # rad: angle of the joint about which it moves
+    # whether strap and goniometer are on the leg: with the tissue under it, and the torsion.
+    # Otherwise both are rigid
     on_leg: bool
 
 
 def held_body(step: str) -> CalibratedBody:
-    """Return a joint that is held still, or moved by hand whatever the torque.
-
-    Parameters
-    ----------
-    step : str
-        ``zero``, ``hinge`` or ``torsion``.
-    """
+    """Return a joint that is held still, or moved by hand whatever the torque."""
     posture = {"zero": _STRAIGHT, "hinge": _MIDDLE, "torsion": _LOCKED}[step]
     return CalibratedBody(
         _HELD_STIFFNESS, _HELD_DAMPING, _HELD_INERTIA, 0.0, posture, on_leg=step != "hinge"
@@ -68,13 +53,7 @@ def held_body(step: str) -> CalibratedBody:
 
 
 def frame_body(preset: Preset) -> CalibratedBody:
-    """Return the exoskeleton's frame, hanging alone; nothing where the preset gives it none.
-
-    Parameters
-    ----------
-    preset : Preset
-        With a body or without.
-    """
+    """Return the exoskeleton's frame, hanging alone; nothing where the preset gives it none."""
     body = preset.body
     if body is None:
         return CalibratedBody(0.0, 0.0, 0.0, 0.0, _MIDDLE, on_leg=False)
@@ -84,31 +63,13 @@ def frame_body(preset: Preset) -> CalibratedBody:
 
 
 def spring_body(preset: Preset, spring: BenchLoad) -> CalibratedBody:
-    """Return a known spring on the frame, which lies so that gravity does not turn it.
-
-    Parameters
-    ----------
-    preset : Preset
-        With a body or without.
-    spring : BenchLoad
-        What is really hooked in.
-    """
+    """Return a known spring on the frame, which lies so that gravity does not turn it."""
     inertia = frame_body(preset).inertia + _FIXTURE_INERTIA + spring.inertia
     return CalibratedBody(spring.stiffness, spring.damping, inertia, 0.0, _MIDDLE, on_leg=False)
 
 
 def hanging_leg(person: Person, preset: Preset, weight: BenchLoad | None) -> CalibratedBody:
-    """Return the relaxed leg that hangs, the thigh on a bench.
-
-    Parameters
-    ----------
-    person : Person
-        Whose.
-    preset : Preset
-        Without a body, inertia is the person's printed one and gravity what belongs to it.
-    weight : BenchLoad or None
-        What is strapped to the shank: its inertia, and as stiffness its weight times distance.
-    """
+    """Return the relaxed leg that hangs, the thigh on a bench."""
     leg = leg_of(person)
     inertia = person.inertia if preset.body is None else leg.inertia
     gravity = leg.gravity_nm * inertia / leg.inertia
@@ -128,30 +89,13 @@ def draw_known_load(spec: LoadSpec, person: Person, preset: Preset) -> BenchLoad
     """Return what is really mounted: the load stated, or one drawn within its sd.
 
     Every person has one of their own, as after every mounting.
-
-    Parameters
-    ----------
-    spec : LoadSpec
-        As the protocol states it.
-    person : Person
-        On whom, or before whose session.
-    preset : Preset
-        ``clean`` mounts what is stated.
     """
     seed = int(person.stream("known loads").integers(2**32))
     return draw_load(spec, seed=seed, spread=preset.name != "clean")
 
 
 def calibrated_plant(build: PlantBuild, body: CalibratedBody) -> PlantBuild:
-    """Return the plant of walking with another joint.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of the person in walking, worn.
-    body : CalibratedBody
-        What the actuator moves instead.
-    """
+    """Return the plant of walking with another joint."""
     params = build.params.copy()
     params[Param.LIMB_GRAVITY] = body.gravity_nm
     for place in (Param.SOFTENING, Param.REFLEX_GAIN, Param.VOLUNTARY_DRIVE):

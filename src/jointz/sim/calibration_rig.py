@@ -44,27 +44,7 @@ _HELD = ("zero", "hinge", "torsion")
 
 
 class CalibrationRig:
-    """One person, or the device alone, in one step of a calibration.
-
-    Parameters
-    ----------
-    walking : SimulatedRig
-        The same person in walking: whose instruments they are.
-    step : str
-        ``zero``, ``footswitch``, ``hinge``, ``frame``, ``leg``, ``torsion`` or ``spring``.
-    loads : sequence of LoadSpec
-        Known loads; each is on in the condition of its name.
-
-    Attributes
-    ----------
-    inject : Injection
-        What is to go wrong; nothing at first.
-
-    Raises
-    ------
-    DataError
-        When ``spring`` has no load of that name.
-    """
+    """One person, or the device alone, in one step of a calibration."""
 
     def __init__(
         self, walking: SimulatedRig, step: CalibrationStep, loads: tuple[LoadSpec, ...] = ()
@@ -99,19 +79,7 @@ class CalibrationRig:
         return {**self.walking.notes(), "calibration": self.step}
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``, for one condition.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Without meaning in a calibration: the actuator's encoder is always recorded.
-        segment : int
-            One more for every time the condition is begun again.
-        clock : Clock
-            The host's.
-        """
+        """Return the devices, ``UNCONFIGURED``, for one condition."""
         del worn
         person, preset = self.walking.person, self.walking.preset
         build, purpose = self.build(condition), f"{self.step} {condition}"
@@ -142,24 +110,12 @@ class CalibrationRig:
         )
 
     def build(self, condition: str) -> PlantBuild:
-        """Return the constants of the plant.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        """
+        """Return the constants of the plant."""
         build, body = self.walking.build(worn=True), self.body(condition)
         return build if body is None else calibrated_plant(build, body)
 
     def body(self, condition: str) -> CalibratedBody | None:
-        """Return what the actuator moves; None for a person who walks.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        """
+        """Return what the actuator moves; None for a person who walks."""
         person, preset = self.walking.person, self.walking.preset
         if self.step in _HELD:
             return held_body(self.step)
@@ -172,15 +128,7 @@ class CalibrationRig:
         return None
 
     def motion(self, condition: str, segment: int) -> Motion:
-        """Return the unperturbed path of one condition, from its beginning.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        segment : int
-            One more for every time the condition is begun again.
-        """
+        """Return the unperturbed path of one condition, from its beginning."""
         body, purpose = self.body(condition), f"calibration {self.step} {condition}"
         if body is None:
             return self.walking.motion(purpose, segment)
@@ -189,14 +137,7 @@ class CalibrationRig:
         return StillMotion(body.posture_rad)
 
     def bench_truth(self) -> dict[str, Any]:
-        """Return the truth, ready for JSON, entries of a calibration under their own names.
-
-        Returns
-        -------
-        dict
-            ``entries``: what every step together should find; ``limb``, ``device``, ``contact``
-            (levels, V), ``loads`` (what was really mounted), ``instruments`` as walking has them.
-        """
+        """Return the truth, ready for JSON, entries of a calibration under their own names."""
         person, preset = self.walking.person, self.walking.preset
         instruments = self.walking.build(worn=True).instruments
         leg, frame = hanging_leg(person, preset, None), frame_body(preset)
@@ -247,30 +188,7 @@ def calibration_rig(
     seed: int = 1,
     sample_rate_hz: float = 500.0,
 ) -> CalibrationRig:
-    """Return the rig of one participant of the seeded population in one step.
-
-    Parameters
-    ----------
-    number : int
-        Of the participant, from 0.
-    step : str
-        ``zero``, ``footswitch``, ``hinge``, ``frame``, ``leg``, ``torsion`` or ``spring``.
-    loads : tuple of LoadSpec
-        Known loads, each named as the condition in which it is on.
-    preset : str
-        ``clean``, ``nominal``, ``hard`` or ``anthropometric``.
-    seed : int
-        Of the population.
-    sample_rate_hz : float, Hz
-        Of all devices.
-
-    Examples
-    --------
-    >>> rig = calibration_rig(0, "hinge", seed=3)
-    >>> walking = SimulatedRig(rig.walking.person, rig.walking.preset).build(worn=True)
-    >>> rig.build("swing").instruments == walking.instruments
-    True
-    """
+    """Return the rig of one participant of the seeded population in one step."""
     walking = SimulatedRig(
         draw_person(number, seed=seed), preset_named(preset), grid=Grid(sample_rate_hz)
     )

@@ -32,20 +32,12 @@ _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """Shank and foot of a person.
+    """Shank and foot of a person."""
 
-    Parameters
-    ----------
-    mass_kg, centre_m, inertia : float
-        Mass, distance of its centre from the knee, inertia about the knee (kg*m^2).
-    thigh_inertia, thigh_length_m : float
-        About the hip, without what hangs on the knee (kg*m^2); m.
-    """
-
-    mass_kg: float
+    mass_kg: float  # mass, distance of its centre from the knee, inertia about the knee (kg*m^2)
     centre_m: float
     inertia: float
-    thigh_inertia: float
+    thigh_inertia: float  # about the hip, without what hangs on the knee (kg*m^2); m
     thigh_length_m: float
 
     @property
@@ -56,13 +48,6 @@ class Leg:
     def free_inertia(self, knee: np.ndarray) -> np.ndarray:
         """Return the inertia that the knee feels when the hip is free, kg*m^2.
 
-        Parameters
-        ----------
-        knee : (n,) float, rad
-            Knee flexion.
-
-        Notes
-        -----
         Two links, torque between them: with A = thigh inertia + m L^2 and C =
         m L l cos(knee), J = (A I - C^2) / (A + I + 2 C).
         """
@@ -74,13 +59,7 @@ class Leg:
 
 
 def leg_of(person: Person) -> Leg:
-    """Return the leg of a person by the proportions of an average body.
-
-    Parameters
-    ----------
-    person : Person
-        Mass and height.
-    """
+    """Return the leg of a person by the proportions of an average body."""
     length, mass = _LEG_LENGTH * person.height_m, _LEG_MASS * person.mass_kg
     thigh = _THIGH_LENGTH * person.height_m
     return Leg(
@@ -93,13 +72,7 @@ def leg_of(person: Person) -> Leg:
 
 
 def frame_gravity(mass_kg: float, distance_m: float) -> float:
-    """Return weight times distance, N*m.
-
-    Parameters
-    ----------
-    mass_kg, distance_m : float
-        Mass and distance of its centre from the knee.
-    """
+    """Return weight times distance, N*m."""
     return mass_kg * _GRAVITY * distance_m
 
 
@@ -139,16 +112,6 @@ def packed_curves(person: Person, preset: Preset) -> np.ndarray:
 
     The plateaus of K and B begin and end where pieces do, so that these two are
     exact; inertia and thigh are cubic splines through the pieces' ends.
-
-    Parameters
-    ----------
-    person, preset : Person, Preset
-        As for :func:`impedance_over_cycle`.
-
-    Returns
-    -------
-    (CURVE_PIECES, 16) float
-        Four coefficients each, rising powers of the share of the piece.
     """
     # Three inner points of every piece give its cubic, whatever the curve is between pieces.
     inner = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0

@@ -43,55 +43,23 @@ class Running(Protocol):
         ...
 
     def forget(self, queue: list[Sample]) -> None:
-        """Append no more to a list.
-
-        Parameters
-        ----------
-        queue : list of Sample
-            From :meth:`queue`.
-        """
+        """Append no more to a list."""
         ...
 
     def look(self, now_ns: int) -> None:
-        """Compute all samples up to a time of the host.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Compute all samples up to a time of the host."""
         ...
 
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted.
-        now_ns : int, ns
-            By the clock.
-        """
+        """Ask the actuator for a torque."""
         ...
 
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Let the actuator give no torque any more."""
         ...
 
     def fail(self, bits: int) -> None:
-        """Set fault bits of the actuator.
-
-        Parameters
-        ----------
-        bits : int
-            See :class:`jointz.sim.layout.Fault`.
-        """
+        """Set fault bits of the actuator."""
         ...
 
 
@@ -99,45 +67,21 @@ class Moving(Running, Protocol):
     """A plant with a far side that is moved."""
 
     def move_to(self, angle_rad: float, now_ns: int) -> None:
-        """Ask the positioner for an angle.
-
-        Parameters
-        ----------
-        angle_rad : float, rad
-            Wanted.
-        now_ns : int, ns
-            By the clock.
-        """
+        """Ask the positioner for an angle."""
         ...
 
     def hold_still(self, now_ns: int) -> None:
-        """Let the positioner stay where it is.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Let the positioner stay where it is."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """What the devices of one stretch have in common.
+    """What the devices of one stretch have in common."""
 
-    Parameters
-    ----------
-    plant : Running
-        The physics.
-    clock : Clock
-        The host's.
-    inject : Injection
-        What is to go wrong.
-    """
-
-    plant: Running
-    clock: Clock
-    inject: Injection
+    plant: Running  # the physics
+    clock: Clock  # the host's
+    inject: Injection  # what is to go wrong
 
 
 class _SimulatedDevice:
@@ -205,15 +149,7 @@ class _SimulatedDevice:
 
 
 class SimulatedActuator(_SimulatedDevice):
-    """An actuator: of an exoskeleton, or on a bench.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    description : ActuatorDescription
-        What it says about itself.
-    """
+    """An actuator: of an exoskeleton, or on a bench."""
 
     _device: DeviceName = "actuator"
 
@@ -227,15 +163,7 @@ class SimulatedActuator(_SimulatedDevice):
         return self._description
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        DeviceError
-            When the actuator is neither ``ACTIVE`` nor in ``FAULT``.
-        NotConnectedError
-            When a disconnection was ordered.
-        """
+        """Return all samples queued since the last read, oldest first."""
         if self._state is not _ACTIVE and self._state is not _FAULT:
             self._require(_ACTIVE, "read")
         now = self._now_ns()
@@ -258,20 +186,7 @@ class SimulatedActuator(_SimulatedDevice):
         return samples
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque.
-
-        Raises
-        ------
-        DeviceError
-            When the actuator is not ``ACTIVE``; a request that is not finite is refused too.
-        NotConnectedError
-            When a disconnection was ordered.
-        """
+        """Ask for a torque on the joint until the next command or the command timeout."""
         if self._state is not _ACTIVE:
             self._require(_ACTIVE, "commanded")
         if self._orders:
@@ -332,15 +247,7 @@ class _SimulatedSensor(_SimulatedDevice):
         self._frozen: float | None = None
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        DeviceError
-            When the sensor is not ``ACTIVE``.
-        NotConnectedError
-            When a disconnection was ordered.
-        """
+        """Return all samples queued since the last read, oldest first."""
         if self._state is not _ACTIVE:
             self._require(_ACTIVE, "read")
         now = self._now_ns()
@@ -388,17 +295,7 @@ class _SimulatedSensor(_SimulatedDevice):
 
 
 class SimulatedSensor(_SimulatedSensor):
-    """A goniometer, or a torque sensor of a bench.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    device : str
-        ``angle`` or ``torque``, for what is ordered to go wrong.
-    description : SensorDescription
-        What it says about itself.
-    """
+    """A goniometer, or a torque sensor of a bench."""
 
     _place = 2
 
@@ -413,17 +310,7 @@ class SimulatedSensor(_SimulatedSensor):
 
 
 class SimulatedFootswitch(_SimulatedSensor):
-    """The switch under the heel.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    plant : RunningPlant
-        That walks.
-    description : SensorDescription
-        What it says about itself.
-    """
+    """The switch under the heel."""
 
     _device: DeviceName = "contact"
     _place = 3
@@ -445,17 +332,7 @@ class SimulatedFootswitch(_SimulatedSensor):
 
 
 class SimulatedPositioner(_SimulatedSensor):
-    """The motor that moves the far side of a bench.
-
-    Parameters
-    ----------
-    wiring : Wiring
-        Shared with the other devices.
-    plant : Moving
-        That it moves.
-    description : PositionerDescription
-        What it says about itself.
-    """
+    """The motor that moves the far side of a bench."""
 
     _device: DeviceName = "positioner"
     _place = 3
@@ -470,20 +347,7 @@ class SimulatedPositioner(_SimulatedSensor):
         return self._description
 
     def command_position(self, angle_rad: float) -> None:
-        """Ask for an angle of the far side.
-
-        Parameters
-        ----------
-        angle_rad : float, rad
-            Wanted angle.
-
-        Raises
-        ------
-        DeviceError
-            When the positioner is not ``ACTIVE``; a request that is not finite is refused too.
-        NotConnectedError
-            When a disconnection was ordered.
-        """
+        """Ask for an angle of the far side."""
         if self._state is not _ACTIVE:
             self._require(_ACTIVE, "commanded")
         if self._orders:

@@ -11,17 +11,7 @@ _FALSE_CYCLES = (0.70, 0.92)  # where in the stride false contacts come
 
 
 class ContactMaker:
-    """Turns strides into the times at which the switch closes and opens.
-
-    Parameters
-    ----------
-    settings : FootswitchSettings
-        How bad the switch is.
-    contact_share : float
-        Share of the stride with the foot on the ground.
-    rng : numpy.random.Generator
-        Drawn from in the order of strides, and by nobody else.
-    """
+    """Turns strides into the times at which the switch closes and opens."""
 
     def __init__(
         self, settings: FootswitchSettings, *, contact_share: float, rng: np.random.Generator
@@ -31,18 +21,7 @@ class ContactMaker:
         self._rng = rng
 
     def toggles(self, start_s: float, duration_s: float) -> list[float]:
-        """Return when the switch closes, opens, closes ... in one stride, in order of time.
-
-        Parameters
-        ----------
-        start_s, duration_s : float, s
-            True heel strike, and time to the next.
-
-        Returns
-        -------
-        list of float, s
-            An even number of times.
-        """
+        """Return when the switch closes, opens, closes ... in one stride, in order of time."""
         settings = self._settings
         normal = self._rng.standard_normal()
         missed, false, place = self._rng.random(3).tolist()

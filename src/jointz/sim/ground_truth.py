@@ -41,23 +41,7 @@ def condition_truth(
     shape: PulseSpec | None,
     window_s: float,
 ) -> dict[str, Any]:
-    """Return heel strikes, the truth of every pulse, curves and instruments.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of the condition.
-    motions : sequence of GaitMotion
-        Of each stretch, at its beginning.
-    stretches : sequence of Stretch
-        Offset and end of each.
-    pulses : pandas.DataFrame
-        Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``.
-    shape : PulseSpec or None
-        Ramps of the pulses; steps without it.
-    window_s : float, s
-        From the onset.
-    """
+    """Return heel strikes, the truth of every pulse, curves and instruments."""
     strikes: list[float] = []
     rows: list[dict[str, Any]] = []
     for motion, (_, offset, end_s) in zip(motions, stretches, strict=True):
@@ -150,22 +134,6 @@ def window_weights(
 ) -> np.ndarray:
     r"""Return how much K, B or J at every moment of the window counts in one value for it.
 
-    Parameters
-    ----------
-    motion : (n,) float
-        What the parameter is multiplied by: the deviation, its rate or its acceleration.
-    K, B, J : (n,) float, N*m/rad, N*m*s/rad, kg*m^2
-        Of the joint and what moves with it, over the window.
-    rate_hz : float, Hz
-        Sample rate of all.
-
-    Returns
-    -------
-    (n,) float
-        Weights whose sum is 1; single ones may be negative.
-
-    Notes
-    -----
     A small change :math:`\delta(t)` of the parameter moves the angle by :math:`-\int h(s, t)\,
     m(t)\,\delta(t)\,dt`, h being the joint's impulse response. Least squares on the angle with
     one value for the window, whose sensitivity is :math:`S(s) = -\int h(s, t)\,m(t)\,dt`, then

@@ -137,11 +137,5 @@ GAIT_SIZE = 6 + 4 * HARMONICS
 
 
 def describe(params: np.ndarray) -> dict[str, float]:
-    """Return the constants of a plant by name.
-
-    Parameters
-    ----------
-    params : (n,) float
-        Packed constants.
-    """
+    """Return the constants of a plant by name."""
     return {place.name.lower(): float(params[place]) for place in Param}

@@ -29,52 +29,19 @@ _COMMAND_TIMEOUT_S = 0.1
 
 @dataclass(frozen=True, slots=True)
 class BenchLabels:
-    """What the devices of a bench say of themselves.
+    """What the devices of a bench say of themselves."""
 
-    Parameters
-    ----------
-    kind : str
-        The bench, as :meth:`LoadedBench.notes` tells it.
-    one_motor : bool
-        Whether the motor under test also moves the output.
-    actuator_model : str
-        Of the motor under test.
-    limits : SafetyLimits
-        Of the same.
-    torque_sensor, positioner : (str, str, str)
-        Name, model and channel.
-    positioner_rad_s : float, rad/s
-        How fast the positioner turns.
-    """
-
-    kind: str
-    one_motor: bool
-    actuator_model: str
-    limits: SafetyLimits
-    torque_sensor: tuple[str, str, str]
+    kind: str  # the bench, as :meth:`LoadedBench.notes` tells it
+    one_motor: bool  # whether the motor under test also moves the output
+    actuator_model: str  # of the motor under test
+    limits: SafetyLimits  # of the same
+    torque_sensor: tuple[str, str, str]  # name, model and channel
     positioner: tuple[str, str, str]
-    positioner_rad_s: float
+    positioner_rad_s: float  # rad/s: how fast the positioner turns
 
 
 class LoadedBench(ABC):
-    """A simulated bench with one load; a rig gives it physics and descriptions.
-
-    Parameters
-    ----------
-    load : BenchLoad
-        What really hangs there.
-    preset : str
-        Name of the bench's settings.
-    seed : int
-        Of everything random.
-    sample_rate_hz : float, Hz
-        Of all devices.
-
-    Attributes
-    ----------
-    inject : Injection
-        What is to go wrong; nothing at first.
-    """
+    """A simulated bench with one load; a rig gives it physics and descriptions."""
 
     LABELS: ClassVar[BenchLabels]
 
@@ -91,19 +58,7 @@ class LoadedBench(ABC):
         return Wearer(self.load.name)
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``, for one trial.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the trial.
-        worn : bool
-            Without meaning on a bench.
-        segment : int
-            One more for every time the trial is begun again.
-        clock : Clock
-            The host's.
-        """
+        """Return the devices, ``UNCONFIGURED``, for one trial."""
         del worn
         running = RunningBench(
             self._plant(bench_stream(self._seed, self.load.name, condition, segment)),
@@ -181,14 +136,6 @@ class LoadedBench(ABC):
 
 
 def bench_stream(seed: int, *purpose: str | int) -> np.random.Generator:
-    """Return the random numbers of one purpose; nothing else draws from them.
-
-    Parameters
-    ----------
-    seed : int
-        Of the bench.
-    *purpose : str or int
-        What they are for.
-    """
+    """Return the random numbers of one purpose; nothing else draws from them."""
     key = [crc32(str(part).encode()) for part in purpose]
     return np.random.default_rng([seed, *key])

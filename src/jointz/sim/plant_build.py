@@ -57,46 +57,19 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantBuild:
-    """Everything constant about a plant.
+    """Everything constant about a plant."""
 
-    Parameters
-    ----------
-    person, preset, instruments, grid : Person, Preset, Instruments, Grid
-        What it was built from.
-    worn : bool
-        Whether the exoskeleton is worn.
-    params, curves : ndarray
-        As :func:`jointz.sim.plant.advance` takes them.
-    """
-
-    person: Person
-    preset: Preset
-    instruments: Instruments
-    grid: Grid
-    worn: bool
-    params: np.ndarray
+    person: Person  # Preset, Instruments, Grid: what it was built from
+    preset: Preset  # Preset, Instruments, Grid
+    instruments: Instruments  # Preset, Instruments, Grid
+    grid: Grid  # Preset, Instruments, Grid
+    worn: bool  # whether the exoskeleton is worn
+    params: np.ndarray  # as :func:`jointz.sim.plant.advance` takes them
     curves: np.ndarray
 
 
 def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:
-    """Put the constants of a plant together.
-
-    Parameters
-    ----------
-    person : Person
-        Who walks.
-    preset : Preset
-        How.
-    grid : Grid
-        Samples and steps.
-    worn : bool
-        Whether the exoskeleton is worn.
-
-    Raises
-    ------
-    DataError
-        When a delay is longer than the plant's memory.
-    """
+    """Put the constants of a plant together."""
     instruments = draw_instruments(person, preset)
     params = np.zeros(len(Param))
     params[Param.STEP_S], params[Param.PERIOD_S] = grid.step_s, grid.period_s

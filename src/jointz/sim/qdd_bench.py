@@ -23,108 +23,59 @@ COMMANDS = 128
 
 @dataclass(frozen=True, slots=True)
 class QddMachine:
-    """The machine; what is not of table 3.1 or 3.2 is assumed, see the docs.
+    """The machine; what is not of table 3.1 or 3.2 is assumed, see the docs."""
 
-    Parameters
-    ----------
-    gear_ratio, torque_constant : float, 1, N*m/A
-        Of the torque motor (table 3.1).
-    coulomb_friction, gear_friction : float, N*m, N*m/A
-        Of the torque motor, at the output (table 3.1).
-    sign_velocity_rad_s : float, rad/s
-        Where the sign of friction bends.
-    rotor_inertia : float, kg*m^2
-        At the output (table 3.1).
-    current_max_a, supply_v : float, A, V
-        Limit and supply of the drive.
-    delay_s, time_constant_s : float, s
-        Of the current behind its command.
-    spring_damping : float, N*m*s/rad
-        Inside the spring.
-    far_inertia, far_hz, far_damping : float, kg*m^2, Hz, 1
-        Position side at its output: inertia, servo frequency and damping ratio.
-    """
-
-    gear_ratio: float = 9.0
-    torque_constant: float = 0.11
-    coulomb_friction: float = 0.38
-    gear_friction: float = 0.09
-    sign_velocity_rad_s: float = 0.02
-    rotor_inertia: float = 92e-4
-    current_max_a: float = 25.0
-    supply_v: float = 36.0
-    delay_s: float = 0.002
-    time_constant_s: float = 0.002
-    spring_damping: float = 0.1
+    gear_ratio: float = 9.0  # 1, N*m/A: of the torque motor (table 3.1)
+    torque_constant: float = 0.11  # 1, N*m/A
+    coulomb_friction: float = 0.38  # N*m, N*m/A: of the torque motor, at the output (table 3.1)
+    gear_friction: float = 0.09  # N*m, N*m/A
+    sign_velocity_rad_s: float = 0.02  # rad/s: where the sign of friction bends
+    rotor_inertia: float = 92e-4  # kg*m^2: at the output (table 3.1)
+    current_max_a: float = 25.0  # A, V: limit and supply of the drive
+    supply_v: float = 36.0  # A, V
+    delay_s: float = 0.002  # s: of the current behind its command
+    time_constant_s: float = 0.002  # s
+    spring_damping: float = 0.1  # N*m*s/rad: inside the spring
+    # kg*m^2, Hz, 1: position side at its output: inertia, servo frequency and damping ratio
     far_inertia: float = 0.25
-    far_hz: float = 30.0
-    far_damping: float = 1.0
+    far_hz: float = 30.0  # kg*m^2, Hz, 1
+    far_damping: float = 1.0  # kg*m^2, Hz, 1
 
 
 @dataclass(frozen=True, slots=True)
 class QddErrors:
-    """What the bench does that model 3.3 does not know; without arguments nothing.
+    """What the bench does that model 3.3 does not know; without arguments nothing."""
 
-    Parameters
-    ----------
-    torque_constant_error : float
-        True constant over the stated one, less 1.
-    friction_asymmetry : float
-        Friction against positive motion is larger by this share, against negative smaller.
-    cogging_nm, cogging_periods : float, N*m, 1
-        Cogging, and its periods a turn of the output: 42 a turn of the motor.
-    sensor_bias_nm, sensor_noise_nm : float, N*m
-        Of the torque sensor.
-    sensor_gain_sd : float
-        Of its calibration; :func:`draw_mounting` draws it.
-    sensor_lag_s : float, s
-        Time constant of the torque sensor's amplifier.
-    spring_hysteresis_nm, hysteresis_rad : float, N*m, rad
-        Half width of the loop of the spring's torque over its deflection, and the deflection
-        over which it turns.
-    encoder_step_rad, velocity_noise_rad_s, current_noise_a : float
-        Of the motor's own measurements.
-    clock_jitter_s : float, s
-        Sd of the true sample times about the even ones; commands change with them.
-    """
-
-    torque_constant_error: float = 0.0
+    torque_constant_error: float = 0.0  # true constant over the stated one, less 1
+    # friction against positive motion is larger by this share, against negative smaller
     friction_asymmetry: float = 0.0
+    # N*m, 1: cogging, and its periods a turn of the output: 42 a turn of the motor
     cogging_nm: float = 0.0
-    cogging_periods: float = 378.0
-    sensor_bias_nm: float = 0.0
-    sensor_noise_nm: float = 0.0
-    sensor_gain_sd: float = 0.0
-    sensor_lag_s: float = 0.0
+    cogging_periods: float = 378.0  # N*m, 1
+    sensor_bias_nm: float = 0.0  # N*m: of the torque sensor
+    sensor_noise_nm: float = 0.0  # N*m
+    sensor_gain_sd: float = 0.0  # of its calibration; :func:`draw_mounting` draws it
+    sensor_lag_s: float = 0.0  # s: time constant of the torque sensor's amplifier
+    # N*m, rad: half width of the loop of the spring's torque over its deflection, and the
+    # deflection over which it turns
     spring_hysteresis_nm: float = 0.0
-    hysteresis_rad: float = 0.005
-    encoder_step_rad: float = 0.0
+    hysteresis_rad: float = 0.005  # N*m, rad
+    encoder_step_rad: float = 0.0  # of the motor's own measurements
     velocity_noise_rad_s: float = 0.0
     current_noise_a: float = 0.0
+    # s: sd of the true sample times about the even ones; commands change with them
     clock_jitter_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class QddSettings:
-    """A quasi-direct-drive bench.
+    """A quasi-direct-drive bench."""
 
-    Parameters
-    ----------
-    name : str
-        Of the preset.
-    machine, errors : QddMachine, QddErrors
-        Its parts.
-    sensor_gain : float
-        Reading of the torque sensor over the true torque.
-    ripple_phase_rad : float, rad
-        Of the ripple at angle 0: how the motor was mounted.
-    """
-
-    name: str
-    machine: QddMachine = field(default_factory=QddMachine)
-    errors: QddErrors = field(default_factory=QddErrors)
-    sensor_gain: float = 1.0
-    ripple_phase_rad: float = 0.0
+    name: str  # of the preset
+    machine: QddMachine = field(default_factory=QddMachine)  # QddErrors: its parts
+    errors: QddErrors = field(default_factory=QddErrors)  # QddErrors
+    sensor_gain: float = 1.0  # reading of the torque sensor over the true torque
+    ripple_phase_rad: float = 0.0  # rad: of the ripple at angle 0: how the motor was mounted
 
 
 _NOMINAL = QddErrors(
@@ -162,23 +113,7 @@ QDD_PRESETS: Mapping[str, QddSettings] = MappingProxyType(
 
 
 def qdd_preset(name: str) -> QddSettings:
-    """Return the preset with this name.
-
-    Parameters
-    ----------
-    name : str
-        One of ``clean``, ``nominal``, ``hard``.
-
-    Raises
-    ------
-    DataError
-        When there is none.
-
-    Examples
-    --------
-    >>> qdd_preset("nominal").errors.sensor_bias_nm
-    -0.58
-    """
+    """Return the preset with this name."""
     if name not in QDD_PRESETS:
         raise DataError(
             f"quasi-direct-drive bench: expected one of {', '.join(QDD_PRESETS)}; got {name!r}."
@@ -187,15 +122,7 @@ def qdd_preset(name: str) -> QddSettings:
 
 
 def draw_mounting(settings: QddSettings, rng: np.random.Generator) -> QddSettings:
-    """Return the settings of one bench: its sensor as calibrated, its motor as mounted.
-
-    Parameters
-    ----------
-    settings : QddSettings
-        Of the preset.
-    rng : numpy.random.Generator
-        Two numbers are drawn.
-    """
+    """Return the settings of one bench: its sensor as calibrated, its motor as mounted."""
     gain = 1.0 + settings.errors.sensor_gain_sd * float(rng.standard_normal())
     phase = float(rng.uniform(0.0, 2.0 * np.pi))
     return QddSettings(settings.name, settings.machine, settings.errors, gain, phase)
@@ -259,22 +186,7 @@ STATE_SIZE = int(QddState.COMMAND) + COMMANDS
 
 
 def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -> np.ndarray:
-    """Return the constants of a bench for the compiled physics.
-
-    Parameters
-    ----------
-    settings : QddSettings
-        Of the bench.
-    load : BenchLoad
-        The spring between torque sensor and position side; locked: the position side is held.
-    sample_rate_hz : float, Hz
-        100 to 20000.
-
-    Raises
-    ------
-    DataError
-        When the rate is out of range, the bench has no spring, or its drive too long a delay.
-    """
+    """Return the constants of a bench for the compiled physics."""
     machine, errors = settings.machine, settings.errors
     if not 100.0 <= sample_rate_hz <= 20_000.0:
         raise DataError(

@@ -166,24 +166,7 @@ def _move(p: np.ndarray, s: np.ndarray, span_s: float, torque: float, position: 
 def advance(
     p: np.ndarray, s: np.ndarray, noise: np.ndarray, torque: float, position: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Advance the bench to its next sample and return the row measured there.
-
-    Parameters
-    ----------
-    p : (len(QddParam),) float
-        Constants, see :class:`jointz.sim.qdd_bench.QddParam`.
-    s : (STATE_SIZE,) float
-        See :class:`jointz.sim.qdd_bench.QddState`; changed.
-    noise : (n, 4) float
-        Standard normal numbers for sensor, velocity, current and sample time; a sample has row
-        ``sample % n``.
-    torque, position : float, N*m, rad
-        Commands since the sample before. The position side goes straight to its own.
-
-    Returns
-    -------
-    QddRow
-    """
+    """Advance the bench to its next sample and return the row measured there."""
     sample = int(s[QddState.SAMPLES])
     row = sample % noise.shape[0]
     if sample > 0:
@@ -208,34 +191,7 @@ def advance(
 
 
 class QddBenchPlant:
-    """A quasi-direct-drive bench from its start on, sample by sample.
-
-    Parameters
-    ----------
-    settings : QddSettings
-        Of the bench; its sensor's gain as it stands there.
-    load : BenchLoad
-        The spring between the sides.
-    sample_rate_hz : float, Hz
-        Of all devices, 100 to 20000.
-    noise : numpy.random.Generator
-        Drawn from in blocks, by nobody else.
-
-    Raises
-    ------
-    DataError
-        When the rate is out of range, there is no spring, or the drive's delay is too long.
-
-    Examples
-    --------
-    >>> from jointz.sim.qdd_bench import qdd_preset
-    >>> spring = BenchLoad("springs", stiffness=146.39, locked=True)
-    >>> rng = np.random.default_rng(1)
-    >>> plant = QddBenchPlant(qdd_preset("clean"), spring, sample_rate_hz=500.0, noise=rng)
-    >>> rows = [plant.advance(5.0, 0.0) for _ in range(500)]
-    >>> abs(rows[-1][0] - 5.0 / 146.39) < 0.01
-    True
-    """
+    """A quasi-direct-drive bench from its start on, sample by sample."""
 
     def __init__(
         self,
@@ -254,19 +210,7 @@ class QddBenchPlant:
         self._compile()
 
     def advance(self, torque_nm: float, position_rad: float) -> QddRow:
-        """Compute the next sample; the first is the state at rest.
-
-        Parameters
-        ----------
-        torque_nm, position_rad : float, N*m, rad
-            Commands since the sample before, to the torque motor and the position side.
-
-        Returns
-        -------
-        QddRow
-            Angle (rad), velocity (rad/s), current (A), supply (V), torque sensor (N*m), angle
-            of the position side (rad).
-        """
+        """Compute the next sample; the first is the state at rest."""
         if self._left == 0:
             self._draw()
             self._left = _NOISE_ROWS

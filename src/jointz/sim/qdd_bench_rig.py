@@ -40,22 +40,6 @@ class QddBench(LoadedBench):
     The joint angle is the torque motor's own; the far side's stands beside it. Torque is
     computed from the current by model 3.3 with the constants stated; the torque sensor
     stands beside it too.
-
-    Parameters
-    ----------
-    settings : QddSettings
-        Of the bench.
-    load : BenchLoad
-        The spring that is really there.
-    seed : int
-        Of everything random.
-    sample_rate_hz : float, Hz
-        Of all devices.
-
-    Attributes
-    ----------
-    inject : Injection
-        What is to go wrong; nothing at first.
     """
 
     LABELS: ClassVar[BenchLabels] = BenchLabels(

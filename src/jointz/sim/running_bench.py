@@ -11,30 +11,12 @@ class BenchPlant(Protocol):
     """The physics of a bench."""
 
     def sample(self, torque_nm: float, angle_rad: float) -> Sample:
-        """Compute the next sample.
-
-        Parameters
-        ----------
-        torque_nm, angle_rad : float, N*m, rad
-            Commands since the sample before; NaN where there is none.
-        """
+        """Compute the next sample."""
         ...
 
 
 class RunningBench(SampledTime):
-    """A bench from the first look on.
-
-    Parameters
-    ----------
-    plant : BenchPlant
-        The physics.
-    period_ns : int, ns
-        From sample to sample.
-    timeout_s : float, s
-        Without a command for so long the actuator goes to zero torque.
-    one_motor : bool
-        Whether the same motor gives torque and moves: the newest of two commands counts.
-    """
+    """A bench from the first look on."""
 
     def __init__(
         self, plant: BenchPlant, *, period_ns: int, timeout_s: float, one_motor: bool
@@ -50,15 +32,7 @@ class RunningBench(SampledTime):
         self._faults = 0
 
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted.
-        now_ns : int, ns
-            By the clock.
-        """
+        """Ask the actuator for a torque."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._torque = torque_nm
@@ -67,15 +41,7 @@ class RunningBench(SampledTime):
         self._commanded = self.samples - 1
 
     def move_to(self, angle_rad: float, now_ns: int) -> None:
-        """Ask the positioner for an angle.
-
-        Parameters
-        ----------
-        angle_rad : float, rad
-            Wanted.
-        now_ns : int, ns
-            By the clock.
-        """
+        """Ask the positioner for an angle."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._angle = angle_rad
@@ -84,36 +50,18 @@ class RunningBench(SampledTime):
         self._commanded = self.samples - 1
 
     def hold_still(self, now_ns: int) -> None:
-        """Let the positioner stay where it is.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Let the positioner stay where it is."""
         if self._one_motor:
             self.release(now_ns)
         elif self._newest is not None:
             self.move_to(self._newest[3], now_ns)
 
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Let the actuator give no torque any more."""
         self.command(_NAN if self._one_motor else 0.0, now_ns)
 
     def fail(self, bits: int) -> None:
-        """Set fault bits of the actuator: it goes to zero torque by itself.
-
-        Parameters
-        ----------
-        bits : int
-            See :class:`jointz.sim.layout.Fault`.
-        """
+        """Set fault bits of the actuator: it goes to zero torque by itself."""
         self._faults |= bits
 
     def _step(self) -> None:

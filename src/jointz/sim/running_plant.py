@@ -26,24 +26,7 @@ _NEVER_NS = 2**63
 
 
 class RunningPlant(SampledTime):
-    """One person walking, from the first look on.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        The constants.
-    motion : Motion
-        Strides, from the first on.
-    contacts : ContactMaker
-        Of the footswitch.
-    noise : numpy.random.Generator
-        Drawn from in blocks, by nobody else.
-
-    Attributes
-    ----------
-    stride : Stride
-        The one that the newest sample lies in.
-    """
+    """One person walking, from the first look on."""
 
     def __init__(
         self,
@@ -71,38 +54,18 @@ class RunningPlant(SampledTime):
         self._compile()
 
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted.
-        now_ns : int, ns
-            By the clock.
-        """
+        """Ask the actuator for a torque."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._command = torque_nm
         self._commanded = self.samples - 1
 
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Let the actuator give no torque any more."""
         self.command(0.0, now_ns)
 
     def fail(self, bits: int) -> None:
-        """Set fault bits of the actuator: it goes to zero current by itself.
-
-        Parameters
-        ----------
-        bits : int
-            See :class:`jointz.sim.layout.Fault`.
-        """
+        """Set fault bits of the actuator: it goes to zero current by itself."""
         self._state[State.FAULT] = float(int(self._state[State.FAULT]) | bits)
 
     def _compile(self) -> None:

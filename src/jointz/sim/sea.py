@@ -26,51 +26,35 @@ _LONGEST_LAG_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class SeaMachine:
-    """The machine; what is not of 2.2.1 and 2.3.1 or a catalogue is assumed, see the docs.
+    """The machine; what is not of 2.2.1 and 2.3.1 or a catalogue is assumed, see the docs."""
 
-    Parameters
-    ----------
-    torque_constant, resistance_ohm, rotor_inertia : float
-        Motor: N*m/A, ohm, kg*m^2; the inertia holds pulleys and screw, at the rotor.
-    supply_v, current_max_a : float, V, A
-        Limits of the drive.
-    drive_friction_nm, drive_damping, drive_velocity_rad_s : float
-        Friction of motor, belt and screw at the rotor: Coulomb, N*m*s/rad, and the speed where
-        its smooth sign bends.
-    belt_ratio, screw_lead_m : float, 1, m
-        Turns of the motor to one of the screw; travel of the nut per turn of the screw.
-    beam_stiffness : float, N/m
-        Of the beam's tip, across it.
-    lever_m, bracket_m, member_m : float, m
-        L, h and l; at the angle 0 the two-force member is square to the beam.
-    stiffness, damping, inertia : float, N*m/rad, N*m*s/rad, kg*m^2
-        Intrinsic impedance, between the beam and the load.
-    stop_rad, stop_stiffness, stop_damping : float, rad, N*m/rad, N*m*s/rad
-        End stops of the output.
-    ambient_c, heating_c_a2, thermal_s, temperature_max_c : float
-        Winding: ambient temperature, final rise per A^2, time constant, limit of the fault.
-    """
-
+    # motor: N*m/A, ohm, kg*m^2; the inertia holds pulleys and screw, at the rotor
     torque_constant: float = 0.0276
     resistance_ohm: float = 0.386
     rotor_inertia: float = 4.5e-6
-    supply_v: float = 15.5
-    current_max_a: float = 13.0
+    supply_v: float = 15.5  # V, A: limits of the drive
+    current_max_a: float = 13.0  # V, A
+    # friction of motor, belt and screw at the rotor: Coulomb, N*m*s/rad, and the speed where its
+    # smooth sign bends
     drive_friction_nm: float = 0.004
     drive_damping: float = 2e-6
     drive_velocity_rad_s: float = 2.0
+    # 1, m: turns of the motor to one of the screw; travel of the nut per turn of the screw
     belt_ratio: float = 2.0
-    screw_lead_m: float = 0.0025
-    beam_stiffness: float = 274e3
+    screw_lead_m: float = 0.0025  # 1, m
+    beam_stiffness: float = 274e3  # N/m: of the beam's tip, across it
+    # m: L, h and l; at the angle 0 the two-force member is square to the beam
     lever_m: float = 0.05
-    bracket_m: float = 0.01
-    member_m: float = 0.1
+    bracket_m: float = 0.01  # m
+    member_m: float = 0.1  # m
+    # N*m/rad, N*m*s/rad, kg*m^2: intrinsic impedance, between the beam and the load
     stiffness: float = 0.388
-    damping: float = 0.163
-    inertia: float = 0.001
-    stop_rad: float = 0.6
-    stop_stiffness: float = 3000.0
-    stop_damping: float = 2.0
+    damping: float = 0.163  # N*m/rad, N*m*s/rad, kg*m^2
+    inertia: float = 0.001  # N*m/rad, N*m*s/rad, kg*m^2
+    stop_rad: float = 0.6  # rad, N*m/rad, N*m*s/rad: end stops of the output
+    stop_stiffness: float = 3000.0  # rad, N*m/rad, N*m*s/rad
+    stop_damping: float = 2.0  # rad, N*m/rad, N*m*s/rad
+    # winding: ambient temperature, final rise per A^2, time constant, limit of the fault
     ambient_c: float = 25.0
     heating_c_a2: float = 0.3
     thermal_s: float = 30.0
@@ -90,65 +74,37 @@ class SeaControl:
     torque w and the measured one t; in position control
     ``u = position_gain (w - q) - position_rate_gain dq/dt`` for the angle q of the motor,
     through the transmission.
-
-    Parameters
-    ----------
-    torque_gain, torque_rate_gain_s : float, 1, s
-        On the error of the torque, and on its rate.
-    position_gain, position_rate_gain : float, N*m/rad, N*m*s/rad
-        On the error of the angle, and on its rate.
     """
 
-    torque_gain: float = 9.0
-    torque_rate_gain_s: float = 0.06
-    position_gain: float = 1000.0
-    position_rate_gain: float = 25.0
+    torque_gain: float = 9.0  # 1, s: on the error of the torque, and on its rate
+    torque_rate_gain_s: float = 0.06  # 1, s
+    position_gain: float = 1000.0  # N*m/rad, N*m*s/rad: on the error of the angle, and on its rate
+    position_rate_gain: float = 25.0  # N*m/rad, N*m*s/rad
 
 
 @dataclass(frozen=True, slots=True)
 class SeaErrors:
-    """What makes the bench's record wrong; without arguments nothing does.
+    """What makes the bench's record wrong; without arguments nothing does."""
 
-    Parameters
-    ----------
-    torque_lag_s : float, s
-        The recorded torque is that of so long before the recorded angle.
-    torque_filter_hz : float, Hz
-        Corner of a first-order low-pass in the recorded torque; 0: none.
-    clock_stretch : float
-        True sample period over the nominal one.
-    clock_jitter_s : float, s
-        SD of the sample times about their grid.
-    true_stamps : bool
-        Whether the recorded times are the true ones; else they are the nominal grid.
-    coulomb_friction_nm, friction_velocity_rad_s : float, N*m, rad/s
-        Of the bearing that carries a load, and where its smooth sign bends.
-    beam_error : float
-        Stiffness of the beam that the lab uses over the true one, less 1.
-    beam_cubic_per_m2 : float, 1/m^2
-        ``k3 / k``: by this times the deflection squared the beam is stiffer than linear.
-    torque_gain_sd : float
-        Of the torque's calibration; :func:`draw_torque_gain` draws it.
-    torque_noise_nm, angle_noise_rad : float, N*m, rad
-        SD of white noise in the record.
-    linear_step_m, rotary_step_rad : float, m, rad
-        Resolution of the encoders before and after the beam; 0: none.
-    """
-
-    torque_lag_s: float = 0.0
+    torque_lag_s: float = 0.0  # s: the recorded torque is that of so long before the recorded angle
+    # Hz: corner of a first-order low-pass in the recorded torque; 0: none
     torque_filter_hz: float = 0.0
-    clock_stretch: float = 1.0
-    clock_jitter_s: float = 0.0
+    clock_stretch: float = 1.0  # true sample period over the nominal one
+    clock_jitter_s: float = 0.0  # s: SD of the sample times about their grid
+    # whether the recorded times are the true ones; else they are the nominal grid
     true_stamps: bool = True
+    # N*m, rad/s: of the bearing that carries a load, and where its smooth sign bends
     coulomb_friction_nm: float = 0.0
-    friction_velocity_rad_s: float = 0.02
-    beam_error: float = 0.0
+    friction_velocity_rad_s: float = 0.02  # N*m, rad/s
+    beam_error: float = 0.0  # stiffness of the beam that the lab uses over the true one, less 1
+    # 1/m^2: ``k3 / k``: by this times the deflection squared the beam is stiffer than linear
     beam_cubic_per_m2: float = 0.0
-    torque_gain_sd: float = 0.0
-    torque_noise_nm: float = 0.0
-    angle_noise_rad: float = 0.0
+    torque_gain_sd: float = 0.0  # of the torque's calibration; :func:`draw_torque_gain` draws it
+    torque_noise_nm: float = 0.0  # N*m, rad: SD of white noise in the record
+    angle_noise_rad: float = 0.0  # N*m, rad
+    # m, rad: resolution of the encoders before and after the beam; 0: none
     linear_step_m: float = 0.0
-    rotary_step_rad: float = 0.0
+    rotary_step_rad: float = 0.0  # m, rad
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.torque_lag_s <= _LONGEST_LAG_S:
@@ -164,22 +120,13 @@ class SeaErrors:
 
 @dataclass(frozen=True, slots=True)
 class SeaSettings:
-    """A series-elastic bench.
+    """A series-elastic bench."""
 
-    Parameters
-    ----------
-    name : str
-        Of the preset.
-    machine, control, errors : SeaMachine, SeaControl, SeaErrors
-        Its parts.
-    torque_gain : float
-        Measured torque over the true one by calibration alone (without the beam's error).
-    """
-
-    name: str
-    machine: SeaMachine = field(default_factory=SeaMachine)
-    control: SeaControl = field(default_factory=SeaControl)
-    errors: SeaErrors = field(default_factory=SeaErrors)
+    name: str  # of the preset
+    machine: SeaMachine = field(default_factory=SeaMachine)  # SeaControl, SeaErrors: its parts
+    control: SeaControl = field(default_factory=SeaControl)  # SeaControl, SeaErrors
+    errors: SeaErrors = field(default_factory=SeaErrors)  # SeaControl, SeaErrors
+    # measured torque over the true one by calibration alone (without the beam's error)
     torque_gain: float = 1.0
 
     @property
@@ -225,23 +172,7 @@ SEA_PRESETS: Mapping[str, SeaSettings] = MappingProxyType(
 
 
 def sea_preset(name: str) -> SeaSettings:
-    """Return the preset with this name.
-
-    Parameters
-    ----------
-    name : str
-        One of ``clean``, ``nominal``, ``hard``.
-
-    Raises
-    ------
-    DataError
-        When there is none.
-
-    Examples
-    --------
-    >>> sea_preset("clean").errors.torque_lag_s
-    0.0
-    """
+    """Return the preset with this name."""
     if name not in SEA_PRESETS:
         raise DataError(
             f"series-elastic bench: expected one of {', '.join(SEA_PRESETS)}; got {name!r}."
@@ -250,19 +181,6 @@ def sea_preset(name: str) -> SeaSettings:
 
 
 def draw_torque_gain(settings: SeaSettings, rng: np.random.Generator) -> SeaSettings:
-    """Return the settings of one bench, its torque calibrated with its error.
-
-    Parameters
-    ----------
-    settings : SeaSettings
-        Of the preset.
-    rng : numpy.random.Generator
-        One number is drawn.
-
-    Examples
-    --------
-    >>> draw_torque_gain(sea_preset("clean"), np.random.default_rng(1)).torque_gain
-    1.0
-    """
+    """Return the settings of one bench, its torque calibrated with its error."""
     error = settings.errors.torque_gain_sd * rng.standard_normal()
     return replace(settings, torque_gain=1.0 + float(error))

@@ -38,22 +38,6 @@ class SeaBench(LoadedBench):
 
     Its joint angle is the encoder's at the output; its torque is the beam's. In
     position control the same motor moves the output.
-
-    Parameters
-    ----------
-    settings : SeaSettings
-        Of the bench.
-    load : BenchLoad
-        What really hangs there.
-    seed : int
-        Of everything random.
-    sample_rate_hz : float, Hz
-        Of all devices.
-
-    Attributes
-    ----------
-    inject : Injection
-        What is to go wrong; nothing at first.
     """
 
     LABELS: ClassVar[BenchLabels] = BenchLabels(

@@ -89,26 +89,7 @@ STATE_SIZE = 17 + 2 * HISTORY
 
 
 def pack_sea(settings: SeaSettings, load: BenchLoad, *, sample_rate_hz: float) -> np.ndarray:
-    """Put the constants of a bench and its load together.
-
-    Parameters
-    ----------
-    settings : SeaSettings
-        Of the bench.
-    load : BenchLoad
-        What hangs on the output. The bearing's friction comes with it: a free output has none.
-    sample_rate_hz : float, Hz
-        Nominal rate of the loop.
-
-    Returns
-    -------
-    (len(SeaParam),) float
-
-    Raises
-    ------
-    DataError
-        When the rate is not between 100 and 20000 Hz.
-    """
+    """Put the constants of a bench and its load together."""
     if not 100.0 <= sample_rate_hz <= 20000.0:
         raise DataError(
             "series-elastic bench: expected sample_rate_hz in 100..20000 Hz, got "

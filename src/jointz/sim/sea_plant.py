@@ -231,13 +231,7 @@ def _warm(p: np.ndarray, s: np.ndarray) -> None:
 
 @_compiled
 def begin(p: np.ndarray, s: np.ndarray) -> None:
-    """Put a bench at rest at the angle 0, at time 0.
-
-    Parameters
-    ----------
-    p, s : ndarray
-        As for :func:`advance`; the state is filled.
-    """
+    """Put a bench at rest at the angle 0, at time 0."""
     s[:] = 0.0
     s[SeaState.TEMPERATURE] = p[SeaParam.AMBIENT_C]
     step = p[SeaParam.PERIOD_S] / p[SeaParam.SUBSTEPS]
@@ -250,23 +244,7 @@ def begin(p: np.ndarray, s: np.ndarray) -> None:
 def advance(
     p: np.ndarray, s: np.ndarray, noise: np.ndarray, torque: float, angle: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Advance the bench to its next sample and return the row measured there.
-
-    Parameters
-    ----------
-    p : (len(SeaParam),) float
-        Constants, see :class:`jointz.sim.sea_pack.SeaParam`.
-    s : (STATE_SIZE,) float
-        See :class:`jointz.sim.sea_pack.SeaState`; changed.
-    noise : (n, 3) float
-        Standard normal numbers for torque, angle and sample time; a sample has row ``sample % n``.
-    torque, angle : float, N*m, rad
-        Command since the sample before: one of them is NaN.
-
-    Returns
-    -------
-    SeaRow
-    """
+    """Advance the bench to its next sample and return the row measured there."""
     sample = int(s[SeaState.SAMPLES])
     row = sample % noise.shape[0]
     linear = 0.0
@@ -305,34 +283,7 @@ def advance(
 
 
 class SeaPlant:
-    """A series-elastic bench from its start on, sample by sample.
-
-    Parameters
-    ----------
-    settings : SeaSettings
-        Of the bench; its torque gain as it stands there.
-    load : BenchLoad
-        What hangs on the output.
-    sample_rate_hz : float, Hz
-        Nominal rate of the device's loop, 100 to 20000.
-    noise : numpy.random.Generator
-        Drawn from in blocks, by nobody else.
-
-    Raises
-    ------
-    DataError
-        When the rate is out of range.
-
-    Examples
-    --------
-    >>> from jointz.sim.sea import sea_preset
-    >>> locked = BenchLoad("locked", locked=True)
-    >>> rng = np.random.default_rng(1)
-    >>> plant = SeaPlant(sea_preset("clean"), locked, sample_rate_hz=1000.0, noise=rng)
-    >>> rows = [plant.advance(5.0, float("nan")) for _ in range(500)]
-    >>> abs(rows[-1][9] - 5.0) < 0.5
-    True
-    """
+    """A series-elastic bench from its start on, sample by sample."""
 
     def __init__(
         self,
@@ -352,20 +303,7 @@ class SeaPlant:
         self._compile()
 
     def advance(self, torque_nm: float, angle_rad: float) -> SeaRow:
-        """Compute the next sample; the first is the state at rest.
-
-        Parameters
-        ----------
-        torque_nm, angle_rad : float, N*m, rad
-            Command since the sample before, in torque or in position control: the other is NaN.
-            Where both are NaN the motor is released: no current.
-
-        Returns
-        -------
-        SeaRow
-            True time and stamp (s), motor angle (rad) and velocity (rad/s), current (A), supply
-            (V), temperature (degrees Celsius), fault bits, angle (rad), torque (N*m).
-        """
+        """Compute the next sample; the first is the state at rest."""
         if self._left == 0:
             self._rng.standard_normal(out=self._noise)
             self._left = _NOISE_ROWS

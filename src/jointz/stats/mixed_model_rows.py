@@ -15,26 +15,14 @@ _LARGEST, _SMALLEST = 1e100, 1e-100
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The values of a table, participants and levels as numbers.
+    """The values of a table, participants and levels as numbers."""
 
-    Parameters
-    ----------
-    y : (n,) float
-        Finite values.
-    person, level : (n,) int
-        Of every row, into ``persons`` and ``levels``.
-    persons, levels : tuple of str
-        Labels, in order.
-    notes : tuple of str
-        What a reader must know of the table.
-    """
-
-    y: np.ndarray
-    person: np.ndarray
+    y: np.ndarray  # finite values
+    person: np.ndarray  # of every row, into ``persons`` and ``levels``
     level: np.ndarray
-    persons: tuple[str, ...]
+    persons: tuple[str, ...]  # labels, in order
     levels: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what a reader must know of the table
 
     @property
     def cell(self) -> np.ndarray:
@@ -77,18 +65,7 @@ class Rows:
 def table_rows(
     table: pd.DataFrame, *, response: str, within: str, participant: str, nested: bool
 ) -> Rows:
-    """Return the rows of a table that have a value, checked.
-
-    Parameters
-    ----------
-    table, response, within, participant, nested
-        As in :func:`jointz.stats.mixed_model.mixed_model`.
-
-    Raises
-    ------
-    DataError
-        As there.
-    """
+    """Return the rows of a table that have a value, checked."""
     rows = _rows(table, response, within, participant)
     _check_replicates(rows, table, (participant, within, response), nested=nested)
     return rows

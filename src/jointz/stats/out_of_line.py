@@ -19,18 +19,6 @@ _Z = 1.96
 def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
     """Return participants whose inertia is unlike that of the others, and how many times it is.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of all participants.
-
-    Returns
-    -------
-    mapping of str to float
-        Participant -> inertia over the median of all; empty below five people.
-
-    Notes
-    -----
     A participant's inertia is the median over timing points of those that stand. Its logarithm is
     compared with the median of all by their median absolute deviation, or a tenth where that is
     less, and its own error. A leg that is heavier than others by half is nothing unusual; a

@@ -20,17 +20,11 @@ _MADE = "normal model of people over the estimates of all participants, Jeffreys
 
 @dataclass(frozen=True, slots=True)
 class PooledPeople:
-    """A study's people estimated together.
+    """A study's people estimated together."""
 
-    Parameters
-    ----------
-    population : tuple of PopulationEstimate
-        Mean and spread over people, of every timing point and parameter.
-    cells : tuple of CellEstimate
-        Every participant's estimates given the others', in the order they came in.
-    """
-
+    # mean and spread over people, of every timing point and parameter
     population: tuple[PopulationEstimate, ...]
+    # every participant's estimates given the others', in the order they came in
     cells: tuple[CellEstimate, ...]
 
 

@@ -17,29 +17,6 @@ def mean_over_people(
 ) -> tuple[np.ndarray, np.ndarray]:
     r"""Return the mean of a study's people and the covariance of its error.
 
-    Parameters
-    ----------
-    values : (n, p) float
-        A row a person, a column a parameter; at least two people, nothing missing.
-    errors : (n, p, p) float
-        Covariance of every person's own errors; zeros where nothing is known of them.
-    shared_sd : float
-        Of a relative error that all values of all people have in common, such as a gain's.
-
-    Returns
-    -------
-    mean : (p,) float
-        Unweighted: a person is a person, however well measured.
-    covariance : (p, p) float
-        Of the mean.
-
-    Raises
-    ------
-    ValueError
-        For fewer than two people, unlike shapes or numbers that are missing.
-
-    Notes
-    -----
     With S the covariance between people, E the mean of their own errors,
 
     .. math:: V = (E + [S - E]_+) / n + s^2 m m^T
@@ -48,12 +25,6 @@ def mean_over_people(
     errors allow, and a study must not gain weight by that. S holds the people's own errors
     already, so E adds nothing where people differ enough. The shared part does not average out.
     Misleads for very few people, of whose covariance little is known.
-
-    Examples
-    --------
-    >>> mean, cov = mean_over_people(np.array([[50.0], [60.0], [70.0]]), np.zeros((3, 1, 1)))
-    >>> mean, cov.round(3)
-    (array([60.]), array([[33.333]]))
     """
     n = values.shape[0] if values.ndim == 2 else 0
     if n < _FEWEST or errors.shape != (*values.shape, values.shape[-1]):
@@ -74,27 +45,7 @@ def mean_over_people(
 def pool_studies(
     studies: Sequence[StudyMean], *, parameter: str, unit: str, ci_level: float = 0.95
 ) -> RandomEffects:
-    """Estimate the mean over studies of one parameter.
-
-    Parameters
-    ----------
-    studies : sequence of StudyMean
-        At least two, with standard errors above 0.
-    parameter, unit : str
-        Of what.
-    ci_level : float
-        Of all intervals.
-
-    Returns
-    -------
-    RandomEffects
-        With the scale of Knapp and Hartung never below 1.
-
-    Raises
-    ------
-    ValueError
-        As :func:`jointz.kernels.random_effects.random_effects`.
-    """
+    """Estimate the mean over studies of one parameter."""
     fit = random_effects(
         np.array([s.value for s in studies]),
         np.array([s.se for s in studies]) ** 2,
@@ -112,31 +63,7 @@ def pool_studies_jointly(
     units: Mapping[str, str],
     ci_level: float = 0.95,
 ) -> JointRandomEffects:
-    """Estimate the means over studies of several parameters together.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The studies.
-    values : (k, p) float
-        Means over people; NaN where a study has none.
-    covariances : (k, p, p) float
-        Of their errors.
-    units : mapping of str to str
-        Parameter -> unit, in the order of the columns.
-    ci_level : float
-        Of all intervals.
-
-    Returns
-    -------
-    JointRandomEffects
-        By :func:`jointz.kernels.multivariate_random_effects.multivariate_random_effects`.
-
-    Raises
-    ------
-    ValueError
-        As that function.
-    """
+    """Estimate the means over studies of several parameters together."""
     fit = multivariate_random_effects(values, covariances, level=ci_level, modified=True)
     return JointRandomEffects(
         tuple(units), tuple(units.values()), tuple(names), values, fit, ci_level

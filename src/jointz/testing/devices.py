@@ -50,41 +50,21 @@ def _expect_raised(error: type[DeviceError], call: Callable[[], object], told: s
 
 
 class _DeviceContract(ABC, Generic[DeviceT]):
-    """What holds for every device.
+    """What holds for every device."""
 
-    Attributes
-    ----------
-    watched_s : float, s
-        How long samples are watched.
-    stop_s : float, s
-        How long ``stop`` may take.
-    """
-
-    watched_s: ClassVar[float] = 0.3
-    stop_s: ClassVar[float] = 0.1
+    watched_s: ClassVar[float] = 0.3  # s: how long samples are watched
+    stop_s: ClassVar[float] = 0.1  # s: how long ``stop`` may take
 
     @abstractmethod
     def make(self, clock: Clock) -> DeviceT:
-        """Return a new device, ``UNCONFIGURED``.
-
-        Parameters
-        ----------
-        clock : Clock
-            The host's, for host times.
-        """
+        """Return a new device, ``UNCONFIGURED``."""
 
     def make_clock(self) -> Clock:
         """Return the clock of a test: the machine's own unless this is overridden."""
         return RealClock()
 
     def disconnect(self, device: DeviceT) -> None:
-        """Cut the device off; without it the tests of a lost device are skipped.
-
-        Parameters
-        ----------
-        device : Actuator or Sensor
-            ``ACTIVE``.
-        """
+        """Cut the device off; without it the tests of a lost device are skipped."""
         raise SkipTest(f"{type(self).__name__} does not say how {device!r} is cut off.")
 
     @contextmanager

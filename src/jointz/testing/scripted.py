@@ -178,15 +178,7 @@ class _Scripted(Generic[SampleT]):
         self._gone = True
 
     def read(self) -> list[SampleT]:
-        """Return the samples since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            After a disconnection.
-        DeviceError
-            When the device is not ``ACTIVE``; an actuator in ``FAULT`` can be read.
-        """
+        """Return the samples since the last read, oldest first."""
         self._check_connected()
         self._require(self._readable)
         newest, host_ns = self._slot(), self._clock.now_ns()

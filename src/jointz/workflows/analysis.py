@@ -196,18 +196,7 @@ def _with_people_together(
 
 
 def check_method(method: str) -> str:
-    """Return a method if there is one of that name.
-
-    Parameters
-    ----------
-    method : str
-        ``recommended`` or a name.
-
-    Raises
-    ------
-    ValueError
-        When there is no such method.
-    """
+    """Return a method if there is one of that name."""
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}; got {method!r}.")
     return method

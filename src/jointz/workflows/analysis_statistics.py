@@ -39,19 +39,7 @@ def study_statistics(
     cells: Sequence[CellEstimate],
     results: Collection[ParticipantResult],
 ) -> dict[str, Any]:
-    """Return the statistics of a study, and the notes about them.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    method : str
-        The chosen method.
-    cells : sequence of CellEstimate
-        Its estimates.
-    results : collection of ParticipantResult
-        What was found in the recordings.
-    """
+    """Return the statistics of a study, and the notes about them."""
     pulses = tuple(p for r in results for p in r.pulses)
     strides = tuple(s for r in results for s in r.strides)
     gaps = tuple(g for r in results for g in r.gaps)
@@ -137,15 +125,7 @@ def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
 
 
 def damage_notes(inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseRecord]) -> list[str]:
-    """Say which seconds and pulses damaged logs cost.
-
-    Parameters
-    ----------
-    inputs : iterable of mapping
-        Of the recordings read: ``file`` and ``history``.
-    pulses : sequence of PulseRecord
-        All of them.
-    """
+    """Say which seconds and pulses damaged logs cost."""
     notes = []
     for one in inputs:
         steps = one.get("history", ())

@@ -11,13 +11,7 @@ _CHAPTER: Final = re.compile(r"\d")
 
 
 def audit_claims(*chapters: int) -> ClaimTable:
-    """Return the audit of the printed text as a table.
-
-    Parameters
-    ----------
-    *chapters : int
-        Of 2, 3 and 4; all by default.
-    """
+    """Return the audit of the printed text as a table."""
     rows = tuple(_finding(f) for f in audit() if not chapters or _chapter(f) in chapters)
     return ClaimTable(
         "audit",

@@ -58,33 +58,7 @@ def bench_record(
     protocol: Protocol,
     salvage: bool = False,
 ) -> tuple[xr.Dataset, tuple[SessionLog, ...]]:
-    """Put the trials of a condition together, one after the other.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    condition : ConditionSpec
-        Which.
-    events : sequence of Event
-        The session's journal; every trial is completed.
-    file : str
-        Name of the recording's file in the study.
-    participant : str
-        The load.
-    protocol : Protocol
-        For joint and positive direction.
-    salvage : bool
-        Whether to leave damaged records out.
-
-    Returns
-    -------
-    recording : xarray.Dataset
-        From where the reference began to where it ended, with a channel ``trial``
-        (1, 2, ...) where the protocol has several of any condition.
-    logs : tuple of SessionLog
-        Of the trials that were completed.
-    """
+    """Put the trials of a condition together, one after the other."""
     paths = [
         log_path(folder, name, segments_begun(events, name) - 1) for name in condition.trial_names
     ]
@@ -125,21 +99,7 @@ def bench_record(
 
 
 def pulse_table(recording: xr.Dataset, plan: Sequence[TimedPulse]) -> pd.DataFrame:
-    """Return the pulses of one trial as its command shows them.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        Of one trial.
-    plan : sequence of TimedPulse
-        Of the same; shams are left out.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``onset_s`` (first sample with the pulse on), ``duration_s``, ``amplitude_nm``, with
-        its sign; a row a pulse.
-    """
+    """Return the pulses of one trial as its command shows them."""
     time = recording["time"].to_numpy()
     on = np.concatenate([[False], recording["command"].to_numpy() != 0.0, [False]])
     begins, ends = np.flatnonzero(on[1:] & ~on[:-1]), np.flatnonzero(on[:-1] & ~on[1:])

@@ -17,17 +17,7 @@ from jointz.workflows.study_file import pulses_csv
 
 
 def write_bench(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
-    """Write the recordings of a load and return the report of what was done.
-
-    Parameters
-    ----------
-    rig : Rig
-        The bench with the load.
-    settings : RunSettings
-        Where to write.
-    folder : pathlib.Path
-        Of the session.
-    """
+    """Write the recordings of a load and return the report of what was done."""
     protocol, load = settings.protocol, rig.wearer.id
     events, plans = read_journal(folder / JOURNAL_FILE), bench_plan_of(folder)
     report: dict[str, Any] = {"onsets": [], "gaps": [], "timing": [], "aborted": [], "truth": {}}

@@ -61,27 +61,13 @@ _DEVICE = ("command", "reference", "current", "sensor_torque")
 
 @dataclass(frozen=True, slots=True)
 class BidsWritten:
-    """What was written.
+    """What was written."""
 
-    Parameters
-    ----------
-    folder : str
-        The BIDS folder.
-    participants : tuple of str
-        Their labels, ``sub-...``.
-    recordings : tuple of str
-        Names of the recordings, without suffix.
-    n_events : int
-        Pulses in all events files.
-    notes : tuple of str
-        What could not be told.
-    """
-
-    folder: str
-    participants: tuple[str, ...]
-    recordings: tuple[str, ...]
-    n_events: int
-    notes: tuple[str, ...] = ()
+    folder: str  # the BIDS folder
+    participants: tuple[str, ...]  # their labels, ``sub-...``
+    recordings: tuple[str, ...]  # names of the recordings, without suffix
+    n_events: int  # pulses in all events files
+    notes: tuple[str, ...] = ()  # what could not be told
 
     def summary(self) -> str:
         """Return a short text."""

@@ -9,15 +9,7 @@ from jointz.devices.interface import Devices, Rig, Wearer
 
 
 class CalibratedRig:
-    """A rig with entries of a calibration over its own; all else is the rig's.
-
-    Parameters
-    ----------
-    rig : Rig
-        Any.
-    known : CalibrationSpec
-        The entries, of its wearer.
-    """
+    """A rig with entries of a calibration over its own; all else is the rig's."""
 
     def __init__(self, rig: Rig, known: CalibrationSpec) -> None:
         self._rig = rig
@@ -39,19 +31,7 @@ class CalibratedRig:
         return self._rig.device
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices of the rig, ``UNCONFIGURED``.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Whether the actuator is worn.
-        segment : int
-            Number of the stretch.
-        clock : Clock
-            The host's.
-        """
+        """Return the devices of the rig, ``UNCONFIGURED``."""
         return self._rig.open(condition, worn=worn, segment=segment, clock=clock)
 
     def notes(self) -> Mapping[str, Any]:

@@ -44,43 +44,19 @@ _CHANNELS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepData:
-    """What a step of one participant is estimated from.
+    """What a step of one participant is estimated from."""
 
-    Parameters
-    ----------
-    recordings : mapping of str to RecordingInput
-        Condition -> its recording.
-    loads : mapping of str to LoadSpec
-        Condition -> the known load that was on the joint.
-    model : TorqueModelSpec or None
-        Of the actuator, as stated.
-    """
-
-    recordings: Mapping[str, RecordingInput]
-    loads: Mapping[str, LoadSpec]
-    model: TorqueModelSpec | None
+    recordings: Mapping[str, RecordingInput]  # condition -> its recording
+    loads: Mapping[str, LoadSpec]  # condition -> the known load that was on the joint
+    model: TorqueModelSpec | None  # of the actuator, as stated
 
     def channels(self, condition: str, *names: str) -> list[np.ndarray]:
-        """Return time and channels of a condition.
-
-        Parameters
-        ----------
-        condition : str
-            Which.
-        *names : str
-            Of the channels.
-        """
+        """Return time and channels of a condition."""
         recording = self.recordings[condition].recording
         return [recording[name].to_numpy() for name in ("time", *names)]
 
     def known(self, condition: str) -> CalibrationSpec:
-        """Return what the study says of the instruments already.
-
-        Parameters
-        ----------
-        condition : str
-            Of which recording.
-        """
+        """Return what the study says of the instruments already."""
         return self.recordings[condition].calibration
 
     @property
@@ -98,24 +74,7 @@ def step_data(
     loads: Mapping[str, LoadSpec],
     model: TorqueModelSpec | None,
 ) -> StepData:
-    """Find the recordings of a step's conditions.
-
-    Parameters
-    ----------
-    step : str
-        One of :data:`~jointz.core.calibration_fit.STEPS`.
-    recordings : sequence of RecordingInput
-        Of one participant.
-    loads : mapping of str to LoadSpec
-        Condition -> known load.
-    model : TorqueModelSpec or None
-        Of the actuator.
-
-    Raises
-    ------
-    StudyError
-        When a condition, a channel, a load or the torque model is missing; all in one.
-    """
+    """Find the recordings of a step's conditions."""
     participant = str(recordings[0].recording.attrs["participant"]) if recordings else "nobody"
     conditions = STEP_RULES[step].conditions
     found = _by_condition(recordings, conditions)
@@ -137,15 +96,7 @@ def step_data(
 
 
 def fit_step(step: str, data: StepData) -> CalibrationFit:
-    """Estimate a step.
-
-    Parameters
-    ----------
-    step : str
-        One of :data:`~jointz.core.calibration_fit.STEPS`.
-    data : StepData
-        From :func:`step_data`.
-    """
+    """Estimate a step."""
     return _FITS[step](data)
 
 

@@ -114,23 +114,7 @@ def checked_injection(
     lag_s: float | None,
     timing_points: Sequence[str],
 ) -> Injection:
-    """Return what is to be injected, if it can be.
-
-    Parameters
-    ----------
-    stiffness, damping, inertia : float, mapping of str to float, or None
-        As given.
-    lag_s : float or None, s
-        Of the sensor.
-    timing_points : sequence of str
-        Those of the study.
-
-    Raises
-    ------
-    ValueError
-        When a value is negative, an inertia zero, a timing point unknown or a lag outside
-        0 to 60 ms.
-    """
+    """Return what is to be injected, if it can be."""
     for name, chosen in (("stiffness", stiffness), ("damping", damping), ("inertia", inertia)):
         if chosen is None:
             continue

@@ -33,13 +33,7 @@ _SHOWN_HZ = 60.0
 
 
 def bandwidth(study: Path) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the bandwidths beside the printed ones, and what figure 2.5 draws.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Of ``sea-bandwidth``.
-    """
+    """Return the bandwidths beside the printed ones, and what figure 2.5 draws."""
     opened = open_study(study)
     printed = {"20": chapter2.BANDWIDTH_20_NM, "40": chapter2.BANDWIDTH_40_NM}
     rows, curves = [], {}
@@ -115,15 +109,7 @@ def _half_power_hz(frequency_hz: np.ndarray, gain: np.ndarray) -> float | None:
 
 
 def intrinsic(study: Path, truth: dict[str, float]) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the intrinsic impedance beside the printed one, and its frequency response.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Of ``sea-intrinsic``.
-    truth : dict of str to float
-        Of the simulated bench.
-    """
+    """Return the intrinsic impedance beside the printed one, and its frequency response."""
     opened = open_study(study)
     trials = [r for entry in opened.spec.recordings for r in read_recording(opened, entry)]
     letter = [_least_squares(trial) for trial in trials]

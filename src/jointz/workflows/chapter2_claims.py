@@ -20,15 +20,9 @@ _TESTED = ("stiffness", "inertia")
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """How many of how many.
+    """How many of how many."""
 
-    Parameters
-    ----------
-    count, of : int
-        The numbers.
-    """
-
-    count: int
+    count: int  # the numbers
     of: int
 
     @property
@@ -40,15 +34,7 @@ class Share:
 def claim_tables(
     pairs: Sequence[Pair], single: Sequence[PulseEstimate], ours: Sequence[PulseEstimate]
 ) -> tuple[ComparedTable, tuple[str, ...]]:
-    """Return counts of ANOVAs and the claims of 2.4, and what is confounded.
-
-    Parameters
-    ----------
-    pairs : sequence of Pair
-        Of the four cases.
-    single, ours : sequence of PulseEstimate
-        Pulses by the dissertation's method, and by the likelihood over 250 ms.
-    """
+    """Return counts of ANOVAs and the claims of 2.4, and what is confounded."""
     letter, recommended = _effects(single), _effects(ours)
     rows = [
         *_anova_rows(letter, recommended),

@@ -43,20 +43,7 @@ class LoadStudy(NamedTuple):
 
 
 def analyze_load(study: Path, load: str, truth: Mapping[str, Any], seed: int) -> LoadStudy:
-    """Estimate one load of ``sea-mass-spring`` by both methods.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Of the protocol.
-    load : str
-        Which participant.
-    truth : mapping
-        ``load``: its ``stiffness``, ``damping``, ``inertia``; ``torque_gain``: recorded torque
-        over the true one.
-    seed : int
-        Of the resampling.
-    """
+    """Estimate one load of ``sea-mass-spring`` by both methods."""
     opened = _only(open_study(study), load)
     analysis = analyze(opened, method="recommended", resamples=2, seed=seed)
     letter = analyze(opened, method="dissertation", resamples=2, seed=seed)
@@ -115,15 +102,7 @@ def _external(pulse: PulseEstimate, study: Study) -> PulseEstimate:
 
 
 def error_tables(pairs: Sequence[Pair], torque_gain: float) -> tuple[ComparedTable, ...]:
-    """Return tables 2.1 and 2.2 and the averages of 2.3.2.
-
-    Parameters
-    ----------
-    pairs : sequence of Pair
-        Of all loads.
-    torque_gain : float
-        Recorded torque over the true one.
-    """
+    """Return tables 2.1 and 2.2 and the averages of 2.3.2."""
     gain_pct = 100.0 * (torque_gain - 1.0)
     printed: dict[str, Mapping[str, Mapping[str, Printed]]] = {
         "stiffness": chapter2.STIFFNESS_ERRORS,
@@ -210,24 +189,12 @@ def _error_row(
 
 
 def error_pct(value: float, truth: float) -> float:
-    """Return an error in percent of the truth.
-
-    Parameters
-    ----------
-    value, truth : float
-        Estimate and truth.
-    """
+    """Return an error in percent of the truth."""
     return 100.0 * (value / truth - 1.0)
 
 
 def pair_table(pairs: Sequence[Pair]) -> ComparedTable:
-    """Return every case-trajectory pair with its truth (figure 2.6).
-
-    Parameters
-    ----------
-    pairs : sequence of Pair
-        Of all loads.
-    """
+    """Return every case-trajectory pair with its truth (figure 2.6)."""
     return ComparedTable(
         "pairs",
         "Every load and trajectory (figure 2.6)",
@@ -256,13 +223,7 @@ def _pair_name(case: str, trajectory: str) -> str:
 
 
 def vaf_table(studies: Mapping[str, LoadStudy]) -> ComparedTable:
-    """Return the VAF of all pairs of the four cases.
-
-    Parameters
-    ----------
-    studies : mapping of str to LoadStudy
-        Load -> its analysis.
-    """
+    """Return the VAF of all pairs of the four cases."""
     values = {
         f"{CASES[load]}{trajectory}": vaf
         for load, study in studies.items()

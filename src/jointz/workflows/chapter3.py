@@ -36,13 +36,7 @@ _SHOWN = 3000
 
 
 def recorded(study: Path) -> xr.Dataset:
-    """Return the one recording of a protocol.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Of the protocol.
-    """
+    """Return the one recording of a protocol."""
     (entry,) = open_study(study).spec.recordings
     # As it was written: a motor that turns for ever has no joint's angle to be checked.
     return xr.load_dataset(study / entry.file, engine="h5netcdf")
@@ -51,15 +45,7 @@ def recorded(study: Path) -> xr.Dataset:
 def torque_models(
     levels: xr.Dataset, truth: Mapping[str, float]
 ) -> tuple[ComparedTable, dict[str, Any], ActuatorFit]:
-    """Return table 3.1 beside ours, what figure 3.3 draws, and model 3.3 as fitted.
-
-    Parameters
-    ----------
-    levels : xarray.Dataset
-        Of ``qdd-torque-speed``.
-    truth : mapping of str to float
-        Constants as the torque sensor of the simulated bench would read them.
-    """
+    """Return table 3.1 beside ours, what figure 3.3 draws, and model 3.3 as fitted."""
     signals = {
         "current": levels["current"].to_numpy(),
         "velocity": levels["motor_velocity"].to_numpy(),
@@ -127,17 +113,7 @@ def _model_rows(number: str, fit: ActuatorFit, truth: Mapping[str, float]) -> li
 
 
 def modelled(recording: xr.Dataset, fit: ActuatorFit, inertia: float | None) -> np.ndarray:
-    """Return the torque that a fitted model makes of current and velocity, N*m.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``current`` and ``motor_velocity``.
-    fit : ActuatorFit
-        The model.
-    inertia : float or None, kg*m^2
-        Given; the fitted one by default.
-    """
+    """Return the torque that a fitted model makes of current and velocity, N*m."""
     values = {p.name: p.value or 0.0 for p in fit.parameters}
     current, velocity = recording["current"].to_numpy(), recording["motor_velocity"].to_numpy()
     time = recording["time"].to_numpy()
@@ -160,15 +136,7 @@ def _low_passed(values: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndar
 
 
 def chirp(recording: xr.Dataset, fit: ActuatorFit) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the RMS error along chirps (figure 3.4).
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        Of ``qdd-chirp``.
-    fit : ActuatorFit
-        Model 3.3.
-    """
+    """Return the RMS error along chirps (figure 3.4)."""
     torque, sensor = modelled(recording, fit, INERTIA), recording["sensor_torque"].to_numpy()
     time = recording["time"].to_numpy() - float(recording["time"][0])
     rms = float(np.sqrt(np.mean((torque - sensor) ** 2)))
@@ -223,13 +191,7 @@ def other_devices() -> ComparedTable:
 
 
 def thin(values: np.ndarray) -> list[float]:
-    """Return as many values as a figure can show.
-
-    Parameters
-    ----------
-    values : (n,) float
-        The values.
-    """
+    """Return as many values as a figure can show."""
     every = max(1, values.size // _SHOWN)
     thinned: list[float] = values[::every].tolist()
     return thinned

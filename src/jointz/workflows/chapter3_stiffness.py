@@ -32,19 +32,7 @@ _TWO_SIDED_Z = 1.96
 def static_stiffness(
     recording: xr.Dataset, fit: ActuatorFit, truth: float, *, gain_sd: float
 ) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the stiffness with a locked output (3.3.2, figure 3.5).
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        Of ``qdd-static``.
-    fit : ActuatorFit
-        Model 3.3.
-    truth : float, N*m/rad
-        Of the spring.
-    gain_sd : float
-        Relative sd of the torque sensor's calibration, by which model 3.3 was fitted.
-    """
+    """Return the stiffness with a locked output (3.3.2, figure 3.5)."""
     angle, sensor = recording["angle"].to_numpy(), recording["sensor_torque"].to_numpy()
     torque = modelled(recording, fit, INERTIA)
     time = recording["time"].to_numpy()
@@ -137,19 +125,7 @@ def _stiffness_with_friction(recording: xr.Dataset, fit: ActuatorFit) -> Stiffne
 def dither_stiffness(
     recording: xr.Dataset, fit: ActuatorFit, truth: float, *, gain_sd: float
 ) -> ComparedTable:
-    """Return the stiffness in motion, both sides moving (3.3.3).
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        Of ``qdd-dither``.
-    fit : ActuatorFit
-        Model 3.3.
-    truth : float, N*m/rad
-        Of the spring.
-    gain_sd : float
-        Relative sd of the torque sensor's calibration.
-    """
+    """Return the stiffness in motion, both sides moving (3.3.3)."""
     time = recording["time"].to_numpy()
     deflection = recording["angle"].to_numpy() - recording["position"].to_numpy()
     torques = (recording["sensor_torque"].to_numpy(), modelled(recording, fit, INERTIA))
@@ -192,15 +168,7 @@ def dither_stiffness(
 
 
 def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the stiffness out of pulses along a knee trajectory (3.3.3, figure 3.6).
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Of ``qdd-perturbation``.
-    dither, truth : float, N*m/rad
-        The independent characterisation, and the spring's.
-    """
+    """Return the stiffness out of pulses along a knee trajectory (3.3.3, figure 3.6)."""
     analysis = analyze(study, method="recommended", resamples=1000)
     means = {sign: _of_sign(_paired_runs(study).pulses, sign) for sign in (1, -1)}
     printed = {1: chapter3.POSITIVE_PULSE_STIFFNESS, -1: chapter3.NEGATIVE_PULSE_STIFFNESS}

@@ -23,46 +23,13 @@ _ROUNDING: Final = 0.0005
 
 
 def spm_threshold(fwhm_nodes: float, *, df: float = 9.0, n_nodes: int = _NODES) -> float:
-    """Return the threshold of a two-tailed t over a curve, by random field theory, at 0.05.
-
-    Parameters
-    ----------
-    fwhm_nodes : float
-        Smoothness of the residuals, in nodes.
-    df : float
-        Degrees of freedom: people less one.
-    n_nodes : int
-        Nodes of the curve.
-
-    Examples
-    --------
-    >>> round(spm_threshold(12.534), 3)
-    4.299
-    """
+    """Return the threshold of a two-tailed t over a curve, by random field theory, at 0.05."""
     region = SearchRegion(fwhm_nodes, (n_nodes - 1) / fwhm_nodes, n_nodes)
     return critical_height(chapter4.SIGNIFICANCE_LEVEL / 2.0, df=df, region=region)
 
 
 def implied_fwhm(threshold: float, *, df: float = 9.0, n_nodes: int = _NODES) -> float:
-    """Return the smoothness that a threshold implies, in nodes.
-
-    Parameters
-    ----------
-    threshold : float
-        Below that of separate nodes, above that of a curve one width long.
-    df, n_nodes : float, int
-        As of :func:`spm_threshold`.
-
-    Raises
-    ------
-    ValueError
-        When no width of 2 nodes to the whole curve gives the threshold.
-
-    Examples
-    --------
-    >>> round(implied_fwhm(4.299), 3)
-    12.534
-    """
+    """Return the smoothness that a threshold implies, in nodes."""
 
     def excess(fwhm_nodes: float) -> float:
         return spm_threshold(fwhm_nodes, df=df, n_nodes=n_nodes) - threshold

@@ -32,32 +32,18 @@ _DIGITS = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonGait:
-    """Unperturbed strides of a person.
+    """Unperturbed strides of a person."""
 
-    Parameters
-    ----------
-    no_device, device : (n_stride, NODES) float, rad
-        Angle over the gait cycle without and with the device (NWC and ENP); no rows where the
-        condition was not recorded.
-    torque : (n_stride, NODES) float, N*m
-        Of the device on the joint while it should be zero, by its current; rows as ``device``.
-    """
-
+    # angle over the gait cycle without and with the device (NWC and ENP); no rows where the
+    # condition was not recorded
     no_device: np.ndarray
     device: np.ndarray
+    # of the device on the joint while it should be zero, by its current; rows as ``device``
     torque: np.ndarray
 
 
 def people_gait(study: Study, strides: Sequence[StrideRecord]) -> dict[str, PersonGait]:
-    """Return the unperturbed strides of every person of a study.
-
-    Parameters
-    ----------
-    study : Study
-        Of walking, with a torque model.
-    strides : sequence of StrideRecord
-        As the analysis found them; those with a code are left out.
-    """
+    """Return the unperturbed strides of every person of a study."""
     return {person.id: _person(study, person.id, strides) for person in study.spec.participants}
 
 
@@ -84,22 +70,7 @@ def _read(study: Study, entry: RecordingSpec) -> xr.Dataset:
 def stride_curves(
     recording: xr.Dataset, values: np.ndarray, strides: Sequence[StrideRecord]
 ) -> np.ndarray:
-    """Return a signal over the gait cycle, one row an accepted stride.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``time``, s.
-    values : (n,) float
-        The signal; missing samples are bridged by a line before the low-pass.
-    strides : sequence of StrideRecord
-        Of this recording.
-
-    Returns
-    -------
-    (n_stride, NODES) float
-        At 0 to 100 % of each stride.
-    """
+    """Return a signal over the gait cycle, one row an accepted stride."""
     time = recording["time"].to_numpy()
     known = np.isfinite(values)
     step = float(np.median(np.diff(time)))
@@ -113,19 +84,7 @@ def stride_curves(
 
 
 def device_effect(gait: Mapping[str, PersonGait]) -> tuple[WaveformTest, WaveformTest] | None:
-    """Compare the mean angle without and with the device, one pair of curves a person.
-
-    Parameters
-    ----------
-    gait : mapping of str to PersonGait
-        As :func:`people_gait` returns it.
-
-    Returns
-    -------
-    tuple of WaveformTest, or None
-        Paired t by random field theory, as 4.2.4 has it, and by flipping signs; None with fewer
-        than three people who walked in both conditions.
-    """
+    """Compare the mean angle without and with the device, one pair of curves a person."""
     both = [g for g in gait.values() if len(g.no_device) and len(g.device)]
     if len(both) < _FEWEST_PEOPLE:
         return None
@@ -138,15 +97,7 @@ def device_effect(gait: Mapping[str, PersonGait]) -> tuple[WaveformTest, Wavefor
 
 
 def stride_figure(gait: Mapping[str, PersonGait], person: str) -> dict[str, Any] | None:
-    """Return what figure 4.2 draws; None where the person did not walk unperturbed.
-
-    Parameters
-    ----------
-    gait : mapping of str to PersonGait
-        Of the study.
-    person : str
-        Whose strides.
-    """
+    """Return what figure 4.2 draws; None where the person did not walk unperturbed."""
     shown = gait[person]
     if not len(shown.device):
         return None
@@ -161,15 +112,7 @@ def stride_figure(gait: Mapping[str, PersonGait], person: str) -> dict[str, Any]
 def effect_figure(
     gait: Mapping[str, PersonGait], tests: tuple[WaveformTest, WaveformTest] | None
 ) -> dict[str, Any] | None:
-    """Return what figure 4.3 draws; None without tests.
-
-    Parameters
-    ----------
-    gait : mapping of str to PersonGait
-        Of the study.
-    tests : tuple of WaveformTest or None
-        Of :func:`device_effect`.
-    """
+    """Return what figure 4.3 draws; None without tests."""
     if tests is None:
         return None
     field, flips = tests

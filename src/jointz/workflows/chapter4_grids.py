@@ -27,18 +27,7 @@ _PRINTED_DIGITS = 3
 
 
 def participant_grids(found: WalkedStudy) -> tuple[ParticipantGrid, ...]:
-    """Return tables 4.1 to 4.4, a block each for print, both methods and the truth.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        Of at most ten people.
-
-    Returns
-    -------
-    tuple of ParticipantGrid
-        ``table_4_1`` to ``table_4_4``. A refused estimate is None, and no part of an average.
-    """
+    """Return tables 4.1 to 4.4, a block each for print, both methods and the truth."""
     return (*(_parameter_grid(found, name) for name in PARAMETERS), _vaf_grid(found))
 
 
@@ -134,13 +123,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def means_table(found: WalkedStudy) -> ComparedTable:
-    """Return the mean over people of every parameter at every timing point.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        The study.
-    """
+    """Return the mean over people of every parameter at every timing point."""
     rows = [_mean_row(found, name, point) for name in PARAMETERS for point in TIMING_POINTS] + [
         _vaf_row(found, point) for point in TIMING_POINTS
     ]
@@ -207,13 +190,7 @@ def _sd(values: Sequence[float]) -> float | None:
 
 
 def accuracy_table(found: WalkedStudy) -> ComparedTable:
-    """Return how far both methods are from the truth, and what VAF says of it.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        The study.
-    """
+    """Return how far both methods are from the truth, and what VAF says of it."""
     errors = {
         (source, name): _errors(found, source, name)
         for source in ("dissertation", "recommended")

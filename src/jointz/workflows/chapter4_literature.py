@@ -15,20 +15,6 @@ STUDIES = ("tucker", "kooij", "sartori", "pfeifer")
 def impedance_figure(found: WalkedStudy) -> dict[str, Any]:
     """Return what figure 4.4 draws.
 
-    Parameters
-    ----------
-    found : WalkedStudy
-        The simulated study.
-
-    Returns
-    -------
-    dict
-        ``onset_pct``, ``parameters`` (parameter -> source -> rows of ``point``, ``value``,
-        ``low``, ``high``), ``quasi_stiffness`` (point -> N*m/rad/kg, implied by the printed
-        differences) and ``stated`` (quantity -> rows of ``study``, ``point``, ``low``, ``high``).
-
-    Notes
-    -----
     Bars of the printed values and of the dissertation's method are the standard deviation over
     people, of the recommended method the 95 % interval of the mean, of the truth none.
     """
@@ -96,19 +82,7 @@ def _stated_ranges() -> list[dict[str, Any]]:
 
 
 def literature_figure(found: WalkedStudy) -> dict[str, Any]:
-    """Return what figure A.1 draws.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        The simulated study.
-
-    Returns
-    -------
-    dict
-        As :func:`impedance_figure`, of stiffness alone, and ``studies``: of every study its
-        ``name``, ``approach`` and ``words`` (point -> what the text says, empty where nothing).
-    """
+    """Return what figure A.1 draws."""
     whole = impedance_figure(found)
     return {
         "onset_pct": whole["onset_pct"],

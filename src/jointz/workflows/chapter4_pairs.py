@@ -20,18 +20,7 @@ _CONSISTENT: Final = "consistent with replicates taken as people; not proof of i
 
 
 def fitted_models(df: str = "kenward-roger") -> dict[str, MixedModelFit]:
-    """Return the mixed model of every parameter, on tables 4.1 to 4.3.
-
-    Parameters
-    ----------
-    df : str
-        ``kenward-roger`` or ``satterthwaite``.
-
-    Returns
-    -------
-    dict of str to MixedModelFit
-        By parameter; one value a participant and timing point.
-    """
+    """Return the mixed model of every parameter, on tables 4.1 to 4.3."""
     table = chapter4.participant_table()
     return {
         parameter: mixed_model(
@@ -42,20 +31,7 @@ def fitted_models(df: str = "kenward-roger") -> dict[str, MixedModelFit]:
 
 
 def pairs_table(fits: Mapping[str, MixedModelFit]) -> tuple[ClaimTable, dict[str, Any]]:
-    """Return the pairs that the text states beside ours, and all 45 for the figure.
-
-    Parameters
-    ----------
-    fits : mapping of str to MixedModelFit
-        As of :func:`fitted_models`.
-
-    Returns
-    -------
-    (ClaimTable, dict)
-        Bonferroni over the 15 pairs of a parameter, pooled error; intervals hold together. A pair
-        called similar is a test that did not reject: its interval is set beside a band of
-        +-20 % of the grand mean.
-    """
+    """Return the pairs that the text states beside ours, and all 45 for the figure."""
     curves = {parameter: _curve(parameter, fit) for parameter, fit in fits.items()}
     rows = [
         _claim(curve, pair)
@@ -165,16 +141,5 @@ def _of_difference(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[V
 
 
 def p_text(p: float) -> str:
-    """Return a p-value with its sign of equality.
-
-    Parameters
-    ----------
-    p : float
-        Probability.
-
-    Examples
-    --------
-    >>> p_text(0.0024759), p_text(1.0)
-    ('= 0.00248', '= 1')
-    """
+    """Return a p-value with its sign of equality."""
     return f"= {p:.3g}"

@@ -33,32 +33,16 @@ _FEWEST_RESAMPLES = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PilotStudy:
-    """A simulated pilot.
+    """A simulated pilot."""
 
-    Parameters
-    ----------
-    people : tuple of str
-        Ids.
-    estimates : pandas.DataFrame
-        As :class:`jointz.workflows.chapter4_walking.WalkedStudy` has them, of the sources
-        ``pilot``, ``recommended`` and ``truth``.
-    """
-
-    people: tuple[str, ...]
+    people: tuple[str, ...]  # ids
+    # as :class:`jointz.workflows.chapter4_walking.WalkedStudy` has them, of the sources ``pilot``,
+    # ``recommended`` and ``truth``
     estimates: pd.DataFrame
 
     def mean(self, source: str, parameter: str, column: str = "value") -> dict[str, float]:
         """Return the mean over people by timing point.
 
-        Parameters
-        ----------
-        source, parameter : str
-            Of what.
-        column : str
-            Such as ``vaf_pct``.
-
-        Notes
-        -----
         A timing point that lacks a person's value has no mean: half a pilot is no average.
         """
         rows = rows_of(self.estimates, source, parameter)
@@ -75,26 +59,7 @@ def pilot_study(
     run_progress: RunProgress | None = None,
     protocol: str | Protocol = "walking-pilot",
 ) -> PilotStudy:
-    """Run the pilot on simulated people and analyse it by its own and the recommended method.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where the study is written; a folder ``pilot`` in it must not be there.
-    seed : int
-        Of plan and simulation.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    run_progress : callable, optional
-        Told of every stride of the experiment.
-    protocol : str or Protocol
-        Another one than the built-in, such as a shorter one.
-
-    Returns
-    -------
-    PilotStudy
-        Values by both methods, beside the truth.
-    """
+    """Run the pilot on simulated people and analyse it by its own and the recommended method."""
     made = run(
         protocol,
         out=folder / "pilot",
@@ -113,13 +78,7 @@ def pilot_study(
 
 
 def pilot_results(found: PilotStudy) -> tuple[ComparedTable, dict[str, Any]]:
-    """Return the numbers of 3.3.4 beside ours, and what figure 3.7 draws.
-
-    Parameters
-    ----------
-    found : PilotStudy
-        The pilot.
-    """
+    """Return the numbers of 3.3.4 beside ours, and what figure 3.7 draws."""
     rows = [row for name in PARAMETERS for row in _range_rows(found, name)]
     table = ComparedTable(
         "pilot",

@@ -74,25 +74,6 @@ def replicates_as_people(
 ) -> tuple[ClaimTable, dict[str, Any]]:
     """Return how often studies like the published one find what is not there.
 
-    Parameters
-    ----------
-    seed : int
-        Of all draws.
-    n_simulations : int
-        Studies of ten people by six timing points, for each parameter.
-    n_rows : int
-        Rows a cell, at least 2.
-    scatter : float
-        SD of rows inside their cell, over the residual SD.
-
-    Returns
-    -------
-    (ClaimTable, dict)
-        Shares of studies with p below 0.05 and 0.001, with rows as people and with one value a
-        cell; the same as numbers with exact binomial intervals, and what the figure draws.
-
-    Notes
-    -----
     Variances of participants and of cells are those of the mixed model of tables 4.1 to 4.3;
     timing points do not differ. Cells and rows are normal, of equal variance everywhere; real
     cells are neither, which changes the shares of both analyses, not the difference between them.

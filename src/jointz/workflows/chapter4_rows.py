@@ -28,20 +28,13 @@ STRICT: Final = 0.001
 
 @dataclass(frozen=True, slots=True)
 class MeanSquares:
-    """Mean squares of complete tables of participants by timing points, one value a cell.
+    """Mean squares of complete tables of participants by timing points, one value a cell."""
 
-    Parameters
-    ----------
-    point, participant, error : (...) float
-        Of timing points, participants, and the rest, in the unit of the cells squared.
-    n_participants, n_points : int
-        Size of a table.
-    """
-
+    # of timing points, participants, and the rest, in the unit of the cells squared
     point: np.ndarray
     participant: np.ndarray
     error: np.ndarray
-    n_participants: int
+    n_participants: int  # size of a table
     n_points: int
 
     @property
@@ -61,15 +54,6 @@ class MeanSquares:
     def p_of_rows(self, scatter: np.ndarray | float, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
         """Return both p where every row counts as independent: ``y ~ tp + subject`` over rows.
 
-        Parameters
-        ----------
-        scatter : (...) float
-            Variance of rows inside their cell, with one degree of freedom less than rows.
-        n_rows : int
-            Rows a cell.
-
-        Notes
-        -----
         That of the timing point is also that of ``y ~ tp + (1 | subject)`` over rows, as long as
         the variance of participants is above 0.
         """
@@ -81,43 +65,17 @@ class MeanSquares:
         )
 
     def error_of_rows(self, scatter: np.ndarray | float, n_rows: int) -> np.ndarray:
-        """Return the mean square of error over rows.
-
-        Parameters
-        ----------
-        scatter : (...) float
-            Variance of rows inside their cell.
-        n_rows : int
-            Rows a cell.
-        """
+        """Return the mean square of error over rows."""
         inside = self.n_participants * self.n_points * (n_rows - 1) * scatter
         return np.asarray((n_rows * self.df[2] * self.error + inside) / self.df_of_rows(n_rows))
 
     def df_of_rows(self, n_rows: int) -> int:
-        """Return the degrees of freedom of error over rows.
-
-        Parameters
-        ----------
-        n_rows : int
-            Rows a cell.
-        """
+        """Return the degrees of freedom of error over rows."""
         return self.n_participants * self.n_points * n_rows - sum(self.df[:2]) - 1
 
 
 def mean_squares(cells: np.ndarray) -> MeanSquares:
-    """Return the mean squares of participants by timing points.
-
-    Parameters
-    ----------
-    cells : (..., n_participant, n_point) float
-        One value a cell, none missing.
-
-    Examples
-    --------
-    >>> made = mean_squares(np.array([[1.0, 2.0], [3.0, 5.0], [2.0, 2.0]]))
-    >>> float(made.point / made.error), made.df
-    (3.0, (1, 2, 2))
-    """
+    """Return the mean squares of participants by timing points."""
     people, points = cells.shape[-2:]
     centred = cells - cells.mean(axis=(-2, -1), keepdims=True)
     of_point, of_person = centred.mean(axis=-2), centred.mean(axis=-1)
@@ -132,13 +90,7 @@ def mean_squares(cells: np.ndarray) -> MeanSquares:
 
 
 def published_cells(parameter: str) -> np.ndarray:
-    """Return a published table, one row a participant, one column a timing point.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness_per_mass``.
-    """
+    """Return a published table, one row a participant, one column a timing point."""
     table = chapter4.TABLES[parameter]
     return np.array([[row[s].value for row in table.values()] for s in chapter4.SUBJECTS])
 
@@ -149,32 +101,8 @@ def published_cells(parameter: str) -> np.ndarray:
 def fitting_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float, float] | None:
     """Return the scatter of rows with which the printed claims come out of the printed tables.
 
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness_per_mass``.
-    n_rows : int
-        Rows a cell, at least 2, all taken as independent.
-
-    Returns
-    -------
-    (float, float) or None
-        Smallest and largest SD of rows inside their cell, over the residual SD of one value a
-        cell, with which both factors have p < 0.001 and every pair called different or similar is,
-        at 0.05 with Bonferroni over 15 pairs. None where no scatter does.
-
-    Notes
-    -----
     The means of rows are taken to be the cells of tables 4.1 to 4.3, as printed. That there is
     such a scatter is consistent with rows taken as people; it is no proof that they were.
-
-    Examples
-    --------
-    >>> low, high = fitting_scatter("stiffness_per_mass")
-    >>> low, round(high, 1)
-    (0.0, 1.3)
-    >>> fitting_scatter("stiffness_per_mass", 1000)[0] > 1
-    True
     """
     cells = published_cells(parameter)
     squares = mean_squares(cells)
@@ -189,23 +117,7 @@ def fitting_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float, float]
 
 
 def largest_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float | None, float | None]:
-    """Return up to which scatter of rows timing point and subject have p < 0.001.
-
-    Parameters
-    ----------
-    parameter, n_rows : str, int
-        As of :func:`fitting_scatter`.
-
-    Returns
-    -------
-    (float or None, float or None)
-        Of timing point and of subject, in residual SD; None where no scatter is small enough.
-
-    Examples
-    --------
-    >>> [round(largest, 1) for largest in largest_scatter("inertia")]
-    [3.5, 6.1]
-    """
+    """Return up to which scatter of rows timing point and subject have p < 0.001."""
     squares = mean_squares(published_cells(parameter))
     found = [_scatter_of(squares, e, n_rows) for e in _largest_errors(squares, n_rows)]
     point, subject = (float(np.sqrt(of)) if of >= 0.0 else None for of in found)
@@ -213,15 +125,7 @@ def largest_scatter(parameter: str, n_rows: int = N_ROWS) -> tuple[float | None,
 
 
 def critical_difference(parameter: str, scatter: float, n_rows: int = N_ROWS) -> float:
-    """Return the difference of two timing points that rows as people find, Bonferroni at 0.05.
-
-    Parameters
-    ----------
-    parameter, n_rows : str, int
-        As of :func:`fitting_scatter`.
-    scatter : float
-        SD of rows inside their cell, over the residual SD of one value a cell.
-    """
+    """Return the difference of two timing points that rows as people find, Bonferroni at 0.05."""
     squares = mean_squares(published_cells(parameter))
     error = squares.error_of_rows(scatter**2 * squares.error, n_rows)
     return _critical_difference(squares, float(error), n_rows)

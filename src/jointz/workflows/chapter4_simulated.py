@@ -50,21 +50,7 @@ _TRUTH = {
 
 
 def simulated_chapter(found: WalkedStudy) -> tuple[tuple[Table, ...], dict[str, Any]]:
-    """Return the tables of a simulated study, and what figures 4.2 to 4.4 and A.1 draw.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        The study.
-
-    Returns
-    -------
-    tables : tuple of Table
-        ``table_4_1`` to ``table_4_4``, ``means``, ``accuracy``, ``simulated_statistics``.
-    curves : dict
-        ``strides``, ``device_effect``, ``impedance``, ``literature``: plain values; None where
-        the study does not allow the figure.
-    """
+    """Return the tables of a simulated study, and what figures 4.2 to 4.4 and A.1 draw."""
     tests = device_effect(found.gait)
     shown = found.people[min(_SHOWN_PERSON, len(found.people) - 1)]
     tables: tuple[Table, ...] = (
@@ -85,15 +71,7 @@ def simulated_chapter(found: WalkedStudy) -> tuple[tuple[Table, ...], dict[str, 
 def simulated_statistics(
     found: WalkedStudy, tests: tuple[WaveformTest, WaveformTest] | None
 ) -> ClaimTable:
-    """Return the statistics of 4.3 on the simulated people, people being what is counted.
-
-    Parameters
-    ----------
-    found : WalkedStudy
-        The study.
-    tests : tuple of WaveformTest or None
-        Of :func:`jointz.workflows.chapter4_gait.device_effect`.
-    """
+    """Return the statistics of 4.3 on the simulated people, people being what is counted."""
     rows = [*_device_claims(tests)]
     for name in PARAMETERS:
         for source in _METHODS:

@@ -32,21 +32,7 @@ _PILOT: Final = ("S2", "S3")
 def published_statistics(
     seed: int = 4, *, n_simulations: int = 4000
 ) -> tuple[tuple[Table, ...], dict[str, Any]]:
-    """Return the statistics of 4.3 from the published tables, beside the printed claims.
-
-    Parameters
-    ----------
-    seed : int
-        Of the simulated studies without an effect.
-    n_simulations : int
-        How many of them.
-
-    Returns
-    -------
-    (tuple of Table, dict)
-        ``spm``, ``averages``, ``factors``, ``pairs``, ``replicates_published``, ``replicates``,
-        ``quasi_stiffness`` and ``pilot_people``; what the figures draw, plain values.
-    """
+    """Return the statistics of 4.3 from the published tables, beside the printed claims."""
     fits = fitted_models()
     pairs, of_pairs = pairs_table(fits)
     replicates, of_replicates = replicates_as_people(seed, n_simulations)
@@ -152,13 +138,7 @@ def _vaf_mean() -> Compared:
 def factors(
     fits: Mapping[str, MixedModelFit], satterthwaite: Mapping[str, MixedModelFit]
 ) -> ClaimTable:
-    """Return whether timing point and subject matter, printed beside ours (4.3.2.2).
-
-    Parameters
-    ----------
-    fits, satterthwaite : mapping of str to MixedModelFit
-        By Kenward and Roger's, and by Satterthwaite's degrees of freedom.
-    """
+    """Return whether timing point and subject matter, printed beside ours (4.3.2.2)."""
     rows = []
     for parameter, fit in fits.items():
         of_point, of_subject = largest_scatter(parameter)

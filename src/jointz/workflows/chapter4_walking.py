@@ -44,52 +44,27 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkedStudy:
-    """A simulated study of chapter IV.
+    """A simulated study of chapter IV."""
 
-    Parameters
-    ----------
-    people : tuple of str
-        Ids, in the order of the columns of tables 4.1 to 4.4.
-    estimates : pandas.DataFrame
-        One row a source (``dissertation``, ``recommended``, ``truth``), participant, timing
-        point and parameter of :data:`PARAMETERS`: value, interval, status, VAF. No value where
-        the estimate was refused.
-    population : pandas.DataFrame
-        Means over people by the recommended method, as of
-        :meth:`jointz.core.analysis.StudyAnalysis.population_frame`.
-    gait : mapping of str to PersonGait
-        Every person's unperturbed strides, without and with the device.
-    """
-
-    people: tuple[str, ...]
+    people: tuple[str, ...]  # ids, in the order of the columns of tables 4.1 to 4.4
+    # one row a source (``dissertation``, ``recommended``, ``truth``), participant, timing point and
+    # parameter of :data:`PARAMETERS`: value, interval, status, VAF. No value where the estimate was
+    # refused
     estimates: pd.DataFrame
+    # means over people by the recommended method, as of
+    # :meth:`jointz.core.analysis.StudyAnalysis.population_frame`
     population: pd.DataFrame
+    # every person's unperturbed strides, without and with the device
     gait: Mapping[str, PersonGait]
 
     def of(self, source: str, parameter: str) -> pd.DataFrame:
-        """Return the rows of a source and parameter.
-
-        Parameters
-        ----------
-        source : str
-            ``dissertation``, ``recommended`` or ``truth``.
-        parameter : str
-            Of :data:`PARAMETERS`.
-        """
+        """Return the rows of a source and parameter."""
         return rows_of(self.estimates, source, parameter)
 
     def at(
         self, source: str, parameter: str, timing_point: str, *, column: str = "value"
     ) -> list[float]:
-        """Return what people have at a timing point; who has nothing is left out.
-
-        Parameters
-        ----------
-        source, parameter, timing_point : str
-            Of what.
-        column : str
-            Such as ``vaf_pct``.
-        """
+        """Return what people have at a timing point; who has nothing is left out."""
         rows = self.of(source, parameter)
         values = rows.loc[rows["timing_point"] == timing_point, column].dropna()
         return [float(value) for value in values]
@@ -105,30 +80,7 @@ def walking_study(
     protocol: str | Protocol = "walking",
     resamples: int = DEFAULT_RESAMPLES,
 ) -> WalkedStudy:
-    """Run the protocol of chapter IV on simulated people and analyse it once.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where the study is written; a folder ``walking`` in it must not be there.
-    seed : int
-        Of plan, simulation and bootstrap.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    progress : callable, optional
-        Called with (done, of how many, what comes next) during the analysis.
-    run_progress : callable, optional
-        Told of every stride of the experiment.
-    protocol : str or Protocol
-        Another one than the built-in, such as a shorter one.
-    resamples : int
-        Of the dissertation's bootstrap.
-
-    Returns
-    -------
-    WalkedStudy
-        Values by both methods, beside the truth.
-    """
+    """Run the protocol of chapter IV on simulated people and analyse it once."""
     made = run(
         protocol,
         out=folder / "walking",
@@ -145,29 +97,13 @@ def walking_study(
 
 
 def rows_of(estimates: pd.DataFrame, source: str, parameter: str) -> pd.DataFrame:
-    """Return the rows of a source and parameter.
-
-    Parameters
-    ----------
-    estimates : pandas.DataFrame
-        Of :data:`COLUMNS`.
-    source, parameter : str
-        Which.
-    """
+    """Return the rows of a source and parameter."""
     wanted = (estimates["source"] == source) & (estimates["parameter"] == parameter)
     return estimates[wanted]
 
 
 def walked(study: Study, analysis: StudyAnalysis) -> WalkedStudy:
-    """Set what an analysis found beside the truth of its simulated study.
-
-    Parameters
-    ----------
-    study : Study
-        With ``ground_truth.json``.
-    analysis : StudyAnalysis
-        By the recommended method, the dissertation's beside.
-    """
+    """Set what an analysis found beside the truth of its simulated study."""
     masses = {person.id: person.mass_kg for person in study.spec.participants}
     rows = [
         *estimated("recommended", analysis.cells),
@@ -183,15 +119,7 @@ def walked(study: Study, analysis: StudyAnalysis) -> WalkedStudy:
 
 
 def estimated(source: str, cells: Sequence[CellEstimate]) -> list[dict[str, Any]]:
-    """Return the estimates of a method, one row a cell and parameter.
-
-    Parameters
-    ----------
-    source : str
-        What the rows are called.
-    cells : sequence of CellEstimate
-        Of one method.
-    """
+    """Return the estimates of a method, one row a cell and parameter."""
     return [
         {
             "source": source,
@@ -214,15 +142,6 @@ def estimated(source: str, cells: Sequence[CellEstimate]) -> list[dict[str, Any]
 def true_values(study: Path, masses: Mapping[str, float | None]) -> list[dict[str, Any]]:
     """Return the truth of a simulated study in the rows of :func:`estimated`.
 
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-    masses : mapping of str to float or None
-        Participant -> mass, kg; whoever has none has no values per kg.
-
-    Notes
-    -----
     The mean over the pulses of a timing point, each over its window, weighted with what the
     response tells of the parameter there: what a fit with constant parameters should find.
     """

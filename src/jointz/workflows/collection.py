@@ -132,13 +132,7 @@ def _folders(entries: Mapping[str, Mapping[str, Any]], asked: Sequence[str]) -> 
 
 
 def catalog_file(catalog: Path) -> Path:
-    """Return the file of a catalog.
-
-    Parameters
-    ----------
-    catalog : pathlib.Path
-        The file, or the collection's folder.
-    """
+    """Return the file of a catalog."""
     return catalog / CATALOG_FILE if catalog.is_dir() else catalog
 
 
@@ -176,18 +170,7 @@ def _about(kept: Sequence[CheckedEntry], skipped: Sequence[Finding]) -> dict[str
 
 
 def catalog_rows(checked: CheckedEntry) -> pd.DataFrame:
-    """Return an entry in the columns of a catalog.
-
-    Parameters
-    ----------
-    checked : CheckedEntry
-        Without findings.
-
-    Raises
-    ------
-    DataError
-        When its ``entry.toml`` could not be read.
-    """
+    """Return an entry in the columns of a catalog."""
     if checked.entry is None:
         raise DataError(f"{checked.name}: has problems. See jointz collect check.")
     entry = checked.entry
@@ -216,13 +199,7 @@ def _rows(entry: EntryFolder, tables: ConditionTables) -> pd.DataFrame:
 
 
 def in_catalog_columns(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows in the columns of a catalog, empty where they say nothing.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        With some of the columns: a printed value has no interval and no pulses.
-    """
+    """Return rows in the columns of a catalog, empty where they say nothing."""
     empty = {
         column: "" if kind == "text" else np.nan
         for column, kind in CATALOG_COLUMNS.items()
@@ -282,20 +259,6 @@ def with_covariance(
 ) -> pd.DataFrame:
     """Return the values with their covariances beside them, NaN where there are none.
 
-    Parameters
-    ----------
-    rows, covariance : pandas.DataFrame
-        In the columns of ``estimates.csv`` and of ``covariance.csv``.
-    method : str
-        Whose covariances they are: the file does not say, and other methods have none.
-
-    Raises
-    ------
-    DataError
-        When a row of covariances stands there twice.
-
-    Notes
-    -----
     The covariance of an inertia that all timing points share stands at each of them in its file,
     and with K and B of each in the catalog; the row of the inertia has its variance alone.
     """

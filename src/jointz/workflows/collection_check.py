@@ -27,24 +27,12 @@ from jointz.workflows.collection_value_checks import not_sized, value_findings
 
 @dataclass(frozen=True, slots=True)
 class CheckedEntry:
-    """An entry, what it holds as far as it could be read, and what was found in it.
+    """An entry, what it holds as far as it could be read, and what was found in it."""
 
-    Parameters
-    ----------
-    name : str
-        Its folder.
-    entry : EntryFolder or None
-        None where ``entry.toml`` could not be read.
-    tables : tuple of ConditionTables
-        Of the conditions that could be read.
-    findings, accepted : tuple of Finding
-        Everything found; that which the entry itself accepts.
-    """
-
-    name: str
-    entry: EntryFolder | None
-    tables: tuple[ConditionTables, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    name: str  # its folder
+    entry: EntryFolder | None  # none where ``entry.toml`` could not be read
+    tables: tuple[ConditionTables, ...] = ()  # of the conditions that could be read
+    findings: tuple[Finding, ...] = ()  # everything found; that which the entry itself accepts
     accepted: tuple[Finding, ...] = ()
 
 
@@ -79,30 +67,13 @@ def check_collection(folder: Path) -> CollectionCheck:
 
 
 def checked_entries(folder: Path) -> tuple[CheckedEntry, ...]:
-    """Read and check every entry by itself.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The collection, or the folder of one entry.
-
-    Raises
-    ------
-    DataError
-        When the folder is none, or holds no folder.
-    """
+    """Read and check every entry by itself."""
     one = (folder / ENTRY_FILE).is_file()
     return tuple(map(check_entry, (folder.resolve(),) if one else entry_folders(folder)))
 
 
 def check_entry(folder: Path) -> CheckedEntry:
-    """Read an entry and check it by itself.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Its folder.
-    """
+    """Read an entry and check it by itself."""
     try:
         entry = read_entry(folder)
     except EntryError as exc:
@@ -168,18 +139,7 @@ def _sorted_out(
 
 
 def common_findings(checked: Sequence[CheckedEntry]) -> list[Finding]:
-    """Return what entries that are sound by themselves cannot both hold.
-
-    Parameters
-    ----------
-    checked : sequence of CheckedEntry
-        All of a collection.
-
-    Returns
-    -------
-    list of Finding
-        Told of the later entry, by the order of the folders.
-    """
+    """Return what entries that are sound by themselves cannot both hold."""
     tables = [(one.name, table) for one in checked for table in one.tables]
     of_people = {one.name for one in checked if one.entry and one.entry.spec.kind == "estimates"}
     return [

@@ -27,13 +27,7 @@ Who = tuple[str, str]
 
 
 def copied_tables(tables: Sequence[Table]) -> Iterator[Finding]:
-    """Yield tables that are those of another condition or entry, byte for byte.
-
-    Parameters
-    ----------
-    tables : sequence of tuple
-        Of all entries, in the order of their folders: folder, tables of a condition.
-    """
+    """Yield tables that are those of another condition or entry, byte for byte."""
     first: dict[str, str] = {}
     for name, one in tables:
         for file, sha256 in one.sha256.items():
@@ -48,13 +42,6 @@ def copied_tables(tables: Sequence[Table]) -> Iterator[Finding]:
 def copied_values(tables: Sequence[Table]) -> Iterator[Finding]:
     """Yield people whose estimates are those of somebody else, or their own of another condition.
 
-    Parameters
-    ----------
-    tables : sequence of tuple
-        Of entries of estimates, in the order of their folders: folder, tables of a condition.
-
-    Notes
-    -----
     A few values that agree to nine digits are enough. Rounded ones must all agree, as far as both
     are written: the values of other people agree here and there by chance.
     """

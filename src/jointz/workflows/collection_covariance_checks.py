@@ -22,15 +22,7 @@ _MEDIAN_FACTOR, _SINGLE_FACTOR = 1.6, 5.0
 
 
 def covariance_findings(tables: ConditionTables, method: str) -> Iterator[Found]:
-    """Yield what is wrong with the covariances of a condition.
-
-    Parameters
-    ----------
-    tables : ConditionTables
-        With covariances.
-    method : str
-        Whose estimates they are of.
-    """
+    """Yield what is wrong with the covariances of a condition."""
     covariance, file = tables.covariance, str(tables.condition.covariance)
     if covariance is None or covariance.empty:
         return

@@ -31,23 +31,13 @@ PAGE = "coverage.html"
 
 @dataclass(frozen=True, slots=True)
 class PoolRules:
-    """How rows are pooled.
+    """How rows are pooled."""
 
-    Parameters
-    ----------
-    by : tuple of str
-        What places are told apart by.
-    mix_methods, with_printed, jointly : bool
-        As :func:`~jointz.workflows.collection_pool.pool_catalog` has them.
-    reanalyse : str
-        Method by which raw data are analysed again; empty: estimates as they are.
-    """
-
-    by: tuple[str, ...] = DEFAULT_BY
-    mix_methods: bool = False
+    by: tuple[str, ...] = DEFAULT_BY  # what places are told apart by
+    mix_methods: bool = False  # as :func:`~jointz.workflows.collection_pool.pool_catalog` has them
     with_printed: bool = False
     jointly: bool = False
-    reanalyse: str = ""
+    reanalyse: str = ""  # method by which raw data are analysed again; empty: estimates as they are
 
     def told(self) -> dict[str, Any]:
         """Return what differs from what is done by default, as plain values; always ``by``."""
@@ -62,24 +52,7 @@ def pool_collection(
     rules: PoolRules,
     progress: Progress | None = None,
 ) -> CollectionPool:
-    """Pool the rows of a catalog that a filter asks for, estimates and printed values apart.
-
-    Parameters
-    ----------
-    catalog : pathlib.Path
-        The file, or the collection's folder.
-    where : CatalogFilter
-        What is wanted; its ``kind`` does not matter.
-    rules : PoolRules
-        How.
-    progress : callable, optional
-        Called with (entries analysed again, of how many, what comes next).
-
-    Raises
-    ------
-    DataError
-        When there is no catalog, nothing is found, or it cannot be pooled so.
-    """
+    """Pool the rows of a catalog that a filter asks for, estimates and printed values apart."""
     file = catalog_file(catalog)
     about = catalog_about(file)
     if about.get("of") == RESULTS:
@@ -127,31 +100,7 @@ def _raw_studies(about: Mapping[str, Any]) -> dict[str, RawStudy]:
 
 
 def write_pool(pool: CollectionPool, catalog: Path, out: Path, *, overwrite: bool = False) -> Path:
-    """Write what was pooled: tables, and the page of what is known.
-
-    Parameters
-    ----------
-    pool : CollectionPool
-        What was pooled.
-    catalog : pathlib.Path
-        The file, or the collection's folder, for the citations.
-    out : pathlib.Path
-        The folder to make.
-    overwrite : bool
-        Replace such a folder.
-
-    Returns
-    -------
-    pathlib.Path
-        The page.
-
-    Raises
-    ------
-    DataError
-        When the catalog is another by now.
-    OutputError
-        When the folder must be kept or cannot be written.
-    """
+    """Write what was pooled: tables, and the page of what is known."""
     file = catalog_file(catalog)
     used = {*pool.studies["study"], *pool.printed["study"]}
     cited = [one for one in _citations(file) if one["study"] in used]

@@ -57,15 +57,7 @@ def write_dissertation_entry(out: Path) -> Path:
 
 
 def printed_values() -> pd.DataFrame:
-    """Return tables 4.1 to 4.3 in the columns of printed values.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each printed value of a participant and each printed mean of a row. A value that
-        ended at the bound of its regression has status ``at_bound``; of the means, ``sd`` is
-        computed from the row, as its note says.
-    """
+    """Return tables 4.1 to 4.3 in the columns of printed values."""
     rows = []
     for parameter in _PARAMETERS:
         for point in TIMING_POINTS:

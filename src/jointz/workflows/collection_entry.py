@@ -99,18 +99,7 @@ def make_entry(
 
 
 def read_provenance(results: Path) -> dict[str, Any]:
-    """Return what a results folder says of its making.
-
-    Parameters
-    ----------
-    results : pathlib.Path
-        Folder that ``jointz analyze`` made.
-
-    Raises
-    ------
-    DataError
-        When it is none.
-    """
+    """Return what a results folder says of its making."""
     try:
         content = json.loads((results / _PROVENANCE).read_text(encoding="utf-8"))
         told = content["study"]["kind"] and content["study"]["participants"]
@@ -179,13 +168,7 @@ def _sides(recordings: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def described_person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a study says of a participant: id, side, mass, height, group.
-
-    Parameters
-    ----------
-    spec, person : mapping
-        The study, and the participant, as provenance holds them.
-    """
+    """Return what a study says of a participant: id, side, mass, height, group."""
     of_person = [r for r in spec["recordings"] if r["participant"] == person["id"]]
     known = {key: person.get(key) for key in ("id", "mass_kg", "height_m", "group")}
     return known | _sides(of_person)

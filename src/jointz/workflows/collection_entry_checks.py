@@ -33,13 +33,7 @@ _BAND = re.compile(r"(\d{1,3})(?:-(\d{1,3})|\+)")
 
 
 def metadata_findings(entry: EntryFolder) -> Iterator[Found]:
-    """Yield what is wrong with an entry's metadata.
-
-    Parameters
-    ----------
-    entry : EntryFolder
-        As it was read.
-    """
+    """Yield what is wrong with an entry's metadata."""
     for check in _CHECKS:
         yield from check(entry.spec)
     yield from _protocol(entry)
@@ -47,15 +41,7 @@ def metadata_findings(entry: EntryFolder) -> Iterator[Found]:
 
 
 def hash_findings(entry: EntryFolder, found: Mapping[str, str]) -> Iterator[Found]:
-    """Yield hashes that are missing or do not fit.
-
-    Parameters
-    ----------
-    entry : EntryFolder
-        The entry.
-    found : mapping of str to str
-        File -> hash of its bytes, of those that could be read.
-    """
+    """Yield hashes that are missing or do not fit."""
     stated = entry.spec.hashes
     for file, sha256 in found.items():
         where = f"hashes.{file}"
@@ -195,15 +181,7 @@ def _accepted(spec: Entry) -> Iterator[Found]:
 
 
 def accepts(spec: Entry, found: Found) -> bool:
-    """Tell whether an entry accepts what was found, there where it was found.
-
-    Parameters
-    ----------
-    spec : Entry
-        The entry.
-    found : tuple
-        Code, where, what was expected, what was found.
-    """
+    """Tell whether an entry accepts what was found, there where it was found."""
     code, where = found[:2]
     told = [one.where for one in spec.accepted if one.code == code]
     return code in ACCEPTABLE and any(

@@ -23,33 +23,15 @@ _OF_VALUES = {*ESTIMATE_COLUMNS, *COVARIANCE_COLUMNS, "sd", "n", "software"} - {
 
 @dataclass(frozen=True, slots=True)
 class RawStudy:
-    """Raw data behind an entry, as a catalog tells of them.
+    """Raw data behind an entry, as a catalog tells of them."""
 
-    Parameters
-    ----------
-    conditions : tuple of str
-        All that the entry has, whichever are asked for.
-    sha256 : str
-        Hash of the ``study.toml`` that the entry vouches for; empty where it does for none.
-    """
-
-    conditions: tuple[str, ...]
+    conditions: tuple[str, ...]  # all that the entry has, whichever are asked for
+    # hash of the ``study.toml`` that the entry vouches for; empty where it does for none
     sha256: str = ""
 
 
 def checked_method(method: str) -> str:
-    """Return a method to analyse by, if there is one of that name.
-
-    Parameters
-    ----------
-    method : str
-        As :func:`jointz.analyze` takes it.
-
-    Raises
-    ------
-    DataError
-        When there is none.
-    """
+    """Return a method to analyse by, if there is one of that name."""
     from jointz.workflows.analysis import check_method
 
     try:
@@ -68,37 +50,7 @@ def reanalysed(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Estimate again, by one method, what has raw data; other rows are left out.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        In the columns of the catalog, at all phases.
-    method : str
-        As :func:`jointz.analyze` takes it.
-    collection : pathlib.Path
-        The collection's folder: ``raw_study`` says from there where study folders are.
-    raw : mapping of str to RawStudy
-        Entry -> its raw data.
-    phase_pct : tuple of float, optional
-        Onsets of the new estimates, from the first to the second.
-    seed : int
-        Of its resampling.
-    progress : callable, optional
-        Called with (entries done, of how many, what comes next).
-
-    Returns
-    -------
-    rows : pandas.DataFrame
-        In the same columns, of one method; printed values as they were.
-    notes : tuple of str
-        Entries and people that are not in them, and why.
-
-    Raises
-    ------
-    DataError
-        When there is no such method.
-    """
+    """Estimate again, by one method, what has raw data; other rows are left out."""
     checked_method(method)
     made, notes = [rows[rows["values"] == "printed"]], []
     own = rows[rows["values"] != "printed"]

@@ -30,20 +30,7 @@ Row = dict[str, Any]
 
 
 def checked_rows(rows: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
-    """Return the rows with plain columns, after seeing that they can be pooled.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        In the columns of the catalog.
-    by : tuple of str
-        What places are told apart by.
-
-    Raises
-    ------
-    DataError
-        When columns are missing, ``by`` is none, or a study stands there in two versions.
-    """
+    """Return the rows with plain columns, after seeing that they can be pooled."""
     if lacking := [name for name in CATALOG_COLUMNS if name not in rows.columns]:
         raise DataError(f"rows to pool: expected the catalog's columns; missing: {lacking}.")
     unknown = [key for key in by if key not in BY]
@@ -61,27 +48,13 @@ def checked_rows(rows: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
 
 
 def has_value(table: pd.DataFrame) -> pd.Series:
-    """Tell which rows have a value to pool.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of :func:`checked_rows`.
-    """
+    """Tell which rows have a value to pool."""
     printed = (table["values"] == "printed") & (table["status"] == "")
     return table["value"].notna() & (table["status"].isin(STANDING) | printed)
 
 
 def place_columns(rows: pd.DataFrame, by: tuple[str, ...]) -> dict[str, pd.Series]:
-    """Return what tells places apart, as text.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        Of :func:`checked_rows`.
-    by : tuple of str
-        What places are told apart by.
-    """
+    """Return what tells places apart, as text."""
     in_gait = rows["activity"].isin(_GAIT)
 
     def told(texts: list[str], number: pd.Series, *, of_gait: bool = True) -> pd.Series:
@@ -110,13 +83,6 @@ def people_of(table: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
     """Return one row a person, place, parameter and method: values averaged, errors too.
 
     The mean of a person's variances is that of values whose errors go together fully: cautious.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of :func:`checked_rows`, with the columns of :func:`place_columns`.
-    by : tuple of str
-        What places are told apart by.
     """
     status, value, stands = table["status"], table["value"].astype(float), has_value(table)
     at_bound = status == "at_bound"
@@ -143,15 +109,7 @@ def people_of(table: pd.DataFrame, by: tuple[str, ...]) -> pd.DataFrame:
 
 
 def study_means(people: pd.DataFrame, by: tuple[str, ...]) -> Iterator[Row]:
-    """Yield a row a study, place, parameter and method, in the columns of ``studies.csv``.
-
-    Parameters
-    ----------
-    people : pandas.DataFrame
-        Of :func:`people_of`.
-    by : tuple of str
-        What places are told apart by.
-    """
+    """Yield a row a study, place, parameter and method, in the columns of ``studies.csv``."""
     keys = [*by, "parameter", "unit", "study", "method", "values"]
     for key, group in people.groupby(keys, sort=False):
         chosen = _of_more_people(group)
@@ -200,20 +158,7 @@ def _study_mean(held: pd.DataFrame) -> Row:
 def joint_mean(
     own: pd.DataFrame, parameters: list[str]
 ) -> tuple[int, np.ndarray, np.ndarray] | None:
-    """Return people, means and covariance of the parameters of a study at a place.
-
-    Parameters
-    ----------
-    own : pandas.DataFrame
-        Rows of :func:`people_of` of the study.
-    parameters : list of str
-        Which; NaN is the mean of those that the study has not.
-
-    Returns
-    -------
-    tuple or None
-        None for fewer people with all it measured than parameters and two more.
-    """
+    """Return people, means and covariance of the parameters of a study at a place."""
     wide = own.pivot_table(
         index="participant", columns="parameter", values=["value", "error", *WITH]
     )

@@ -32,15 +32,7 @@ Check = Callable[[Entry, ConditionTables], Iterator[Found]]
 
 
 def value_findings(spec: Entry, tables: ConditionTables) -> Iterator[Found]:
-    """Yield what is wrong with the values of a condition.
-
-    Parameters
-    ----------
-    spec : Entry
-        The entry.
-    tables : ConditionTables
-        The condition's tables.
-    """
+    """Yield what is wrong with the values of a condition."""
     if tables.rows.empty:
         yield "no_values", tables.condition.estimates, "at least one row", "none"
         return
@@ -53,15 +45,6 @@ def value_findings(spec: Entry, tables: ConditionTables) -> Iterator[Found]:
 def not_sized(spec: Entry, tables: Sequence[ConditionTables]) -> str:
     """Return what of an entry has no range to compare its size with; empty where all has.
 
-    Parameters
-    ----------
-    spec : Entry
-        The entry.
-    tables : sequence of ConditionTables
-        Of its conditions.
-
-    Notes
-    -----
     A value per kg is compared with the whole one, where that stands beside it.
     """
     held = {str(name) for one in tables for name in standing(one.rows)["parameter"].unique()}
@@ -72,13 +55,7 @@ def not_sized(spec: Entry, tables: Sequence[ConditionTables]) -> str:
 
 
 def standing(values: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with a value to use.
-
-    Parameters
-    ----------
-    values : pandas.DataFrame
-        With ``status`` and ``value``.
-    """
+    """Return the rows with a value to use."""
     held: pd.DataFrame = values[values["status"].isin(STANDING) & np.isfinite(values["value"])]
     return held
 

@@ -154,22 +154,7 @@ def check_out(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Raise unless a comparison can be written there.
-
-    Parameters
-    ----------
-    out : path
-        The folder to make.
-    sources : sequence of path
-        What is compared, which is never written over.
-    overwrite : bool
-        Replace a comparison that jointz made.
-
-    Raises
-    ------
-    OutputError
-        When the folder is one of the sources by any name, or must be kept.
-    """
+    """Raise unless a comparison can be written there."""
     for path in result_paths(sources):
         if path is not None and path.resolve() == Path(out).resolve():
             raise OutputError(
@@ -181,27 +166,7 @@ def check_out(
 def write_comparison(
     comparison: Comparison, out: str | os.PathLike[str], *, overwrite: bool = False
 ) -> Path:
-    """Write a comparison as tables, figures and one page.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What to write.
-    out : path
-        The folder to make.
-    overwrite : bool
-        Replace a comparison that jointz made.
-
-    Returns
-    -------
-    pathlib.Path
-        The page.
-
-    Raises
-    ------
-    OutputError
-        When the folder exists and may not be replaced, or cannot be written.
-    """
+    """Write a comparison as tables, figures and one page."""
     out = Path(out)
     with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=COMPARISON) as folder:
         figures = draw_comparison(comparison)

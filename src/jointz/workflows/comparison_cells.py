@@ -23,21 +23,7 @@ Cells = Mapping[tuple[str, str], Sequence[Own]]
 
 
 def pair_designs(read: Sequence[Results], *, paired: bool | None) -> dict[tuple[str, str], str]:
-    """Return by names of two sources whether their people are the same.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-    paired : bool, optional
-        Whether equal ids are the same people; by default found from the ids.
-
-    Raises
-    ------
-    DataError
-        When ``paired`` is not given and some ids are shared and some not, or all are the same
-        but for case and leading zeros.
-    """
+    """Return by names of two sources whether their people are the same."""
     designs = {}
     for one, other in combinations(read, 2):
         a, b = one.source, other.source
@@ -87,18 +73,7 @@ def _parameters(read: Sequence[Results]) -> tuple[str, ...]:
 
 
 def comparison_cells(read: Sequence[Results]) -> dict[tuple[str, str], list[Own]]:
-    """Return the values of every parameter and timing point: by source, by participant.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-
-    Raises
-    ------
-    DataError
-        When there is no timing point in common.
-    """
+    """Return the values of every parameter and timing point: by source, by participant."""
     points = list(dict.fromkeys(point for results in read for point in results.points))
     if not any(all(point in results.points for results in read) for point in points):
         raise DataError(
@@ -125,26 +100,12 @@ def _of(results: Results, parameter: str, point: str) -> Own:
 
 
 def standing(own: Own) -> dict[str, float]:
-    """Return the values that stand, by participant.
-
-    Parameters
-    ----------
-    own : mapping of str to PersonValue
-        Of one source.
-    """
+    """Return the values that stand, by participant."""
     return {person: v.value for person, v in own.items() if v.value is not None}
 
 
 def mean_of(own: Own, place: tuple[str, str]) -> SourceMean:
-    """Return the mean over people with Student's interval.
-
-    Parameters
-    ----------
-    own : mapping of str to PersonValue
-        Of one source, by participant.
-    place : (str, str)
-        Parameter and timing point.
-    """
+    """Return the mean over people with Student's interval."""
     y = np.array(list(standing(own).values()))
     n = y.size
     mean = sd = half = None

@@ -35,15 +35,7 @@ _LOW_EPSILON = 0.75
 def comparison_references(
     read: Sequence[Results], places: Sequence[tuple[str, str]]
 ) -> tuple[ReferenceRange, ...]:
-    """Return published numbers of the knee that stand beside the means.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-    places : sequence of (str, str)
-        Parameters and timing points.
-    """
+    """Return published numbers of the knee that stand beside the means."""
     if {results.joint for results in read} != {"knee"}:
         return ()
     made = []
@@ -88,17 +80,7 @@ def _published(*, shared: bool) -> Iterator[ReferenceRange]:
 def comparison_notes(
     made: Comparison, read: Sequence[Results], designs: Mapping[tuple[str, str], str]
 ) -> tuple[str, ...]:
-    """Return what a reader of the numbers must know.
-
-    Parameters
-    ----------
-    made : Comparison
-        The numbers.
-    read : sequence of Results
-        What they were made of.
-    designs : mapping
-        Whether two sources have the same people.
-    """
+    """Return what a reader of the numbers must know."""
     return (
         *_people(read, designs),
         *_averaged(read),

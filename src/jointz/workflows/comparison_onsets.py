@@ -30,13 +30,7 @@ class OnsetGap(NamedTuple):
 
 
 def onset_gaps(read: Sequence[Results]) -> list[OnsetGap]:
-    """Return the timing points of one name that lie apart, over the end of the cycle too.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-    """
+    """Return the timing points of one name that lie apart, over the end of the cycle too."""
     gaps = []
     for one, other in combinations(read, 2):
         for point, pct in one.onsets_pct.items():
@@ -50,18 +44,7 @@ def onset_gaps(read: Sequence[Results]) -> list[OnsetGap]:
 
 
 def check_onsets(read: Sequence[Results]) -> None:
-    """Raise where timing points of one name are not the same event.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-
-    Raises
-    ------
-    DataError
-        When they are more than 2 % of the gait cycle apart.
-    """
+    """Raise where timing points of one name are not the same event."""
     apart = [gap for gap in onset_gaps(read) if gap.gap_pct > REFUSED_PCT]
     if apart:
         raise DataError(

@@ -35,38 +35,18 @@ _LARGEST = 1e100
 
 @dataclass(frozen=True)
 class Results:
-    """One of the things compared, with every estimate in it.
+    """One of the things compared, with every estimate in it."""
 
-    Parameters
-    ----------
-    source : Source
-        Name and people.
-    values : mapping of (str, str, str) to PersonValue
-        By parameter, timing point and participant.
-    onsets_pct : mapping of str to float
-        Timing point -> % of the gait cycle, where it is known.
-    joint : str
-        Empty where it is not known.
-    recordings : str
-        Hash of the study; empty where it is not known.
-    version : str
-        Of jointz that made them; empty where it is not known.
-    settings : mapping
-        Of the analysis.
-    inputs : tuple of mapping
-        Files that were read, with their hashes.
-    averaged : tuple of str
-        Participants with several sessions or sides, whose values are means over them.
-    """
-
-    source: Source
-    values: Mapping[tuple[str, str, str], PersonValue]
+    source: Source  # name and people
+    values: Mapping[tuple[str, str, str], PersonValue]  # by parameter, timing point and participant
+    # timing point -> % of the gait cycle, where it is known
     onsets_pct: Mapping[str, float] = field(default_factory=dict)
-    joint: str = ""
-    recordings: str = ""
-    version: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    inputs: tuple[Mapping[str, Any], ...] = ()
+    joint: str = ""  # empty where it is not known
+    recordings: str = ""  # hash of the study; empty where it is not known
+    version: str = ""  # of jointz that made them; empty where it is not known
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the analysis
+    inputs: tuple[Mapping[str, Any], ...] = ()  # files that were read, with their hashes
+    # participants with several sessions or sides, whose values are means over them
     averaged: tuple[str, ...] = ()
 
     @cached_property
@@ -93,25 +73,13 @@ class Results:
         )
 
     def value(self, parameter: str, point: str, person: str) -> PersonValue:
-        """Return a value, ``absent`` where there is no row.
-
-        Parameters
-        ----------
-        parameter, point, person : str
-            Which.
-        """
+        """Return a value, ``absent`` where there is no row."""
         name = self.source.name
         none = PersonValue(name, person, parameter, point, None, status="absent")
         return self.values.get((parameter, point, person), none)
 
     def shared_inertia(self, person: str) -> PersonValue:
-        """Return a participant's inertia of all timing points, else the mean over them.
-
-        Parameters
-        ----------
-        person : str
-            Whose.
-        """
+        """Return a participant's inertia of all timing points, else the mean over them."""
         one = self.value("inertia", ALL_POINTS, person)
         if one.status != "absent":
             return one
@@ -134,19 +102,7 @@ class Results:
 
 
 def read_sources(given: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]:
-    """Read everything that is compared.
-
-    Parameters
-    ----------
-    given : sequence of str or path
-        Results folders, and the word ``published``.
-
-    Raises
-    ------
-    DataError
-        When one is no results folder, is given twice, is of a bench or another joint; when the
-        word might mean a folder of that name.
-    """
+    """Read everything that is compared."""
     paths = result_paths(given)
     twice = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
     if twice:
@@ -167,18 +123,7 @@ def read_sources(given: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]
 
 
 def result_paths(given: Sequence[str | os.PathLike[str]]) -> list[Path | None]:
-    """Return the folders that are meant, None for the published tables.
-
-    Parameters
-    ----------
-    given : sequence of str or path
-        Results folders, and the word ``published``; a path object is always a folder.
-
-    Raises
-    ------
-    DataError
-        When the word might mean a folder of that name.
-    """
+    """Return the folders that are meant, None for the published tables."""
     paths = [None if isinstance(one, str) and one == PUBLISHED else Path(one) for one in given]
     if None in paths and Path(PUBLISHED).is_dir():
         raise DataError(
@@ -224,20 +169,7 @@ def published_results() -> Results:
 
 
 def read_results(folder: Path, name: str) -> Results:
-    """Read a results folder of ``jointz analyze``.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The folder.
-    name : str
-        What to call it.
-
-    Raises
-    ------
-    DataError
-        When it is none, is damaged, or is of a bench.
-    """
+    """Read a results folder of ``jointz analyze``."""
     provenance = _provenance(folder)
     joint = _joint(provenance, folder)
     file = folder / _ESTIMATES

@@ -17,27 +17,7 @@ _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 def read_responses(
     file: Path, *, responses: Sequence[str], within: str, participant: str
 ) -> pd.DataFrame:
-    """Read the columns of a mixed model.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        Text with comma, semicolon or tab between columns, or another format that jointz reads.
-    responses : sequence of str
-        Columns of numbers; an empty cell is missing.
-    within, participant : str
-        Columns of labels.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The columns, in the order of the file; labels are text, as they are written.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be read, has no such column, or text where numbers should be.
-    """
+    """Read the columns of a mixed model."""
     names = [*responses, within, participant]
     if len(set(names)) < len(names):
         raise DataError(

@@ -44,19 +44,7 @@ def between_sources(
     designs: Designs,
     margin_pct: float | None,
 ) -> tuple[Difference, ...]:
-    """Return every pair of sources at every parameter and timing point, first minus second.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-    cells : mapping
-        Their values.
-    designs : mapping
-        Whether their people are the same.
-    margin_pct : float or None
-        Of equivalence, % of the second mean.
-    """
+    """Return every pair of sources at every parameter and timing point, first minus second."""
     rows = [
         _difference(place, row[i], row[j], design=designs[names], margin_pct=margin_pct)
         for place, row in cells.items()
@@ -134,19 +122,7 @@ def _adjusted(rows: Sequence[Difference], adjust: str) -> tuple[Difference, ...]
 def between_points(
     tests: Sequence[FactorTest], cells: Cells, *, adjust: str, error: str
 ) -> tuple[Difference, ...]:
-    """Return the pairs of timing points of one source.
-
-    Parameters
-    ----------
-    tests : sequence of FactorTest
-        Of the timing points.
-    cells : mapping
-        The values.
-    adjust : str
-        Of p over the pairs of a parameter: ``holm``, ``bonferroni``, ``none``.
-    error : str
-        ``paired``: every pair has its own; ``pooled``: all have that of the mixed model.
-    """
+    """Return the pairs of timing points of one source."""
     rows: list[Difference] = []
     for test in tests:
         if test.fit is None:
@@ -210,19 +186,7 @@ def _pooled_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[D
 def factor_tests(
     read: Sequence[Results], cells: Cells, designs: Designs, *, df: str
 ) -> tuple[FactorTest, ...]:
-    """Return a mixed model over timing points of one source, or over three and more sources.
-
-    Parameters
-    ----------
-    read : sequence of Results
-        What is compared.
-    cells : mapping
-        Their values.
-    designs : mapping
-        Whether their people are the same: only then there is a model over sources.
-    df : str
-        Denominator degrees of freedom: ``kenward-roger`` or ``satterthwaite``.
-    """
+    """Return a mixed model over timing points of one source, or over three and more sources."""
     if len(read) == 1:
         tests = []
         for parameter in dict.fromkeys(parameter for parameter, _ in cells):
@@ -262,15 +226,7 @@ def _factor(of: tuple[str, str, str], levels: Mapping[str, Own], *, df: str) -> 
 
 
 def repeats_at(place: tuple[str, str], row: Sequence[Own]) -> Repeatability:
-    """Return how well the people repeat who have a value in every source.
-
-    Parameters
-    ----------
-    place : (str, str)
-        Parameter and timing point.
-    row : sequence of mapping of str to PersonValue
-        Values of every source, by participant.
-    """
+    """Return how well the people repeat who have a value in every source."""
     held = [standing(own) for own in row]
     people = [person for person in held[0] if all(person in own for own in held)]
     made = Repeatability(place[0], PARAMETER_UNITS[place[0]], place[1], len(people), len(held))

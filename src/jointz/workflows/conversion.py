@@ -18,28 +18,14 @@ _BIDS_FILE = "dataset_description.json"
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What a conversion read, wrote and left out.
+    """What a conversion read, wrote and left out."""
 
-    Parameters
-    ----------
-    source, target : str
-        The files or folders.
-    kind : str
-        Of what was written.
-    content : tuple of str
-        A line a group of signals, or a recording.
-    left_out : tuple of str
-        What the target cannot hold, a sentence each.
-    notes : tuple of str
-        What the reader had to decide.
-    """
-
-    source: str
+    source: str  # the files or folders
     target: str
-    kind: str
-    content: tuple[str, ...]
-    left_out: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    kind: str  # of what was written
+    content: tuple[str, ...]  # a line a group of signals, or a recording
+    left_out: tuple[str, ...] = ()  # what the target cannot hold, a sentence each
+    notes: tuple[str, ...] = ()  # what the reader had to decide
 
     def summary(self) -> str:
         """Return what was read, written and left out, a line each."""

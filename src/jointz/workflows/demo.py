@@ -27,24 +27,12 @@ _QUICK_PEOPLE, _QUICK_PULSES = 2, 10
 
 @dataclass(frozen=True, slots=True)
 class Demo:
-    """What the demo made.
+    """What the demo made."""
 
-    Parameters
-    ----------
-    report : pathlib.Path
-        The page to open.
-    analysis : StudyAnalysis
-        The analysis of the simulated study.
-    run : RunReport
-        How the experiment went.
-    truth : pandas.DataFrame
-        Truth against estimate, one row a participant, timing point and parameter.
-    """
-
-    report: Path
-    analysis: StudyAnalysis
-    run: RunReport
-    truth: pd.DataFrame
+    report: Path  # the page to open
+    analysis: StudyAnalysis  # the analysis of the simulated study
+    run: RunReport  # how the experiment went
+    truth: pd.DataFrame  # truth against estimate, one row a participant, timing point and parameter
 
     def accuracy(self) -> pd.DataFrame:
         """Return RMS error (%) and coverage of the intervals by parameter."""
@@ -69,31 +57,7 @@ def run_demo(
     run_progress: RunProgress | None = None,
     progress: Progress | None = None,
 ) -> Demo:
-    """Run the walking protocol on simulated people, analyse it, report beside the truth.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        The demo's folder; replaced only where an earlier demo made it.
-    quick : bool
-        Two participants with 10 pulses a timing point instead of ten with 50.
-    seed : int
-        Of the plan and the simulation.
-    run_progress : callable, optional
-        Told of every stride of the experiment.
-    progress : callable, optional
-        Called with (done, of how many, what comes next) during the analysis.
-
-    Returns
-    -------
-    Demo
-        The analysis and the truth.
-
-    Raises
-    ------
-    OutputError
-        When the folder exists and no demo made it.
-    """
+    """Run the walking protocol on simulated people, analyse it, report beside the truth."""
     with new_folder(out, marker=MARKER, overwrite=True) as folder:
         made = run(
             _protocol(quick=quick),

@@ -53,21 +53,11 @@ class Task(Generic[Result]):
 
 @dataclass(frozen=True, slots=True)
 class Done(Generic[Result]):
-    """What became of a task.
+    """What became of a task."""
 
-    Parameters
-    ----------
-    name : str
-        Of the task.
-    value : object or None
-        Its result.
-    error : BaseException or None
-        What it raised.
-    """
-
-    name: str
-    value: Result | None = None
-    error: Exception | None = None
+    name: str  # of the task
+    value: Result | None = None  # its result
+    error: Exception | None = None  # what it raised
 
     def result(self) -> Result:
         """Return the result, or raise what the task raised."""
@@ -77,15 +67,9 @@ class Done(Generic[Result]):
 
 
 class Engine(ABC):
-    """Makes calls, some at once.
+    """Makes calls, some at once."""
 
-    Attributes
-    ----------
-    workers : int
-        How many at once.
-    """
-
-    workers: int = 1
+    workers: int = 1  # how many at once
 
     @property
     def ahead(self) -> int:
@@ -94,31 +78,14 @@ class Engine(ABC):
 
     @abstractmethod
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made.
-
-        Parameters
-        ----------
-        call : callable
-            Without arguments, fit for pickling.
-
-        Raises
-        ------
-        BrokenProcessPool
-            When workers were killed: :meth:`renew` first.
-        """
+        """Have a call made."""
 
     @abstractmethod
     def renew(self) -> None:
         """Start workers again where some were killed."""
 
     def losses(self, future: Future[Any]) -> int:
-        """Wait for a call, and return how many workers it has lost; 0 where it was made.
-
-        Parameters
-        ----------
-        future : concurrent.futures.Future
-            Of :meth:`submit`.
-        """
+        """Wait for a call, and return how many workers it has lost; 0 where it was made."""
         try:
             return int(isinstance(future.exception(), BrokenProcessPool))
         except CancelledError:  # with the others of its pool
@@ -128,11 +95,6 @@ class Engine(ABC):
         """Tell, once a worker was lost, whether a call went with it.
 
         Where one that is killed takes the others with it, so does every call that is not made.
-
-        Parameters
-        ----------
-        future : concurrent.futures.Future
-            Of :meth:`submit`.
         """
         return not future.done() or self.losses(future) > 0
 
@@ -146,13 +108,7 @@ class Serial(Engine):
         return 1
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Make a call now.
-
-        Parameters
-        ----------
-        call : callable
-            Without arguments.
-        """
+        """Make a call now."""
         made: Future[Result] = Future()
         try:
             made.set_result(call())
@@ -165,20 +121,7 @@ class Serial(Engine):
 
 
 class Processes(Engine):
-    """Makes calls in processes of this machine.
-
-    Parameters
-    ----------
-    workers : int
-        How many.
-    opening : callable
-        Gives a pool of them, as a context that ends it.
-
-    Raises
-    ------
-    EngineError
-        When they cannot be started.
-    """
+    """Makes calls in processes of this machine."""
 
     def __init__(
         self, workers: int, opening: Callable[[], AbstractContextManager[Executor]]
@@ -190,13 +133,7 @@ class Processes(Engine):
             self._pool = self._opened.enter_context(opening())
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made by a worker.
-
-        Parameters
-        ----------
-        call : callable
-            Without arguments, fit for pickling.
-        """
+        """Have a call made by a worker."""
         with signals_held():  # it may start a worker
             return self._pool.submit(call)
 
@@ -211,13 +148,7 @@ class Processes(Engine):
 
 
 def on_one_thread(call: Callable[[], Result]) -> Result:
-    """Make a call with one thread of linear algebra: how many there are changes last digits.
-
-    Parameters
-    ----------
-    call : callable
-        Without arguments.
-    """
+    """Make a call with one thread of linear algebra: how many there are changes last digits."""
     with threadpool_limits(limits=1):
         return call()
 
@@ -323,13 +254,7 @@ def done_in_turn(
 
 @contextmanager
 def engine_s_own_failures() -> Iterator[None]:
-    """Tell whatever is raised as the engine's; what tasks raise is in their futures.
-
-    Raises
-    ------
-    EngineError
-        With what was raised.
-    """
+    """Tell whatever is raised as the engine's; what tasks raise is in their futures."""
     try:
         yield
     except (EngineError, DataError):

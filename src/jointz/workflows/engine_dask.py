@@ -46,15 +46,6 @@ _NOT_INSTALLED = 'which is not installed. Install it: pip install "jointz[scale]
 class Cluster(Engine):
     """Makes calls on the workers of a Dask cluster that calculate as this process does.
 
-    Parameters
-    ----------
-    client : distributed.Client
-        Connected to it.
-    address : str
-        Of its scheduler, for messages.
-
-    Notes
-    -----
     A call is sent to workers by their addresses: to those that are known to have the same
     software. One that joins later is asked first, and gets none if it has another.
 
@@ -78,18 +69,7 @@ class Cluster(Engine):
         return max(1, len(self._fit))
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made on a worker.
-
-        Parameters
-        ----------
-        call : callable
-            Without arguments, fit for pickling.
-
-        Raises
-        ------
-        BrokenProcessPool
-            When there is none just now.
-        """
+        """Have a call made on a worker."""
         self._look()
         if not self._fit:
             raise BrokenProcessPool(f"{self._address}: no worker is left.")
@@ -98,13 +78,7 @@ class Cluster(Engine):
         return future
 
     def losses(self, future: Future[Any]) -> int:
-        """Wait for a call, and return how many workers it has lost; 0 where it was made.
-
-        Parameters
-        ----------
-        future : concurrent.futures.Future
-            Of :meth:`submit`.
-        """
+        """Wait for a call, and return how many workers it has lost; 0 where it was made."""
         while not wait([future], timeout=_LOOK_S).done:
             self._look()
             if self._is_left_alone(future):
@@ -119,24 +93,13 @@ class Cluster(Engine):
         """Tell, once a worker was lost, whether a call went with it.
 
         One that a worker is still at has not: a cluster cannot stop it, and would make it twice.
-
-        Parameters
-        ----------
-        future : concurrent.futures.Future
-            Of :meth:`submit`.
         """
         if future.done():
             return self.losses(future) > 0
         return self._is_left_alone(future)
 
     def renew(self) -> None:
-        """Wait for workers that the cluster starts again.
-
-        Raises
-        ------
-        EngineError
-            When none comes that may be sent calls.
-        """
+        """Wait for workers that the cluster starts again."""
         for future in list(self._sent):
             if self._is_left_alone(future):
                 future.cancel()  # or one that comes back would make it too
@@ -234,28 +197,7 @@ def _reached(found: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Cluster]:
-    """Join a Dask cluster, or start one.
-
-    Parameters
-    ----------
-    scheduler : str
-        ``tcp://host:port``, or ``local``.
-    workers : int, optional
-        Of a local cluster; as many as there are cores by default.
-
-    Yields
-    ------
-    Cluster
-        A local one ends with the block.
-
-    Raises
-    ------
-    DataError
-        When ``dask`` is not installed, nobody answers, a worker has other software or several
-        threads, or a script that starts a cluster has no guard.
-    EngineError
-        When processes cannot be started.
-    """
+    """Join a Dask cluster, or start one."""
     try:
         distributed: Any = import_module("distributed")
     except ImportError as exc:

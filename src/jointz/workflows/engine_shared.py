@@ -11,16 +11,7 @@ Result = TypeVar("Result")
 
 
 def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
-    """Have calls begun; each function returned waits for one result.
-
-    Parameters
-    ----------
-    engine : Engine
-        Who makes them; what the serial one does is done when its result is asked for.
-    calls : iterable of callable
-        Without arguments, fit for pickling; few, and not worth doing again elsewhere: what a
-        lost worker owed is done in this process.
-    """
+    """Have calls begun; each function returned waits for one result."""
     if isinstance(engine, Serial):
         return list(calls)
     return [partial(_result, engine, _begun(engine, call), call) for call in calls]

@@ -22,26 +22,15 @@ from jointz.workflows.results_folder import MARKER
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exploration:
-    """Results that are looked through.
+    """Results that are looked through."""
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The results folder; nothing in it is changed.
-    analysed : StudyAnalysis
-        As it stands there.
-    study : Study or None
-        What was analysed, with the exclusions that stand there now; None where it is not known.
-    again : mapping of str to ParticipantResult
-        Participants that were estimated again.
-    others : mapping of tuple to tuple of CellEstimate
-        (Method, participant) -> cells by methods that the results do not hold.
-    """
-
-    folder: Path
-    analysed: StudyAnalysis
+    folder: Path  # the results folder; nothing in it is changed
+    analysed: StudyAnalysis  # as it stands there
+    # what was analysed, with the exclusions that stand there now; None where it is not known
     study: Study | None
+    # participants that were estimated again
     again: Mapping[str, ParticipantResult] = field(default_factory=dict)
+    # (Method, participant) -> cells by methods that the results do not hold
     others: Mapping[tuple[str, str], tuple[CellEstimate, ...]] = field(default_factory=dict)
 
     @property
@@ -74,52 +63,24 @@ class Exploration:
         return self.otherwise(self.analysed.pulses)
 
     def otherwise(self, pulses: Sequence[PulseRecord]) -> tuple[PulseRecord, ...]:
-        """Return those of some pulses about which the study says otherwise now.
-
-        Parameters
-        ----------
-        pulses : sequence of PulseRecord
-            With the codes they were given once.
-        """
+        """Return those of some pulses about which the study says otherwise now."""
         if self.study is None:
             return ()
         now = excluded(self.study, pulses)
         return tuple(p for p, out in zip(pulses, now, strict=True) if (p.code == "user") != out)
 
     def with_study(self, study: Study) -> "Exploration":
-        """Return results with the study as it stands now.
-
-        Parameters
-        ----------
-        study : Study
-            Opened again.
-        """
+        """Return results with the study as it stands now."""
         return replace(self, study=study)
 
     def with_result(self, person_id: str, result: ParticipantResult) -> "Exploration":
-        """Return results with a participant estimated again.
-
-        Parameters
-        ----------
-        person_id : str
-            Which participant.
-        result : ParticipantResult
-            What came out.
-        """
+        """Return results with a participant estimated again."""
         return replace(self, again={**self.again, person_id: result})
 
     def with_other(
         self, method: str, person_id: str, cells: tuple[CellEstimate, ...]
     ) -> "Exploration":
-        """Return results with a participant estimated by one more method.
-
-        Parameters
-        ----------
-        method, person_id : str
-            By which method, whom.
-        cells : tuple of CellEstimate
-            What came out.
-        """
+        """Return results with a participant estimated by one more method."""
         return replace(self, others={**self.others, (method, person_id): cells})
 
     def methods(self) -> tuple[str, ...]:
@@ -151,26 +112,7 @@ class Exploration:
 def open_results(
     results: str | os.PathLike[str], *, study: str | os.PathLike[str] | None = None
 ) -> Exploration:
-    """Open a results folder, and the study it was made from.
-
-    Parameters
-    ----------
-    results : path
-        A folder that ``jointz analyze`` made.
-    study : path, optional
-        The study; by default a folder of its name beside the results, or where they are made
-        by ``jointz demo``.
-
-    Returns
-    -------
-    Exploration
-        Without a study where none is given and none is found.
-
-    Raises
-    ------
-    DataError
-        When the folder holds no results, or the study is not the one that was analysed.
-    """
+    """Open a results folder, and the study it was made from."""
     folder = Path(results)
     analysis = _read_analysis(folder)
     return Exploration(folder, analysis, _study_of(analysis, folder, study))
@@ -221,17 +163,7 @@ def _study_of(
 def cell_of(
     analysis: StudyAnalysis, label: str, timing_point: str, *, method: str | None = None
 ) -> CellEstimate | None:
-    """Return a cell of the chosen method, or of one it is compared with.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    label, timing_point : str
-        Which cell: participant with session and side, and where.
-    method : str, optional
-        By its name; the chosen one by default.
-    """
+    """Return a cell of the chosen method, or of one it is compared with."""
     wanted = (label, timing_point, method or analysis.settings["method"])
     for cell in (*analysis.cells, *analysis.comparison):
         if (cell.label, cell.timing_point, cell.method) == wanted:
@@ -240,15 +172,7 @@ def cell_of(
 
 
 def pulses_of(analysis: StudyAnalysis, label: str, timing_point: str) -> tuple[PulseRecord, ...]:
-    """Return the pulses of a participant at a timing point, in order of time.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    label, timing_point : str
-        Which: participant with session and side, and where.
-    """
+    """Return the pulses of a participant at a timing point, in order of time."""
     wanted = (label, timing_point)
     found = [p for p in analysis.pulses if (p.label, p.timing_point) == wanted]
     return tuple(sorted(found, key=lambda pulse: (pulse.recording, pulse.onset_s)))

@@ -25,15 +25,7 @@ _ROWS = {
 
 
 def table_csv(analysis: StudyAnalysis, name: str) -> bytes:
-    """Return a table as ``jointz analyze`` writes it.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    name : str
-        One of :data:`TABLES`.
-    """
+    """Return a table as ``jointz analyze`` writes it."""
     frames = {
         "estimates": analysis.to_frame,
         "comparison": analysis.comparison_frame,
@@ -45,15 +37,7 @@ def table_csv(analysis: StudyAnalysis, name: str) -> bytes:
 
 
 def figure_svg(analysis: StudyAnalysis, name: str) -> bytes | None:
-    """Return a figure of the report, None where the analysis has no data for it.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    name : str
-        One of :data:`jointz.report.figures.FIGURES`.
-    """
+    """Return a figure of the report, None where the analysis has no data for it."""
     if name not in FIGURES:
         raise ValueError(f"name: expected one of {', '.join(FIGURES)}; got {name!r}.")
     svg = draw_figure(analysis, name)
@@ -65,17 +49,6 @@ def traces_netcdf(
 ) -> bytes:
     """Return a participant's pulses with baseline, response, fit and residual, as netCDF.
 
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis; it says which pulses were used.
-    label : str
-        Whose: participant with session and side.
-    traces : mapping of PulseKey to PulseTrace
-        Of this participant.
-
-    Notes
-    -----
     Dimensions are ``pulse`` and, for each method, ``time_METHOD``. Pulses of which a method makes
     nothing are NaN.
     """
@@ -142,18 +115,7 @@ def _content(dataset: xr.Dataset) -> bytes:
 
 
 def file_name(*parts: str) -> str:
-    """Return a name that every system takes for a file, whatever a participant is called.
-
-    Parameters
-    ----------
-    parts : str
-        Of the name; the last is its ending, without dot.
-
-    Examples
-    --------
-    >>> file_name("pulses", "../<S01>", "nc")
-    'pulses_S01.nc'
-    """
+    """Return a name that every system takes for a file, whatever a participant is called."""
     *words, ending = parts
     safe = [re.sub(r"[^\w.-]+", "_", word).strip("._") or "unnamed" for word in words]
     return f"{'_'.join(safe)}.{ending}"

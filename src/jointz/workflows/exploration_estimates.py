@@ -23,73 +23,34 @@ from jointz.workflows.participants import participant_settings, read_participant
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Again:
-    """A participant estimated again.
+    """A participant estimated again."""
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    result : ParticipantResult
-        Estimates of every method, without evidence; pulses of a bench by themselves are not in it.
-    traces : mapping of PulseKey to PulseTrace
-        What each pulse was estimated from.
-    """
-
-    participant: str
+    participant: str  # the id
+    # estimates of every method, without evidence; pulses of a bench by themselves are not in it
     result: ParticipantResult
-    traces: Mapping[PulseKey, PulseTrace]
+    traces: Mapping[PulseKey, PulseTrace]  # what each pulse was estimated from
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """How to estimate.
+    """How to estimate."""
 
-    Parameters
-    ----------
-    method : str
-        By its own name.
-    resamples, seed : int
-        Of the bootstrap.
-    sha256 : mapping of str to str
-        File -> what it was when the study was analysed; another one is refused.
-    """
-
-    method: str
-    resamples: int
+    method: str  # by its own name
+    resamples: int  # of the bootstrap
     seed: int
+    # file -> what it was when the study was analysed; another one is refused
     sha256: Mapping[str, str]
 
     @classmethod
     def of(cls, analysis: StudyAnalysis) -> "Wanted":
-        """Return how an analysis was made.
-
-        Parameters
-        ----------
-        analysis : StudyAnalysis
-            The analysis.
-        """
+        """Return how an analysis was made."""
         settings, provenance = analysis.settings, analysis.provenance
         inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
         return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
 
 
 def estimate_again(study: Study, person_id: str, wanted: Wanted) -> Again:
-    """Estimate a participant again, with the exclusions that stand in the study now.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    wanted : Wanted
-        How; the same numbers come out as from ``jointz analyze``.
-
-    Raises
-    ------
-    DataError
-        When a recording cannot be used, or is not the one that was analysed.
-    """
+    """Estimate a participant again, with the exclusions that stand in the study now."""
     settings = participant_settings(
         study, person_id, wanted.method, resamples=wanted.resamples, seed=wanted.seed
     )
@@ -104,24 +65,7 @@ def estimate_again(study: Study, person_id: str, wanted: Wanted) -> Again:
 def estimate_otherwise(
     study: Study, person_id: str, wanted: Wanted, *, method: str
 ) -> tuple[CellEstimate, ...]:
-    """Estimate a participant by one more method, to compare.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    wanted : Wanted
-        Resamples and seed.
-    method : str
-        By its own name.
-
-    Raises
-    ------
-    DataError
-        As :func:`estimate_again`.
-    """
+    """Estimate a participant by one more method, to compare."""
     settings = participant_settings(
         study, person_id, method, resamples=wanted.resamples, seed=wanted.seed
     )
@@ -147,24 +91,8 @@ def with_again(
 ) -> StudyAnalysis:
     """Return an analysis with participants estimated again, and the means that follow.
 
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    study : Study
-        The study.
-    results : mapping of str to ParticipantResult
-        Participant -> estimated again.
-
-    Notes
-    -----
     Certificate, statistics and provenance are the old ones; :func:`jointz.analyze` makes them
     anew.
-
-    Raises
-    ------
-    DataError
-        When an earlier version made the analysis, without sessions, sides or effects of priors.
     """
     method = str(analysis.settings["method"])
     found = {

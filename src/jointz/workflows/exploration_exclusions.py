@@ -27,15 +27,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
-    """Tell which pulses the user left out; the last line about each counts.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    pulses : iterable of PulseRecord
-        The pulses.
-    """
+    """Tell which pulses the user left out; the last line about each counts."""
     by_file: dict[tuple[str, str], list[UserExclusion]] = {}
     for line in reversed(study.user_exclusions):
         by_file.setdefault((line.participant, line.recording), []).append(line)
@@ -47,42 +39,18 @@ def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
 
 
 def is_excluded(study: Study, pulse: PulseRecord) -> bool:
-    """Tell whether the user left a pulse out; the last line about it counts.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    pulse : PulseRecord
-        The pulse.
-    """
+    """Tell whether the user left a pulse out; the last line about it counts."""
     return excluded(study, [pulse])[0]
 
 
 def last_line(study: Study, pulse: PulseRecord) -> UserExclusion | None:
-    """Return the line of ``exclusions.csv`` that decides about a pulse, None without one.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    pulse : PulseRecord
-        The pulse.
-    """
+    """Return the line of ``exclusions.csv`` that decides about a pulse, None without one."""
     about = [line for line in study.user_exclusions if is_about(line, pulse)]
     return about[-1] if about else None
 
 
 def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
-    """Tell whether a line of ``exclusions.csv`` means a pulse.
-
-    Parameters
-    ----------
-    line : UserExclusion
-        The line.
-    pulse : PulseRecord
-        The pulse.
-    """
+    """Tell whether a line of ``exclusions.csv`` means a pulse."""
     same = (line.participant, line.recording) == (pulse.participant, pulse.recording)
     return same and abs(line.onset_s - pulse.onset_s) < SAME_TIME_S
 
@@ -90,33 +58,6 @@ def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
 def decide(study: Study, pulse: PulseRecord, action: Action, *, reason: str) -> Study:
     """Exclude or restore a pulse in the study's own file.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-    pulse : PulseRecord
-        The pulse.
-    action : str
-        ``exclude`` or ``restore``.
-    reason : str
-        In the user's words; must be given to exclude.
-
-    Returns
-    -------
-    Study
-        The study opened again, with everyone's lines. Where another page has decided the same
-        already, nothing is written.
-
-    Raises
-    ------
-    DataError
-        Without a reason, when the file that is there cannot be read, or ``study.toml`` was
-        changed since the study was opened.
-    WriteError
-        When the system does not let it be written.
-
-    Notes
-    -----
     Bytes that are there stay as they are; the line comes last, in the columns that the file has.
     Pages wait for each other; the file is there whole or not at all.
     """

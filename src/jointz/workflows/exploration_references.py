@@ -9,53 +9,25 @@ from jointz.reference import chapter4, literature
 
 @dataclass(frozen=True, slots=True)
 class ReferencePoint:
-    """A value of others.
+    """A value of others."""
 
-    Parameters
-    ----------
-    gait_pct : float, % of the gait cycle
-        Where.
-    value : float or None
-        SI; None where only a range is stated.
-    low, high : float
-        SI, the range.
-    """
-
-    gait_pct: float
-    value: float | None
-    low: float
+    gait_pct: float  # % of the gait cycle: where
+    value: float | None  # SI; None where only a range is stated
+    low: float  # SI, the range
     high: float
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCurve:
-    """Values of others, of one parameter.
+    """Values of others, of one parameter."""
 
-    Parameters
-    ----------
-    name : str
-        Whose.
-    meaning : str
-        What value and range are.
-    points : tuple of ReferencePoint
-        In the order of the cycle.
-    """
-
-    name: str
-    meaning: str
-    points: tuple[ReferencePoint, ...]
+    name: str  # whose
+    meaning: str  # what value and range are
+    points: tuple[ReferencePoint, ...]  # in the order of the cycle
 
 
 def reference_curves(joint: str, parameter: str) -> tuple[ReferenceCurve, ...]:
-    """Return what others found; nothing where nobody's numbers are known.
-
-    Parameters
-    ----------
-    joint : str
-        The study's; numbers are known for the knee.
-    parameter : str
-        As in ``estimates.csv``; the printed values are per body mass, and the inertia.
-    """
+    """Return what others found; nothing where nobody's numbers are known."""
     if joint != "knee" or parameter not in chapter4.TABLES:
         return ()
     printed = ReferenceCurve(

@@ -45,61 +45,32 @@ _BEFORE_S, _AFTER_S = 0.15, 0.35
 
 @dataclass(frozen=True, slots=True)
 class PulseKey:
-    """Which pulse.
+    """Which pulse."""
 
-    Parameters
-    ----------
-    participant, recording : str
-        Where it is.
-    onset_s : float, s
-        Its commanded onset.
-    """
-
-    participant: str
+    participant: str  # where it is
     recording: str
-    onset_s: float
+    onset_s: float  # s: its commanded onset
 
     @classmethod
     def of(cls, pulse: PulseRecord) -> "PulseKey":
-        """Return the key of a pulse.
-
-        Parameters
-        ----------
-        pulse : PulseRecord
-            The pulse.
-        """
+        """Return the key of a pulse."""
         return cls(pulse.participant, pulse.recording, pulse.onset_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """A pulse in the window of a method.
+    """A pulse in the window of a method."""
 
-    Parameters
-    ----------
-    time_s : (n,) float, s
-        From the commanded onset.
-    angle, torque : (n,) float, rad and N*m
-        As the method sees them: raw, or filtered.
-    baseline_angle, baseline_torque : (n,) float, rad and N*m
-        What would have been without the pulse.
-    sign : float
-        +1 or -1; responses are turned by it.
-    fitted : (n,) float or None
-        Angle (rad) or torque (N*m) of the model that was fitted to the average of the timing
-        point; None where none was.
-    fits : str
-        Which: ``angle`` or ``torque``.
-    """
-
-    time_s: np.ndarray
-    angle: np.ndarray
+    time_s: np.ndarray  # from the commanded onset
+    angle: np.ndarray  # as the method sees them: raw, or filtered
     torque: np.ndarray
-    baseline_angle: np.ndarray
+    baseline_angle: np.ndarray  # what would have been without the pulse
     baseline_torque: np.ndarray
-    sign: float
+    sign: float  # +1 or -1; responses are turned by it
+    # angle (rad) or torque (N*m) of the model that was fitted to the average of the timing point;
+    # None where none was
     fitted: np.ndarray | None
-    fits: str
+    fits: str  # which: ``angle`` or ``torque``
 
     @property
     def response_angle(self) -> np.ndarray:
@@ -130,25 +101,14 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseTrace:
-    """What is known of one pulse.
+    """What is known of one pulse."""
 
-    Parameters
-    ----------
-    time_s : (m,) float, s
-        From the commanded onset, with a stretch before and after the window.
-    angle, torque : (m,) float, rad and N*m
-        As recorded; NaN where it is missing.
-    windows : mapping of str to Window
-        Method -> what it makes of the pulse; without those that make nothing of it.
-    if_restored : bool
-        Whether the user left it out, and windows show what restoring it would give.
-    """
-
-    time_s: np.ndarray
-    angle: np.ndarray
+    time_s: np.ndarray  # from the commanded onset, with a stretch before and after the window
+    angle: np.ndarray  # as recorded; NaN where it is missing
     torque: np.ndarray
+    # method -> what it makes of the pulse; without those that make nothing of it
     windows: Mapping[str, Window]
-    if_restored: bool
+    if_restored: bool  # whether the user left it out, and windows show what restoring it would give
 
 
 def pulse_traces(
@@ -157,19 +117,7 @@ def pulse_traces(
     settings: ParticipantSettings,
     result: ParticipantResult,
 ) -> dict[PulseKey, PulseTrace]:
-    """Return what every pulse of a participant was estimated from.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What was asked for.
-    result : ParticipantResult
-        What came out, with its evidence.
-    """
+    """Return what every pulse of a participant was estimated from."""
     traces: dict[PulseKey, PulseTrace] = {}
     for unit, group in recording_groups(recordings, walking=settings.walking):
         if unit is not None:

@@ -48,33 +48,15 @@ _POSITIONS = ("position_rad", "velocity_rad_s")
 
 @dataclass(frozen=True, slots=True)
 class Hardware:
-    """The devices that a file names, and whom they are put on.
+    """The devices that a file names, and whom they are put on."""
 
-    Parameters
-    ----------
-    where : str
-        The file.
-    file : DeviceFile
-        What it says, but for sensors that the protocol has no use for.
-    wearers : tuple of Wearer
-        Participants, or the loads of a bench, in their order.
-    """
-
-    where: str
-    file: DeviceFile
-    wearers: tuple[Wearer, ...]
+    where: str  # the file
+    file: DeviceFile  # what it says, but for sensors that the protocol has no use for
+    wearers: tuple[Wearer, ...]  # participants, or the loads of a bench, in their order
 
 
 class HardwareRig:
-    """The devices of a laboratory on one wearer.
-
-    Parameters
-    ----------
-    hardware : Hardware
-        What there is.
-    number : int
-        Of the wearer, from 0.
-    """
+    """The devices of a laboratory on one wearer."""
 
     def __init__(self, hardware: Hardware, number: int) -> None:
         self._hardware = hardware
@@ -97,24 +79,7 @@ class HardwareRig:
         return self._hardware.file.device
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Whether the actuator is worn; else it is left alone.
-        segment : int
-            Number of the stretch.
-        clock : Clock
-            The host's.
-
-        Raises
-        ------
-        DeviceError
-            When the library of a driver is needed to make its device, and is not installed.
-        """
+        """Return the devices, ``UNCONFIGURED``."""
         del condition, segment
         file = self._hardware.file
         if not worn:
@@ -144,26 +109,7 @@ def read_hardware(
     participants: int | None = None,
     known: CalibrationFile | None = None,
 ) -> Hardware:
-    """Read a ``device.toml`` and see that it has what a protocol needs.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    protocol : Protocol
-        Of the experiment.
-    participants : int, optional
-        How many; by default those of the file, else the protocol's own number.
-    known : CalibrationFile, optional
-        What a calibration knows besides.
-
-    Raises
-    ------
-    DeviceFileError
-        When the file has problems, or lacks what the protocol needs.
-    DataError
-        When there is no such file, or it names fewer participants.
-    """
+    """Read a ``device.toml`` and see that it has what a protocol needs."""
     where = os.fspath(path)
     file = device_file(read_device_file(path), where=where)
     wearers = _wearers(protocol, file, where, participants)
@@ -179,18 +125,7 @@ def read_hardware(
 def refuse_with_devices(
     *, device: str | None, preset: str | None, clock: str | None, workers: int
 ) -> None:
-    """Refuse what only a simulation knows, where a device file is given.
-
-    Parameters
-    ----------
-    device, preset, clock, workers
-        As :func:`jointz.run` has them; None where not given.
-
-    Raises
-    ------
-    DataError
-        Saying what to leave out, or that the system is none that devices are driven from.
-    """
+    """Refuse what only a simulation knows, where a device file is given."""
     if not sys.platform.startswith("linux"):
         raise DataError(
             f"config: real devices are driven from Linux only, this is {platform.system()}: its "

@@ -34,47 +34,14 @@ _SI_UNITS = {name: units[0] for name, units in CHANNEL_UNITS.items()} | {
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a file and its unit.
+    """A column of a file and its unit."""
 
-    Parameters
-    ----------
-    name : str
-        The column.
-    unit : str
-        As written; SI where nothing was.
-    """
-
-    name: str
-    unit: str
+    name: str  # the column
+    unit: str  # as written; SI where nothing was
 
 
 def parse_column(text: str, channel: str, columns: list[str] | None = None) -> Column:
-    """Read ``COL[:unit]``.
-
-    Parameters
-    ----------
-    text : str
-        As on the command line.
-    channel : str
-        Such as ``time``, ``angle`` or ``torque``; says what is measured.
-    columns : list of str, optional
-        Columns of the file: a name that holds a colon is then understood.
-
-    Returns
-    -------
-    Column
-        SI where no unit is given.
-
-    Raises
-    ------
-    UnitError
-        When the unit cannot be read or measures something else.
-
-    Examples
-    --------
-    >>> parse_column("knee_angle:deg", "angle")
-    Column(name='knee_angle', unit='deg')
-    """
+    """Read ``COL[:unit]``."""
     si_unit = _SI_UNITS[channel]
     if columns is not None and text in columns:
         return Column(text, si_unit)
@@ -86,31 +53,7 @@ def parse_column(text: str, channel: str, columns: list[str] | None = None) -> C
 
 
 def parse_quantity(text: str, quantity: str) -> float:
-    """Read ``VALUE[:unit]``.
-
-    Parameters
-    ----------
-    text : str
-        As on the command line.
-    quantity : str
-        ``rotor-inertia`` or ``smooth-velocity``.
-
-    Returns
-    -------
-    float
-        SI.
-
-    Raises
-    ------
-    DataError
-        When it is no number, or its unit cannot be read or measures something
-        else.
-
-    Examples
-    --------
-    >>> parse_quantity("92:kg*cm^2", "rotor-inertia")
-    0.0092
-    """
+    """Read ``VALUE[:unit]``."""
     number, _, unit = text.partition(":")
     factor, offset = _conversion(unit or _SI_UNITS[quantity], quantity, text)
     try:
@@ -136,36 +79,7 @@ def identify_joint_file(
     rate_hz: float | None = None,
     **settings: Any,
 ) -> tuple[JointFit | ImpulseResponseFit | FrequencyResponseFit | ReflexFit, dict[str, Column]]:
-    """Identify a joint from one time series in a file.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        Any format jointz reads.
-    columns : mapping of str to str
-        ``angle``, ``torque`` and, where there are, ``time`` and ``command`` ->
-        ``COL[:unit]``.
-    files : mapping, optional
-        Layout of a text file: ``delimiter``, ``decimal``, ``skip_rows``, ``header``
-        as under ``[files]`` of a study; without a header a column is a number.
-    rate_hz : float, optional
-        Where the file has no time column.
-    **settings : Any
-        ``model``, ``estimator``, ``input``, ``cutoff_hz``, ``torque_acts_on``
-        of :func:`jointz.identify_joint`.
-
-    Returns
-    -------
-    fit : JointFit, ImpulseResponseFit, FrequencyResponseFit or ReflexFit
-        The result; which one follows from the model.
-    columns : dict of str to Column
-        The columns as they were understood.
-
-    Raises
-    ------
-    DataError
-        When the file or a column cannot be used.
-    """
+    """Identify a joint from one time series in a file."""
     _check_time_or_rate(columns, rate_hz)
     recording, parsed = _read(file, columns, files)
     with _named(file, parsed):
@@ -180,33 +94,7 @@ def identify_bandwidth_file(
     rate_hz: float | None = None,
     **settings: Any,
 ) -> tuple[BandwidthFit, dict[str, Column]]:
-    """Find the torque bandwidth in one time series in a file.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        Any format jointz reads.
-    columns : mapping of str to str
-        ``command``, ``torque`` and, where there is, ``time`` -> ``COL[:unit]``.
-    files : mapping, optional
-        Layout of a text file, as of :func:`identify_joint_file`.
-    rate_hz : float, optional
-        Where the file has no time column.
-    **settings : Any
-        ``method``, ``window_s``, ``drop_db`` of :func:`jointz.identify_bandwidth`.
-
-    Returns
-    -------
-    fit : BandwidthFit
-        The result.
-    columns : dict of str to Column
-        The columns as they were understood.
-
-    Raises
-    ------
-    DataError
-        When the file or a column cannot be used.
-    """
+    """Find the torque bandwidth in one time series in a file."""
     _check_time_or_rate(columns, rate_hz)
     recording, parsed = _read(file, columns, files)
     with _named(file, parsed):
@@ -221,35 +109,7 @@ def identify_actuator_file(
     rate_hz: float | None = None,
     **settings: Any,
 ) -> tuple[ActuatorFit, dict[str, Column]]:
-    """Fit a torque model to one bench record in a file.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        Any format jointz reads.
-    columns : mapping of str to str
-        ``current``, ``torque`` and, where there are, ``velocity``,
-        ``acceleration`` and ``time`` -> ``COL[:unit]``.
-    files : mapping, optional
-        Layout of a text file, as of :func:`identify_joint_file`.
-    rate_hz : float, optional
-        Where the file has no time column; not needed.
-    **settings : Any
-        ``model``, ``gear_ratio``, ``torque_sign``, ``rotor_inertia``,
-        ``smooth_velocity_rad_s`` of :func:`jointz.identify_actuator`.
-
-    Returns
-    -------
-    fit : ActuatorFit
-        The result.
-    columns : dict of str to Column
-        The columns as they were understood.
-
-    Raises
-    ------
-    DataError
-        When the file or a column cannot be used.
-    """
+    """Fit a torque model to one bench record in a file."""
     if "time" in columns and rate_hz is not None:
         raise DataError("Give --time COL[:unit] or --rate HZ or neither, not both.")
     recording, parsed = _read(file, columns, files)

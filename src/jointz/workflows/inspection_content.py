@@ -24,33 +24,16 @@ _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """A column as it stands in a file.
+    """A column as it stands in a file."""
 
-    Parameters
-    ----------
-    group : str
-        Signals that were sampled together; "" for the only group.
-    key : str or int
-        What a study calls it: a name, or a number from 1.
-    title : str
-        What the file calls it, "" where it does not.
-    values : (n,) array
-        float64, or str objects.
-    unit : str
-        As the file states it.
-    stray : str
-        Why a study would refuse the column: a cell that is no number; "" where none is.
-    unit_why : str
-        Where the unit comes from if not from the file, "" if it does.
-    """
-
-    group: str
-    key: str | int
-    title: str
-    values: np.ndarray
-    unit: str = ""
+    group: str  # signals that were sampled together; "" for the only group
+    key: str | int  # what a study calls it: a name, or a number from 1
+    title: str  # what the file calls it, "" where it does not
+    values: np.ndarray  # float64, or str objects
+    unit: str = ""  # as the file states it
+    # why a study would refuse the column: a cell that is no number; "" where none is
     stray: str = ""
-    unit_why: str = ""
+    unit_why: str = ""  # where the unit comes from if not from the file, "" if it does
 
     @property
     def is_text(self) -> bool:
@@ -60,72 +43,29 @@ class Column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupClock:
-    """The clock that a file itself states for a group.
+    """The clock that a file itself states for a group."""
 
-    Parameters
-    ----------
-    group : str
-        Whose.
-    n : int
-        Samples.
-    rate_hz : float or None
-        Of a uniform clock.
-    start_s : float
-        Time of the first sample on a uniform clock.
-    time_s : (n,) array or None
-        Stamps.
-    unit_stated : bool
-        Whether the file says the unit of the stamps.
-    """
-
-    group: str
-    n: int
-    rate_hz: float | None = None
-    start_s: float = 0.0
-    time_s: np.ndarray | None = None
-    unit_stated: bool = True
+    group: str  # whose
+    n: int  # samples
+    rate_hz: float | None = None  # of a uniform clock
+    start_s: float = 0.0  # time of the first sample on a uniform clock
+    time_s: np.ndarray | None = None  # stamps
+    unit_stated: bool = True  # whether the file says the unit of the stamps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Content:
-    """What a file holds.
+    """What a file holds."""
 
-    Parameters
-    ----------
-    columns : tuple of Column
-        In the order of the file.
-    clocks : tuple of GroupClock
-        One a group.
-    n_events : int
-        Events.
-    files : FilesSpec or None
-        Layout of a text file.
-    notes : tuple of str
-        What had to be decided.
-    """
-
-    columns: tuple[Column, ...]
-    clocks: tuple[GroupClock, ...]
+    columns: tuple[Column, ...]  # in the order of the file
+    clocks: tuple[GroupClock, ...]  # one a group
     n_events: int = 0
-    files: FilesSpec | None = None
-    notes: tuple[str, ...] = ()
+    files: FilesSpec | None = None  # layout of a text file
+    notes: tuple[str, ...] = ()  # what had to be decided
 
 
 def read_content(path: Path, given: Mapping[str, Any] | None = None) -> Content:
-    """Read all columns of a file; the layout of a text file is found out.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    given : mapping, optional
-        Fields of ``[files]`` that are known.
-
-    Raises
-    ------
-    DataError
-        When it is missing, unknown or damaged.
-    """
+    """Read all columns of a file; the layout of a text file is found out."""
     if not path.is_file():
         raise DataError(
             f"{path}: no such file. Correct the name or bring the file.", path=str(path)

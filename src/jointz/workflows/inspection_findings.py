@@ -37,33 +37,15 @@ _CYCLE_POINTS = (2, 1001)
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """Where the pulses of a recording are.
+    """Where the pulses of a recording are."""
 
-    Parameters
-    ----------
-    source : str
-        ``command``, ``angle`` or "" for none that were found.
-    n : int
-        How many.
-    why : str
-        In words.
-    """
-
-    source: str = ""
-    n: int = 0
-    why: str = ""
+    source: str = ""  # ``command``, ``angle`` or "" for none that were found
+    n: int = 0  # how many
+    why: str = ""  # in words
 
 
 def find_pulses(given: Given, clock: SeenClock) -> Pulses:
-    """Look for pulses: in the command, else as steps of the angle.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    clock : SeenClock
-        Its clock.
-    """
+    """Look for pulses: in the command, else as steps of the angle."""
     if "command" in given:
         command = given["command"][0].column.values
         there = np.isfinite(command) & (command != 0)
@@ -92,17 +74,7 @@ def likely_rates(given: Given, clock: SeenClock) -> dict[float, float]:
 
 
 def stride_notes(given: Given, clock: SeenClock, *, walking: bool) -> list[str]:
-    """Return a note where strides last longer or shorter than those of walking people.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    clock : SeenClock
-        Its clock.
-    walking : bool
-        Whether people walked.
-    """
+    """Return a note where strides last longer or shorter than those of walking people."""
     time = _time(given, clock)
     if not walking or time is None or clock.restarts or clock.n_back:
         return []
@@ -129,13 +101,7 @@ def _steps_of_feet(given: Given, time: np.ndarray) -> xr.Dataset | None:
 
 
 def follows_command(given: Given) -> float | None:
-    """Return the correlation of torque and command in pulses, None where it does not tell.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    """
+    """Return the correlation of torque and command in pulses, None where it does not tell."""
     command, torque = _si(given, "command"), _si(given, "torque")
     both = np.isfinite(command) & np.isfinite(torque)
     command, torque = command[both], torque[both]
@@ -151,18 +117,6 @@ def opposes(given: Given, clock: SeenClock) -> float | None:
     The torque's changes over 80 ms are set against those of angle, velocity and acceleration.
     Where stiffness and inertia come out negative together, the torque is the joint's answer to the
     device; where both are positive, it is what the device does to the joint.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    clock : SeenClock
-        Its clock.
-
-    Returns
-    -------
-    float or None
-        Share of variance that is told, negative where the torque opposes.
     """
     time = _time(given, clock)
     if time is None or clock.rate_hz is None or time.size < _FEWEST_SAMPLES:
@@ -204,15 +158,7 @@ def _si(given: Given, channel: str) -> np.ndarray:
 
 
 def not_a_recording(columns: Sequence[Looked], given: Given) -> tuple[str, str]:
-    """Return why a table holds no course in time, and what takes it; two empty texts: it may.
-
-    Parameters
-    ----------
-    columns : sequence of Looked
-        The columns.
-    given : mapping
-        Channel -> column.
-    """
+    """Return why a table holds no course in time, and what takes it; two empty texts: it may."""
     rows = columns[0].course.n if columns else 0
     names = {str(c.column.title or c.key).casefold() for c in columns}
     if any("stiffness" in n or "damping" in n for n in names):
@@ -257,17 +203,7 @@ def _stamps(looked: Looked) -> bool:
 
 
 def missing_channels(columns: Sequence[Looked], given: Given, clock: SeenClock) -> list[str]:
-    """Return what a study needs and the file has not, a sentence each.
-
-    Parameters
-    ----------
-    columns : sequence of Looked
-        The columns.
-    given : mapping
-        Channel -> column.
-    clock : SeenClock
-        Its clock.
-    """
+    """Return what a study needs and the file has not, a sentence each."""
     found = []
     names = {w for c in columns for w in c.words.found}
     if columns and not {"angle", "torque"} & set(given) and not any(_named(c) for c in columns):
@@ -320,15 +256,7 @@ def _named(looked: Looked) -> bool:
 
 
 def bad_channels(given: Given, overflow: Mapping[str, str]) -> list[str]:
-    """Return what makes channels that are there useless, a sentence each.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    overflow : mapping of str to str
-        Channel -> what is said of impossible numbers.
-    """
+    """Return what makes channels that are there useless, a sentence each."""
     found = [
         f"column '{given[channel][0].key}' ({channel}): {note} Its samples cannot be trusted."
         for channel, note in overflow.items()
@@ -345,15 +273,7 @@ def bad_channels(given: Given, overflow: Mapping[str, str]) -> list[str]:
 
 
 def clock_obstacles(given: Given, clock: SeenClock) -> list[str]:
-    """Return what is wrong with the time stamps, a sentence each.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    clock : SeenClock
-        The clock.
-    """
+    """Return what is wrong with the time stamps, a sentence each."""
     found = []
     if clock.n_back:
         found.append(
@@ -374,19 +294,7 @@ def clock_obstacles(given: Given, clock: SeenClock) -> list[str]:
 
 
 def command_advice(file: str, given: Given, files: FilesSpec | None, *, acts_on: str) -> list[str]:
-    """Return the commands that take the file as it is.
-
-    Parameters
-    ----------
-    file : str
-        Its name.
-    given : mapping
-        Channel -> column.
-    files : FilesSpec or None
-        Layout of a text file.
-    acts_on : str
-        ``joint`` or ``device``: which side the torque is on.
-    """
+    """Return the commands that take the file as it is."""
     if "torque" not in given:
         return []
     said = {name: _option(given, name) for name in given}

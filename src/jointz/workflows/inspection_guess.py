@@ -41,21 +41,11 @@ _NO_DEVICE = word_set("nwc nodevice without barefoot")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looked:
-    """A column that was looked at: its name taken apart, and what its samples show.
-
-    Parameters
-    ----------
-    column : Column
-        The column.
-    words : Words
-        Its name, with the unit that stands beside it where one does.
-    course : Course
-        Its samples.
-    """
+    """A column that was looked at: its name taken apart, and what its samples show."""
 
     column: Column
-    words: Words
-    course: Course
+    words: Words  # its name, with the unit that stands beside it where one does
+    course: Course  # its samples
 
     @property
     def key(self) -> str | int:
@@ -70,49 +60,23 @@ class Looked:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What a column is taken for.
+    """What a column is taken for."""
 
-    Parameters
-    ----------
-    channel : str
-        The channel of a study.
-    why : str
-        In words.
-    unit : str
-        Its unit, "" for a label or a switch.
-    unit_why : str
-        Why this unit, "" where the file states it.
-    """
-
-    channel: str
-    why: str
-    unit: str = ""
-    unit_why: str = ""
+    channel: str  # the channel of a study
+    why: str  # in words
+    unit: str = ""  # its unit, "" for a label or a switch
+    unit_why: str = ""  # why this unit, "" where the file states it
 
 
 def looked_at(column: Column) -> Looked:
-    """Look at the name and the samples of a column.
-
-    Parameters
-    ----------
-    column : Column
-        The column.
-    """
+    """Look at the name and the samples of a column."""
     words = words_of(str(column.title or column.key))
     stated = readable_unit(column.unit)
     return Looked(column, replace(words, unit=stated) if stated else words, course_of(column))
 
 
 def guessed_joint(columns: Sequence[Looked], file: Words) -> tuple[str, str]:
-    """Return the joint that a file is most likely about, with why; "" where nothing says.
-
-    Parameters
-    ----------
-    columns : sequence of Looked
-        Its columns.
-    file : Words
-        The names of file and folder.
-    """
+    """Return the joint that a file is most likely about, with why; "" where nothing says."""
     found: Counter[str] = Counter()
     for channel in ("angle", "torque"):
         for joint in {c.words.joint for c in columns if channel in channel_scores(c.words)}:
@@ -128,17 +92,7 @@ def guessed_joint(columns: Sequence[Looked], file: Words) -> tuple[str, str]:
 
 
 def guessed_side(columns: Sequence[Looked], file: Words, joint: str) -> tuple[str, str]:
-    """Return the side to begin with, "" where names say none, with why.
-
-    Parameters
-    ----------
-    columns : sequence of Looked
-        The columns.
-    file : Words
-        The names of file and folder.
-    joint : str
-        The joint.
-    """
+    """Return the side to begin with, "" where names say none, with why."""
     if file.side:
         return file.side, "the file's name says it"
     sides = {c.words.side for c in columns if c.words.joint in ("", joint)} - {""}
@@ -150,17 +104,7 @@ def guessed_side(columns: Sequence[Looked], file: Words, joint: str) -> tuple[st
 def assigned(
     columns: Sequence[Looked], file: Words, *, joint: str, side: str
 ) -> dict[str, tuple[Looked, Taken]]:
-    """Give columns to channels; each column to one, each channel to one.
-
-    Parameters
-    ----------
-    columns : sequence of Looked
-        Columns that were sampled together.
-    file : Words
-        The names of file and folder.
-    joint, side : str
-        What the file is about.
-    """
+    """Give columns to channels; each column to one, each channel to one."""
     of_joint = [
         c for c in columns
         if c.words.joint in ("", joint) and (not side or c.words.side in ("", side))
@@ -265,15 +209,7 @@ def _taken(channel: str, looked: Looked, why: str) -> Taken:
 
 
 def guessed_unit(channel: str, looked: Looked) -> tuple[str, str]:
-    """Return the unit that a column's numbers suggest, with why.
-
-    Parameters
-    ----------
-    channel : str
-        The channel it is taken for.
-    looked : Looked
-        The column.
-    """
+    """Return the unit that a column's numbers suggest, with why."""
     low, high = looked.course.low or 0.0, looked.course.high or 0.0
     size, span = max(abs(low), abs(high)), high - low
     if channel == "time":
@@ -299,13 +235,7 @@ def _unit_of_time(time: np.ndarray) -> tuple[str, str]:
 
 
 def si_of(taken: Taken) -> tuple[str, float]:
-    """Return the SI unit of a column and the factor to it.
-
-    Parameters
-    ----------
-    taken : Taken
-        What the column is taken for.
-    """
+    """Return the SI unit of a column and the factor to it."""
     if not taken.unit:
         return "1", 1.0
     si_unit, factor, _ = si_unit_of(taken.unit)
@@ -313,32 +243,13 @@ def si_of(taken: Taken) -> tuple[str, float]:
 
 
 def in_seconds(looked: Looked, taken: Taken) -> np.ndarray:
-    """Return the stamps of a time column, s.
-
-    Parameters
-    ----------
-    looked : Looked
-        The column.
-    taken : Taken
-        Its unit.
-    """
+    """Return the stamps of a time column, s."""
     factor, offset = conversion(taken.unit or "s", "s")
     return np.asarray(factor * looked.column.values + offset)
 
 
 def guessed_condition(text: str) -> str:
-    """Return the condition that a name or a level stands for, "" where it says none.
-
-    Parameters
-    ----------
-    text : str
-        Of a file, or in a column of conditions.
-
-    Examples
-    --------
-    >>> guessed_condition("S01_EWP"), guessed_condition("UnpertPre_data")
-    ('perturbed', 'unperturbed')
-    """
+    """Return the condition that a name or a level stands for, "" where it says none."""
     known = CONDITIONS.get(text.strip().casefold())
     if known:
         return known

@@ -16,13 +16,7 @@ _TAIL = re.compile(r"[_ ]([A-Za-z%°][A-Za-z0-9*/^°%.·]*)$")
 
 
 def word_set(text: str) -> frozenset[str]:
-    """Return the words of a text as a set.
-
-    Parameters
-    ----------
-    text : str
-        Words with blanks between them.
-    """
+    """Return the words of a text as a set."""
     return frozenset(text.split())
 
 
@@ -50,39 +44,17 @@ GAIT_WORDS = word_set(
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What a name is made of.
+    """What a name is made of."""
 
-    Parameters
-    ----------
-    found : frozenset of str
-        Its words, in small letters.
-    joint, side, direction : str
-        What they say, "" for nothing.
-    unit : str
-        The unit that the name states, as :mod:`jointz.io.units` reads it; "" for none.
-    """
-
-    found: frozenset[str] = field(default_factory=frozenset)
-    joint: str = ""
+    found: frozenset[str] = field(default_factory=frozenset)  # its words, in small letters
+    joint: str = ""  # what they say, "" for nothing
     side: str = ""
     direction: str = ""
-    unit: str = ""
+    unit: str = ""  # the unit that the name states, as :mod:`jointz.io.units` reads it; "" for none
 
 
 def words_of(name: str) -> Words:
-    """Take a name apart.
-
-    Parameters
-    ----------
-    name : str
-        Of a column or file.
-
-    Examples
-    --------
-    >>> found = words_of("RightKneeFlexionMoment_Nm")
-    >>> found.joint, found.side, found.direction, found.unit
-    ('knee', 'right', 'flexion', 'N*m')
-    """
+    """Take a name apart."""
     parts = [word.casefold() for word in _WORD.findall(name)]
     found = frozenset([*parts, *(a + b for a, b in pairwise(parts))])
     return Words(
@@ -108,18 +80,7 @@ def _unit_of(name: str) -> str:
 
 
 def readable_unit(text: str) -> str:
-    """Return a unit as it can be read, "" where it cannot.
-
-    Parameters
-    ----------
-    text : str
-        As written.
-
-    Examples
-    --------
-    >>> readable_unit("nm"), readable_unit("deg"), readable_unit("force")
-    ('N*m', 'deg', '')
-    """
+    """Return a unit as it can be read, "" where it cannot."""
     plain = _SMALL.get(text.strip().casefold(), text.strip()) if text.strip() != "N" else "N"
     if not plain or plain in ("1", "-") or plain.isdecimal():
         return ""
@@ -131,20 +92,7 @@ def readable_unit(text: str) -> str:
 
 
 def unreadable_unit(name: str, stated: str) -> str:
-    """Return the unit that a column states and nobody can read, "" where there is none.
-
-    Parameters
-    ----------
-    name : str
-        The column.
-    stated : str
-        What stands beside the name, in a row of units or an attribute.
-
-    Examples
-    --------
-    >>> unreadable_unit("torque", "Nmm/grad"), unreadable_unit("knee [deg]", "")
-    ('Nmm/grad', '')
-    """
+    """Return the unit that a column states and nobody can read, "" where there is none."""
     unit = (stated or unit_in_name(name)).strip()
     if unit.casefold() in _NO_UNIT or unit.isdecimal():
         return ""
@@ -210,18 +158,7 @@ _WORSE = word_set("raw estimated model calc calculated error sd std var perkg")
 
 
 def channel_scores(words: Words) -> dict[str, int]:
-    """Return the channels of a study that a name speaks for, with how clearly.
-
-    Parameters
-    ----------
-    words : Words
-        The name.
-
-    Examples
-    --------
-    >>> max(channel_scores(words_of("motor_torque_command")).items(), key=lambda s: s[1])[0]
-    'command'
-    """
+    """Return the channels of a study that a name speaks for, with how clearly."""
     scores: dict[str, int] = {}
     for rule in _RULES:
         if rule.fits(words.found):

@@ -25,45 +25,21 @@ _LARGEST: Mapping[str, float] = {
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What the samples of a column show.
+    """What the samples of a column show."""
 
-    Parameters
-    ----------
-    n, n_missing : int
-        Samples, and those without a number (of text: nothing).
-    low, high : float or None
-        Smallest and largest finite number.
-    levels : tuple of str
-        What stands there, where it is text or a few numbers.
-    rises : bool
-        Whether it never falls and mostly grows.
-    whole : bool
-        Whether all numbers are whole.
-    notes : tuple of str
-        What its user must know.
-    outline : tuple of float or None
-        Means of equal parts.
-    """
-
-    n: int
+    n: int  # samples, and those without a number (of text: nothing)
     n_missing: int
-    low: float | None
+    low: float | None  # smallest and largest finite number
     high: float | None
-    levels: tuple[str, ...]
-    rises: bool
-    whole: bool
-    notes: tuple[str, ...]
-    outline: tuple[float | None, ...]
+    levels: tuple[str, ...]  # what stands there, where it is text or a few numbers
+    rises: bool  # whether it never falls and mostly grows
+    whole: bool  # whether all numbers are whole
+    notes: tuple[str, ...]  # what its user must know
+    outline: tuple[float | None, ...]  # means of equal parts
 
 
 def course_of(column: Column) -> Course:
-    """Look at the samples of a column.
-
-    Parameters
-    ----------
-    column : Column
-        The column.
-    """
+    """Look at the samples of a column."""
     if column.is_text:
         return _course_of_text(column.values)
     values = column.values
@@ -162,17 +138,7 @@ def _held(finite: np.ndarray) -> list[str]:
 
 
 def overflow_note(course: Course, si_unit: str, factor: float) -> str:
-    """Return a sentence where a column holds numbers that no sensor shows, "" elsewhere.
-
-    Parameters
-    ----------
-    course : Course
-        What its samples show.
-    si_unit : str
-        What it measures.
-    factor : float
-        From its unit to SI.
-    """
+    """Return a sentence where a column holds numbers that no sensor shows, "" elsewhere."""
     largest = _LARGEST.get(si_unit)
     ends = [end for end in (course.low, course.high) if end is not None]
     worst = max(ends, key=abs, default=0.0)
@@ -182,19 +148,7 @@ def overflow_note(course: Course, si_unit: str, factor: float) -> str:
 
 
 def clock_of(group: str, n: int, source: str, time_s: np.ndarray) -> SeenClock:
-    """Look at the stamps of a clock.
-
-    Parameters
-    ----------
-    group : str
-        Whose.
-    n : int
-        Samples.
-    source : str
-        Where the stamps come from.
-    time_s : (n,) float, s
-        The stamps.
-    """
+    """Look at the stamps of a clock."""
     finite = time_s[np.isfinite(time_s)]
     steps = np.diff(finite)
     if not steps.size or not (steps > 0).any():

@@ -21,72 +21,36 @@ _CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """A value and why it was chosen; no reason: it is known.
-
-    Parameters
-    ----------
-    value : str
-        The value.
-    why : str
-        The reason, "" where it is no guess.
-    """
+    """A value and why it was chosen; no reason: it is known."""
 
     value: str
-    why: str = ""
+    why: str = ""  # the reason, "" where it is no guess
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
-    """What goes into a ``study.toml``.
+    """What goes into a ``study.toml``."""
 
-    Parameters
-    ----------
-    file : str
-        As the study names it.
-    given : mapping
-        Channel -> column.
-    joint, kind, acts_on, side, condition : Guess
-        Keys of the study; an empty condition is held by a column.
-    pulses : Pulses
-        Where they are.
-    files : FilesSpec or None
-        Layout of a text file.
-    rate_hz : float or None
-        Of a file that states a rate.
-    rate_guess : Guess
-        What to ask about where nothing states it; an analysis does not take it.
-    obstacles : tuple of str
-        Why it cannot run.
-    free : tuple of Looked
-        Columns that are no channel.
-    levels : mapping of str to str
-        Level of the column of conditions -> condition.
-    """
-
-    file: str
-    given: Given
-    joint: Guess
+    file: str  # as the study names it
+    given: Given  # channel -> column
+    joint: Guess  # keys of the study; an empty condition is held by a column
     kind: Guess
     acts_on: Guess
     side: Guess
     condition: Guess
-    pulses: Pulses = field(default_factory=Pulses)
-    files: FilesSpec | None = None
-    rate_hz: float | None = None
+    pulses: Pulses = field(default_factory=Pulses)  # where they are
+    files: FilesSpec | None = None  # layout of a text file
+    rate_hz: float | None = None  # of a file that states a rate
+    # what to ask about where nothing states it; an analysis does not take it
     rate_guess: Guess = Guess("1000.0")
-    obstacles: tuple[str, ...] = ()
-    free: tuple[Looked, ...] = ()
+    obstacles: tuple[str, ...] = ()  # why it cannot run
+    free: tuple[Looked, ...] = ()  # columns that are no channel
+    # level of the column of conditions -> condition
     levels: Mapping[str, str] = field(default_factory=dict)
 
 
 def study_text(proposal: Proposal) -> str:
-    """Return the text.
-
-    Parameters
-    ----------
-    proposal : Proposal
-        What goes into it.
-    """
+    """Return the text."""
     lines = [
         f"# Proposed by jointz inspect for {written_comment(proposal.file)}.",
         "# Lines marked 'guess' are guesses: look at each, correct it, and take the mark away.",
@@ -264,23 +228,11 @@ def _files(files: FilesSpec | None) -> list[str]:
 
 
 def condition_levels(looked: Looked) -> dict[str, str]:
-    """Return what the levels of a column of conditions seem to mean.
-
-    Parameters
-    ----------
-    looked : Looked
-        The column.
-    """
+    """Return what the levels of a column of conditions seem to mean."""
     levels = [level for level in looked.course.levels if level]
     return {level: guessed_condition(level) or "unperturbed" for level in levels}
 
 
 def taken_for(given: Given) -> dict[int, Taken]:
-    """Return what each column is taken for, by the column's identity.
-
-    Parameters
-    ----------
-    given : mapping
-        Channel -> column.
-    """
+    """Return what each column is taken for, by the column's identity."""
     return {id(looked): taken for looked, taken in given.values()}

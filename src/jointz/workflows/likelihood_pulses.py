@@ -42,28 +42,6 @@ def likelihood_pulses(
 ) -> tuple[PulseEstimate, ...]:
     """Estimate the pulses of cases that were estimated from whole trials, one by one.
 
-    Parameters
-    ----------
-    recordings : sequence of RecordingInput
-        Those of one load.
-    single : sequence of PulseEstimate
-        Its pulses by least squares: which there are, and their directions.
-    cells : sequence of CellEstimate
-        Its cases; the lag of the torque record is taken from them.
-    perturbations : PerturbationsSpec
-        Of the study.
-    torque_model : TorqueModelSpec or None
-        Torque out of current, where that is not recorded.
-
-    Returns
-    -------
-    tuple of PulseEstimate
-        In the order of ``single``. Pulses of a case that was not estimated from whole
-        trials stay as they are. A pulse that does not decide stiffness and inertia by
-        itself, or whose window leaves the record, is left out.
-
-    Notes
-    -----
     :func:`jointz.identify.bench.pulse_likelihood.fit_pulse` over 250 ms of the raw signals,
     their gains divided out, with what the case's whole trials say of the lag. The
     intrinsic impedance is not subtracted. It misleads with friction.

@@ -19,31 +19,7 @@ _LIT = (Flag.CLAMPED, Flag.FADING, Flag.TRIPPED, Flag.OVERRUN)
 
 
 class Motion:
-    """A stretch by its log, record by record.
-
-    Parameters
-    ----------
-    header : dict
-        Of the log.
-
-    Attributes
-    ----------
-    rows : (n, 7) float
-        The last seconds: time (s since the first tick) and :data:`TRACES`.
-    count : int
-        Rows ever made; the last of ``rows`` has this number.
-    strikes_s : deque of float
-        Accepted heel strikes of the last seconds.
-    strides : int
-        Accepted strides.
-    begun : list of dict
-        ``pulse, at_s, stride`` of every pulse that began, and ``share_pct`` of the stride around
-        it when that is over and was accepted.
-    ticks, missed_slots : int
-        Served and skipped, so far.
-    last_ns : int, ns
-        Time of the newest tick, by the clock of the loop.
-    """
+    """A stretch by its log, record by record."""
 
     def __init__(self, header: dict[str, Any]) -> None:
         self._step = max(1, round(header["control_hz"] / _SHOWN_HZ))
@@ -63,13 +39,7 @@ class Motion:
         self.last_ns = 0
 
     def take(self, records: np.ndarray) -> None:
-        """Take note of records.
-
-        Parameters
-        ----------
-        records : (n,) structured array
-            Of the log, those after the last.
-        """
+        """Take note of records."""
         ticks = records[records["part"] == 0]
         if not ticks.size:
             return

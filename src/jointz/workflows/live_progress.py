@@ -39,28 +39,15 @@ _DEVICES_STOPPED = frozenset({"devices_stopped", "condition_completed"})
 
 @dataclass(slots=True)
 class TrialProgress:
-    """What is done of a trial.
+    """What is done of a trial."""
 
-    Parameters
-    ----------
-    planned : sequence of dict
-        Its pulses, in order.
-    done : set of int
-        Numbers of those that are completed.
-    queue : deque of int
-        Numbers of those still to be done, in the order in which they are due.
-    missed, aborted : int
-        Pulses to be done again, so far.
-    completed : bool
-        Whether the trial is over.
-    """
-
-    planned: Sequence[Mapping[str, Any]]
-    done: set[int] = field(default_factory=set)
+    planned: Sequence[Mapping[str, Any]]  # its pulses, in order
+    done: set[int] = field(default_factory=set)  # numbers of those that are completed
+    # numbers of those still to be done, in the order in which they are due
     queue: deque[int] = field(default_factory=deque)
-    missed: int = 0
+    missed: int = 0  # pulses to be done again, so far
     aborted: int = 0
-    completed: bool = False
+    completed: bool = False  # whether the trial is over
 
     def begin(self) -> None:
         """Take note of a new stretch: what is not done is due in the order of the plan."""
@@ -68,15 +55,7 @@ class TrialProgress:
         self.queue = deque(number for number in left if number not in self.done)
 
     def take(self, kind: str, number: int) -> None:
-        """Take note of what became of a pulse.
-
-        Parameters
-        ----------
-        kind : str
-            The event.
-        number : int
-            Of the pulse.
-        """
+        """Take note of what became of a pulse."""
         if kind == "pulse_completed":
             self.done.add(number)
             return
@@ -117,27 +96,7 @@ class TrialProgress:
 
 
 class SessionProgress:
-    """A session by its journal, event by event.
-
-    Parameters
-    ----------
-    plan : mapping
-        Trial -> its pulses as plain values.
-
-    Attributes
-    ----------
-    state : str
-        ``idle``, ``waiting``, ``starting``, ``running``, ``paused``, ``stopping``,
-        ``stopped``, ``tripped``, ``failed`` or ``between``.
-    condition, prompt, reason : str
-        The trial; what is to be done before it; why it ended.
-    segment : int
-        Number of the stretch; -1 before the first.
-    unconfirmed : str
-        The stretch whose devices are not confirmed to be stopped; empty where all are.
-    told : deque of dict
-        The last events that are worth telling.
-    """
+    """A session by its journal, event by event."""
 
     def __init__(self, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
         self._plan = plan
@@ -150,13 +109,7 @@ class SessionProgress:
         self.told: deque[dict[str, Any]] = deque(maxlen=_MOST_TOLD)
 
     def take(self, event: Event) -> None:
-        """Take note of an event.
-
-        Parameters
-        ----------
-        event : Event
-            Of the journal.
-        """
+        """Take note of an event."""
         kind, condition = event["event"], event["condition"]
         trial = self.trial(condition)
         if kind == "segment_started":
@@ -176,13 +129,7 @@ class SessionProgress:
             self.told.append(event)
 
     def trial(self, condition: str) -> TrialProgress:
-        """Return what is done of a trial.
-
-        Parameters
-        ----------
-        condition : str
-            Its name.
-        """
+        """Return what is done of a trial."""
         if condition not in self.trials:
             self.trials[condition] = TrialProgress(self._plan.get(condition, ()))
         return self.trials[condition]

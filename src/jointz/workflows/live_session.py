@@ -40,26 +40,13 @@ _LOCKS = Path("/proc/locks")
 def is_held(study: Path) -> bool:
     """Tell whether a process runs a study, without taking its lock for a moment even.
 
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-
-    Notes
-    -----
     False where the system does not tell who holds what: :func:`refuse_where_unseen`.
     """
     return holder_of(study) is not None
 
 
 def holder_of(study: Path) -> int | None:
-    """Return the number of the process that runs a study, None where none is seen.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-    """
+    """Return the number of the process that runs a study, None where none is seen."""
     try:
         inode = (study / RUN_FILE).stat().st_ino
         lines = _LOCKS.read_text(encoding="ascii").splitlines()
@@ -72,13 +59,7 @@ def holder_of(study: Path) -> int | None:
 
 
 def refuse_where_unseen() -> None:
-    """Refuse to follow sessions where nothing tells whether they run.
-
-    Raises
-    ------
-    DataError
-        On every system but Linux.
-    """
+    """Refuse to follow sessions where nothing tells whether they run."""
     if not _LOCKS.exists():
         raise DataError(
             f"{_LOCKS}: not there, and nothing else tells whether a session runs. Follow it on "
@@ -87,20 +68,7 @@ def refuse_where_unseen() -> None:
 
 
 class LiveSession:
-    """The session of a study that was written to last.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder; it need not be there yet.
-    alive : callable, optional
-        Whether the process that runs it lives; by default whether one holds the study.
-
-    Attributes
-    ----------
-    generation : int
-        Goes up with every new stretch, whose rows begin anew.
-    """
+    """The session of a study that was written to last."""
 
     def __init__(self, study: Path, *, alive: Callable[[], bool] | None = None) -> None:
         self.study = study
@@ -125,13 +93,7 @@ class LiveSession:
         return self._folder
 
     def poll(self) -> None:
-        """Take in what was written since the last look.
-
-        Raises
-        ------
-        DataError
-            When a file is damaged.
-        """
+        """Take in what was written since the last look."""
         # Looked for before the journal is read: what it confirmed last is then taken in.
         alive = self._alive()
         self._is_over = not alive
@@ -248,18 +210,7 @@ class LiveSession:
         return told
 
     def rows_after(self, number: int) -> tuple[np.ndarray, int]:
-        """Return the rows of the traces that came after one, as far as they are kept.
-
-        Parameters
-        ----------
-        number : int
-            Of the last row that is known.
-
-        Returns
-        -------
-        tuple of (n, 7) float, int
-            The rows, and the number of the last one.
-        """
+        """Return the rows of the traces that came after one, as far as they are kept."""
         if self._motion is None:
             return np.empty((0, 7)), 0
         rows, count = self._motion.rows, self._motion.count
@@ -373,13 +324,7 @@ class LiveSession:
 
 
 def newest_session(study: Path) -> Path | None:
-    """Return the session whose journal was written to last, None before there is one.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-    """
+    """Return the session whose journal was written to last, None before there is one."""
     found: list[tuple[float, Path]] = []
     for journal in (study / SESSIONS).glob(f"*/{JOURNAL_FILE}"):
         try:
@@ -390,13 +335,7 @@ def newest_session(study: Path) -> Path | None:
 
 
 def control_files(study: Path) -> list[Path]:
-    """Return the control files of a study, those of sessions that are over too.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-    """
+    """Return the control files of a study, those of sessions that are over too."""
     return sorted((study / SESSIONS).glob(f"*/{CONTROL_FILE}"))
 
 

@@ -21,28 +21,14 @@ _LONGEST_HEADER_BYTES = 100_000
 
 
 class JournalTail:
-    """The events of a journal as they come.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The journal; it need not be there yet.
-    from_end : bool
-        Whether to leave out what stands there already.
-    """
+    """The events of a journal as they come."""
 
     def __init__(self, path: Path, *, from_end: bool = False) -> None:
         self._path = path
         self._at = _read(path, 0, -1).rfind(b"\n") + 1 if from_end else 0
 
     def poll(self) -> list[Event]:
-        """Return the events since the last look.
-
-        Raises
-        ------
-        DataError
-            When a whole line does not fit its checksum.
-        """
+        """Return the events since the last look."""
         content = _read(self._path, self._at, _MOST_JOURNAL_BYTES)
         lines = content.split(b"\n")[:-1]
         events = [_event(self._path, line) for line in lines]
@@ -51,22 +37,7 @@ class JournalTail:
 
 
 class LogTail:
-    """The records of a log as they come.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The log; it need not be there yet.
-    from_end : bool
-        Whether to leave out what stands there already.
-
-    Attributes
-    ----------
-    header : dict
-        Its first line; empty until that was read.
-    damaged : int
-        Records left out because their checksum does not fit.
-    """
+    """The records of a log as they come."""
 
     def __init__(self, path: Path, *, from_end: bool = False) -> None:
         self._path = path
@@ -85,18 +56,7 @@ class LogTail:
             self._at += (self._path.stat().st_size - self._at) // size * size
 
     def poll(self) -> np.ndarray:
-        """Return the records since the last look, at most a few thousand.
-
-        Returns
-        -------
-        (n,) structured array
-            Of the log's layout.
-
-        Raises
-        ------
-        DataError
-            When the file is no log of ours.
-        """
+        """Return the records since the last look, at most a few thousand."""
         if self._layout is None:
             self._layout = self._read_header()
         if self._layout is None:

@@ -19,27 +19,7 @@ _PERSON_NUMBERS = ("mass_kg", "height_m", "limb_mass_kg", "limb_centre_m")
 
 
 def write_matlab_study(study: Study, path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Write every recording of a study into one struct ``jointz``.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study; its files are not modified.
-    path : pathlib.Path
-        The .mat file; one that exists is replaced.
-
-    Returns
-    -------
-    tuple of tuple of str
-        A line a recording, and what could not be told.
-
-    Raises
-    ------
-    StudyError
-        When recordings cannot be read.
-    WriteError
-        When the file cannot be written.
-    """
+    """Write every recording of a study into one struct ``jointz``."""
     spec = study.spec
     recordings, told, notes = [], [], []
     for person in spec.participants:

@@ -42,21 +42,12 @@ _NEAR_PCT = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """One way to be wrong.
+    """One way to be wrong."""
 
-    Parameters
-    ----------
-    name : str
-        For people.
-    errors : mapping
-        Fields of :class:`jointz.sim.sea.SeaErrors`.
-    window_filter_hz : float
-        Zero-phase low-pass applied inside the cut window; 0: none.
-    """
-
-    name: str
+    name: str  # for people
+    # fields of :class:`jointz.sim.sea.SeaErrors`
     errors: Mapping[str, Any] = field(default_factory=dict)
-    window_filter_hz: float = 0.0
+    window_filter_hz: float = 0.0  # zero-phase low-pass applied inside the cut window; 0: none
 
 
 def mechanisms() -> tuple[Mechanism, ...]:
@@ -90,20 +81,7 @@ def mechanisms() -> tuple[Mechanism, ...]:
 
 
 def mechanism_errors(mechanism: Mechanism, *, seed: int) -> dict[str, float]:
-    """Return what a mechanism alone does to K, B and J, means over cases 1 to 4.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Which.
-    seed : int
-        Of the noise.
-
-    Returns
-    -------
-    dict of str to float
-        ``stiffness`` and ``inertia`` in % of the truth, ``damping`` in N*m*s/rad.
-    """
+    """Return what a mechanism alone does to K, B and J, means over cases 1 to 4."""
     protocol = _protocol()
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder)
@@ -135,13 +113,7 @@ def mechanism_errors(mechanism: Mechanism, *, seed: int) -> dict[str, float]:
 
 
 def mechanism_table(found: Mapping[str, Mapping[str, float]]) -> ComparedTable:
-    """Return what every mechanism alone does.
-
-    Parameters
-    ----------
-    found : mapping of str to mapping
-        Mechanism -> its errors.
-    """
+    """Return what every mechanism alone does."""
     units = {"stiffness": "%", "damping": "N*m*s/rad", "inertia": "%"}
     return ComparedTable(
         "mechanisms",

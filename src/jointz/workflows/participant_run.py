@@ -28,38 +28,7 @@ REPORT_FILE = "report.json"
 def run_participant(
     rig: Rig, settings: RunSettings, *, operator: Operator, progress: Progress
 ) -> dict[str, Any]:
-    """Run what is left of a participant's session and write the recordings.
-
-    Parameters
-    ----------
-    rig : Rig
-        The participant and the devices.
-    settings : RunSettings
-        What to do and where to write.
-    operator : Operator
-        Asked before every condition.
-    progress : callable
-        Told after every accepted stride.
-
-    Returns
-    -------
-    dict
-        The participant's part of the report: ``onsets``, ``gaps``, ``timing``,
-        ``aborted`` (pulses that the study leaves out), ``torque_model`` of the
-        actuator, ``calibration``, ``truth`` (of a simulated rig) and ``salvaged``
-        (sentences about damaged files).
-
-    Raises
-    ------
-    DeviceError
-        When a device failed or the safety gate tripped.
-    DataError
-        When a file of an earlier stretch is damaged.
-    OutputError
-        When another process runs this session, or the disk does not take the records.
-    KeyboardInterrupt
-        When the operator stopped the session.
-    """
+    """Run what is left of a participant's session and write the recordings."""
     check_id(rig.wearer.id)
     folder = settings.session_folder(rig.wearer.id)
     report_file = folder / REPORT_FILE
@@ -97,18 +66,7 @@ def _written_report(file: Path) -> dict[str, Any]:
 
 
 def check_id(wearer: str) -> None:
-    """Refuse an id that files cannot have, or that a study would take for a variable.
-
-    Parameters
-    ----------
-    wearer : str
-        The id.
-
-    Raises
-    ------
-    DataError
-        Saying what it may not hold.
-    """
+    """Refuse an id that files cannot have, or that a study would take for a variable."""
     if not wearer or wearer.startswith(".") or any(c in wearer for c in '/\\$:*?"<>|\0'):
         raise DataError(
             f"participant {wearer!r}: expected a name that files can have, without / \\ $ : * ? "

@@ -30,44 +30,22 @@ from jointz.workflows.task_store import TaskStore, task_key
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Asked:
-    """What is to be done for every participant.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    method : str
-        By its own name.
-    resamples, seed : int
-        Of the bootstrap.
-    injections : int
-        Known responses put into each participant's own strides.
-    """
+    """What is to be done for every participant."""
 
     study: Study
-    method: str
-    resamples: int
+    method: str  # by its own name
+    resamples: int  # of the bootstrap
     seed: int
-    injections: int
+    injections: int  # known responses put into each participant's own strides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came out for a participant.
+    """What came out for a participant."""
 
-    Parameters
-    ----------
-    result : ParticipantResult
-        Without its evidence, which is large.
-    virtual : list of VirtualEstimate
-        Known responses injected and estimated.
-    inputs : dict
-        Every file read, with its hash.
-    """
-
-    result: ParticipantResult
-    virtual: list[VirtualEstimate]
-    inputs: dict[str, dict[str, Any]]
+    result: ParticipantResult  # without its evidence, which is large
+    virtual: list[VirtualEstimate]  # known responses injected and estimated
+    inputs: dict[str, dict[str, Any]]  # every file read, with its hash
 
 
 def outcomes(
@@ -75,19 +53,6 @@ def outcomes(
 ) -> Generator[tuple[str, Callable[[], Outcome]]]:
     """Yield every participant, in order, with a function that gives the outcome.
 
-    Parameters
-    ----------
-    asked : Asked
-        What is to be done.
-    people : sequence of str
-        Their ids.
-    engine : Engine
-        Who does it.
-    store : TaskStore or None
-        Where outcomes are kept, and found again.
-
-    Notes
-    -----
     A function raises DataError for recordings that cannot be trusted, and EngineError where
     nobody else's outcome will come either.
 
@@ -208,19 +173,7 @@ def _outcome(
 def participant_settings(
     study: Study, person_id: str, method: str, *, resamples: int, seed: int
 ) -> ParticipantSettings:
-    """Return what the study asks for about one participant.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    method : str
-        By its own name.
-    resamples, seed : int
-        Of the bootstrap.
-    """
+    """Return what the study asks for about one participant."""
     spec = study.spec
     walking = spec.kind == "walking"
     # Beside the dissertation's method, the one that differs in nothing but the baseline.
@@ -247,22 +200,7 @@ def participant_settings(
 def read_participant(
     study: Study, person_id: str, inputs: dict[str, dict[str, Any]]
 ) -> list[RecordingInput]:
-    """Read all recordings of one participant; all unreadable ones in one error.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    person_id : str
-        Which participant.
-    inputs : dict
-        Every file read is entered, with its hash.
-
-    Raises
-    ------
-    StudyError
-        When recordings cannot be read.
-    """
+    """Read all recordings of one participant; all unreadable ones in one error."""
     found: list[RecordingInput] = []
     problems: list[str] = []
     for entry in study.spec.recordings:
@@ -321,15 +259,7 @@ def _give_back_memory() -> None:
 
 
 def hashed(study: Study, file: str) -> dict[str, Any]:
-    """Return a file of a study, its name and its hash.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    file : str
-        As the study names it.
-    """
+    """Return a file of a study, its name and its hash."""
     with named_as_written(study.root, file) as path:
         try:
             sha256 = file_sha256(path)

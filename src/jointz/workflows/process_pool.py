@@ -26,11 +26,6 @@ def workers_for(tasks: int) -> int:
     """Return how many processes are worth starting: as many as cores, or 1.
 
     One on systems without POSIX signal masks: a Ctrl-C would leave processes behind.
-
-    Parameters
-    ----------
-    tasks : int
-        Of a second or so each.
     """
     return 1 if tasks < _FEWEST or not CAN_WAIT else min(cores(), tasks)
 
@@ -44,20 +39,7 @@ def cores() -> int:
 
 @contextmanager
 def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
-    """Give a pool of processes that begin at once to import what they will need.
-
-    Parameters
-    ----------
-    workers : int
-        How many; with 1 there is no pool, and the work stays in this process.
-    needs : str
-        Module that the work is in.
-
-    Yields
-    ------
-    concurrent.futures.Executor or None
-        The pool. Whoever leaves the block by an error does not wait for it.
-    """
+    """Give a pool of processes that begin at once to import what they will need."""
     if workers == 1:
         yield None
         return
@@ -69,30 +51,7 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
 def spawned_pool(
     workers: int, begin: Callable[..., None], *arguments: Any, needs: str
 ) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that hear of its end, or of this process's.
-
-    Parameters
-    ----------
-    workers : int
-        How many.
-    begin : callable
-        Called in each of them first: with a connection on which nothing is ever sent, that ends
-        when the pool or this process does, and then with the arguments.
-    *arguments
-        Fit for a spawned process.
-    needs : str
-        Module that they import at once.
-
-    Yields
-    ------
-    concurrent.futures.ProcessPoolExecutor
-        The pool.
-
-    Raises
-    ------
-    DataError
-        Where a system has no POSIX signals, or a script has no guard.
-    """
+    """Give a pool of processes that hear of its end, or of this process's."""
     refuse_script_without_guard()
     if not CAN_WAIT:
         raise DataError(
@@ -116,13 +75,7 @@ def spawned_pool(
 
 
 def refuse_script_without_guard() -> None:
-    """Refuse to start processes for a script that each of them would run again from its top.
-
-    Raises
-    ------
-    DataError
-        When the script that is run does not ask for its ``__name__``.
-    """
+    """Refuse to start processes for a script that each of them would run again from its top."""
     main = sys.modules["__main__"]
     file, spec = getattr(main, "__file__", None), getattr(main, "__spec__", None)
     # The __main__.py of a package is not run again; any other module of `python -m` is.
@@ -148,13 +101,7 @@ def spawn_context() -> SpawnContext:
 
 
 def begin_worker(until: Connection) -> None:
-    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal.
-
-    Parameters
-    ----------
-    until : multiprocessing.connection.Connection
-        Ends with the parent.
-    """
+    """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
     # A process a core: threads besides would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)

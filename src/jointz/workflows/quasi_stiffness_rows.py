@@ -21,21 +21,6 @@ def quasi_stiffness_rows(
 ) -> list[dict[str, Any]]:
     """Return the slopes and secants of every participant's mean stride, ready for a table.
 
-    Parameters
-    ----------
-    curves : sequence of StrideCurves
-        Strides of everybody.
-    timing_points : mapping of str to float
-        Timing point -> % of the gait cycle.
-
-    Returns
-    -------
-    list of dict
-        One row a participant, session, side, timing point and measure of
-        :func:`jointz.stats.quasi_stiffness.quasi_stiffness`, in N*m/rad.
-
-    Notes
-    -----
     Intervals are Student's, from the jackknife over strides (each left out once). They tell how
     well the mean stride is known, take strides to be independent, which those that follow each
     other are not quite, and hold nothing of the errors of motion capture and inverse dynamics.

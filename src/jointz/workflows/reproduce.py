@@ -32,18 +32,10 @@ CHAPTERS = (2, 3, 4)
 
 @dataclass(frozen=True, slots=True)
 class Chapter:
-    """A chapter that was written.
+    """A chapter that was written."""
 
-    Parameters
-    ----------
-    page : pathlib.Path
-        The page to open.
-    reproduction : Reproduction
-        Its numbers.
-    """
-
-    page: Path
-    reproduction: Reproduction
+    page: Path  # the page to open
+    reproduction: Reproduction  # its numbers
 
 
 def reproduce(
@@ -55,34 +47,7 @@ def reproduce(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Chapter, ...]:
-    """Run the simulated protocols of chapters and write their numbers beside the printed ones.
-
-    Parameters
-    ----------
-    chapters : iterable of int
-        Of :data:`CHAPTERS`.
-    out : path
-        A folder of its own for every chapter is made in it, and of all chapters that are
-        there :data:`PAGE`.
-    seed : int
-        Of the simulations.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    overwrite : bool
-        Replace chapters that are there.
-    progress : callable, optional
-        Called with (tasks done, tasks in all, what was done last).
-
-    Returns
-    -------
-    tuple of Chapter
-        Pages and numbers.
-
-    Raises
-    ------
-    OutputError
-        When a folder exists and may not be replaced, or cannot be written.
-    """
+    """Run the simulated protocols of chapters and write their numbers beside the printed ones."""
     tell = progress or (lambda _done, _total, _what: None)
     folders = {number: _folder(Path(out), number) for number in chapters}
     for folder in folders.values():  # before hours of work, not after

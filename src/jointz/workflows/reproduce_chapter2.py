@@ -20,17 +20,7 @@ from jointz.workflows.reproduction_tasks import (
 
 
 def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
-    """Run the protocols of chapter II on the simulated bench and set the numbers beside.
-
-    Parameters
-    ----------
-    seed : int
-        Of the simulated bench.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    tell : callable
-        Told of what is done.
-    """
+    """Run the protocols of chapter II on the simulated bench and set the numbers beside."""
     loads = [load.name for load in load_protocol("sea-mass-spring").loads]
     with tempfile.TemporaryDirectory() as folder:
         tasks: list[Task[Any]] = [

@@ -22,17 +22,7 @@ _QDD = ("qdd-torque-speed", "qdd-chirp", "qdd-static", "qdd-dither", "qdd-pertur
 
 
 def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
-    """Run the protocols of chapter III on the simulated bench and set the numbers beside.
-
-    Parameters
-    ----------
-    seed : int
-        Of the simulated bench.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    tell : callable
-        Told of what is done.
-    """
+    """Run the protocols of chapter III on the simulated bench and set the numbers beside."""
     with tempfile.TemporaryDirectory() as folder:
         tasks = [Task(name, partial(run_study, folder, name, seed, preset)) for name in _QDD]
         studies: dict[str, Path] = dict(in_processes(tasks, tell))

@@ -14,17 +14,7 @@ from jointz.workflows.worker_pool import RunProgress
 
 
 def reproduce_chapter4(seed: int, preset: str, tell: Progress) -> Reproduction:
-    """Test the published tables, run the walking experiment on simulated people, set it beside.
-
-    Parameters
-    ----------
-    seed : int
-        Of all simulations.
-    preset : str
-        ``clean``, ``nominal`` or ``hard``.
-    tell : callable
-        Told of what is done.
-    """
+    """Test the published tables, run the walking experiment on simulated people, set it beside."""
     tell(0, 1, "published tables")
     published, curves = published_statistics()
     with tempfile.TemporaryDirectory() as folder:

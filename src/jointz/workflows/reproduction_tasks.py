@@ -15,15 +15,7 @@ Progress = Callable[[int, int, str], None]
 
 
 def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[str, Any]]:
-    """Yield name and result of every task.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Independent of each other.
-    tell : callable
-        Told of every task that is done.
-    """
+    """Yield name and result of every task."""
     tell(0, len(tasks), "")
     with open_engine(tasks=len(tasks), needs=__name__) as engine:
         for count, done in enumerate(done_in_turn(engine, tasks), start=1):
@@ -32,15 +24,7 @@ def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[s
 
 
 def provenance(chapter: int, seed: int, preset: str) -> dict[str, Any]:
-    """Return what a chapter needs to be made again.
-
-    Parameters
-    ----------
-    chapter, seed : int
-        Which, and the seed of its simulations.
-    preset : str
-        Of its simulations.
-    """
+    """Return what a chapter needs to be made again."""
     return {
         **software(),
         "created": now(),
@@ -49,21 +33,7 @@ def provenance(chapter: int, seed: int, preset: str) -> dict[str, Any]:
 
 
 def run_study(folder: str, protocol: str, seed: int, preset: str, *, load: str = "") -> Path:
-    """Run a protocol, with one of its loads where one is named.
-
-    Parameters
-    ----------
-    folder : str
-        Where the study's folder is made.
-    protocol : str
-        A built-in one.
-    seed : int
-        Of plan and simulation.
-    preset : str
-        How well the bench behaves.
-    load : str
-        The one load to run; all by default.
-    """
+    """Run a protocol, with one of its loads where one is named."""
     spec = load_protocol(protocol)
     if load:
         kept = tuple(one for one in spec.loads if one.name == load)
@@ -74,15 +44,7 @@ def run_study(folder: str, protocol: str, seed: int, preset: str, *, load: str =
 
 
 def study_truth(study: Path, load: str) -> dict[str, Any]:
-    """Return what was simulated.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        A simulated study.
-    load : str
-        Its load.
-    """
+    """Return what was simulated."""
     content = json.loads((study / TRUTH_FILE).read_text(encoding="utf-8"))
     truth: dict[str, Any] = content["participants"][load]
     return truth

@@ -26,28 +26,6 @@ _STUDY_DIGITS = 12
 def build_results_catalog(folders: Sequence[Path], *, out: Path) -> CatalogBuild:
     """Make one catalog of many results folders, to be asked like that of a collection.
 
-    Parameters
-    ----------
-    folders : sequence of pathlib.Path
-        Results folders of ``jointz analyze``, or folders with such somewhere below.
-    out : pathlib.Path
-        The catalog, or the folder it goes to; one that exists is replaced.
-
-    Returns
-    -------
-    CatalogBuild
-        ``entries`` are the results folders as seen from the catalog; ``skipped`` says why others
-        are not in it. Nothing is written where none stands.
-
-    Raises
-    ------
-    DataError
-        When there is no results folder, or the extra ``scale`` is not installed.
-    WriteError
-        When the system does not let the catalog be written.
-
-    Notes
-    -----
     ``study`` is the beginning of the study's hash: two analyses of one study share it. Nothing is
     known of speed, surface, licence and of who a participant is, so such a catalog is not pooled.
     """

@@ -140,25 +140,7 @@ def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> N
 
 
 def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None = None) -> None:
-    """Raise unless a folder can be made or replaced here.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        The folder.
-    marker : str
-        File that shows a folder to be one that jointz made.
-    overwrite : bool
-        Whether such a folder may be replaced.
-    made_by : str, optional
-        What such a folder must hold, where that is known: :data:`ANALYSIS` and the like.
-
-    Raises
-    ------
-    OutputError
-        When something is there that must be kept, the name is ``.`` or ``..``, or the system
-        will not say.
-    """
+    """Raise unless a folder can be made or replaced here."""
     if out.name in ("", ".."):  # a folder is made beside it and takes its name in the end
         raise OutputError(
             f"{out}: is no name for a new folder. Write its own, such as results or ../results."
@@ -190,17 +172,7 @@ def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None =
 
 
 def write_marker(folder: Path, marker: str, content: Mapping[str, object]) -> None:
-    """Write the file that shows a folder to be ours; it lists all others, and comes last.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The folder.
-    marker : str
-        The file's name.
-    content : mapping
-        What else it says: ``made_by``, and where its files come from.
-    """
+    """Write the file that shows a folder to be ours; it lists all others, and comes last."""
     _write_json(folder / marker, {**content, "files": sorted(_files(folder) - {marker})})
 
 
@@ -239,31 +211,7 @@ def _check_kind(out: Path, marker: Path, made_by: str) -> None:
 def new_folder(
     out: Path, *, marker: str, overwrite: bool, made_by: str | None = None
 ) -> Iterator[Path]:
-    """Give a folder to fill, which takes its name only when all went well.
-
-    Parameters
-    ----------
-    out : pathlib.Path
-        The folder to make.
-    marker : str
-        File that shows a folder to be one that jointz made.
-    overwrite : bool
-        Replace such a folder.
-    made_by : str, optional
-        What such a folder must hold; by default that of the new marker, which is known, and
-        refused, only when all is written.
-
-    Yields
-    ------
-    pathlib.Path
-        A folder beside ``out``; removed when an exception passes, with the parents
-        that were made for it.
-
-    Raises
-    ------
-    OutputError
-        When ``out`` must be kept, or the system refuses to write it.
-    """
+    """Give a folder to fill, which takes its name only when all went well."""
     check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
     with _refusals_told(out), _parents(out), _partial(out) as partial:
         yield partial
@@ -359,13 +307,7 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as the csv files of a results folder hold it.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Numbers get ten digits, moments fifteen.
-    """
+    """Return a table as the csv files of a results folder hold it."""
     digits = "{:.15g}".format
     moments = {n: table[n].map(digits, na_action="ignore") for n in _MOMENTS if n in table}
     text = table.assign(**moments).to_csv(index=False, float_format=_FLOAT_FORMAT)

@@ -19,42 +19,21 @@ _FRAME_PRESETS = ("anthropometric",)
 
 @dataclass(frozen=True, slots=True)
 class RigSettings:
-    """The devices, and for simulated ones how well they and people behave.
+    """The devices, and for simulated ones how well they and people behave."""
 
-    Parameters
-    ----------
-    device : str
-        ``sim``: the simulated walking human with an exoskeleton, or a simulated bench.
-    preset : str
-        Of the simulation: ``clean``, ``nominal``, ``hard`` or, for people,
-        ``anthropometric``.
-    seed : int
-        Of the simulation.
-    sample_rate_hz : float, Hz
-        Of all simulated devices.
-    bench : str, optional
-        Which bench, for a protocol of one; None for walking.
-    loads : tuple of LoadSpec
-        Of the bench, or of the calibration's step.
-    speed_m_s : float, m/s
-        At which simulated people walk.
-    hardware : Hardware, optional
-        Real devices instead of simulated ones; ``device`` and ``preset`` say ``hardware`` then.
-    step : str, optional
-        Of a calibration, for a protocol of one.
-    known : CalibrationFile, optional
-        What a calibration knows of the instruments: it stands over what the rig knows.
-    """
-
+    # ``sim``: the simulated walking human with an exoskeleton, or a simulated bench
     device: str = "sim"
+    # of the simulation: ``clean``, ``nominal``, ``hard`` or, for people, ``anthropometric``
     preset: str = "nominal"
-    seed: int = 1
-    sample_rate_hz: float = 500.0
-    bench: str | None = None
-    loads: tuple[LoadSpec, ...] = ()
-    speed_m_s: float = REFERENCE_SPEED_M_S
+    seed: int = 1  # of the simulation
+    sample_rate_hz: float = 500.0  # Hz: of all simulated devices
+    bench: str | None = None  # which bench, for a protocol of one; None for walking
+    loads: tuple[LoadSpec, ...] = ()  # of the bench, or of the calibration's step
+    speed_m_s: float = REFERENCE_SPEED_M_S  # m/s: at which simulated people walk
+    # real devices instead of simulated ones; ``device`` and ``preset`` say ``hardware`` then
     hardware: Hardware | None = None
-    step: CalibrationStep | None = None
+    step: CalibrationStep | None = None  # of a calibration, for a protocol of one
+    # what a calibration knows of the instruments: it stands over what the rig knows
     known: CalibrationFile | None = None
 
     def __post_init__(self) -> None:
@@ -73,20 +52,7 @@ class RigSettings:
 
 
 def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> RigSettings:
-    """Return the settings of the rig that a protocol asks for.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Of the experiment.
-    device, preset, seed
-        As :class:`RigSettings` has them.
-
-    Raises
-    ------
-    DataError
-        When device or preset are none, or a bench protocol does not say which bench.
-    """
+    """Return the settings of the rig that a protocol asks for."""
     if protocol.gait is not None:
         return RigSettings(
             device,
@@ -115,35 +81,12 @@ def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> Rig
 
 
 def hardware_settings(hardware: Hardware, seed: int) -> RigSettings:
-    """Return the settings of a rig of real devices.
-
-    Parameters
-    ----------
-    hardware : Hardware
-        As :func:`~jointz.workflows.hardware_rig.read_hardware` returns it.
-    seed : int
-        Of the plan.
-    """
+    """Return the settings of a rig of real devices."""
     return RigSettings("hardware", "hardware", seed, hardware=hardware)
 
 
 def with_calibration(settings: RigSettings, known: CalibrationFile, count: int) -> RigSettings:
-    """Return the settings of a rig whose instruments a calibration knows.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Of the rig without it.
-    known : CalibrationFile
-        The calibration.
-    count : int
-        Participants or loads.
-
-    Raises
-    ------
-    DataError
-        When the calibration has an entry for nobody who takes part.
-    """
+    """Return the settings of a rig whose instruments a calibration knows."""
     ids = [open_rig(settings, number).wearer.id for number in range(count)]
     if not any(known.of(one).model_fields_set for one in ids):
         named = ", ".join(known.participants) or "nobody"
@@ -155,15 +98,7 @@ def with_calibration(settings: RigSettings, known: CalibrationFile, count: int) 
 
 
 def open_rig(settings: RigSettings, number: int) -> Rig:
-    """Return the rig of one participant or load.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Which devices.
-    number : int
-        Of the participant or load, from 0.
-    """
+    """Return the rig of one participant or load."""
     rig = _own_rig(settings, number)
     return rig if settings.known is None else CalibratedRig(rig, settings.known.of(rig.wearer.id))
 

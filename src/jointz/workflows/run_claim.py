@@ -28,31 +28,7 @@ def claimed(
     resume: bool,
     check: Callable[[], None],
 ) -> Iterator[None]:
-    """Make the study's folder, or see that the run in it is the same; hold it meanwhile.
-
-    Parameters
-    ----------
-    settings : RunSettings
-        What is run, and where.
-    rig : RigSettings
-        On which devices.
-    count : int
-        Participants or loads.
-    resume : bool
-        Whether a run may be gone on with.
-    check : callable
-        Called when no other process can run the study and nothing is written yet; raises
-        what speaks against the run.
-
-    Raises
-    ------
-    DataError
-        When another run is there, or its description is damaged.
-    OutputError
-        When something else is there, or another process runs it.
-    WriteError
-        When the system does not let it be written.
-    """
+    """Make the study's folder, or see that the run in it is the same; hold it meanwhile."""
     study, file = settings.study, settings.study / RUN_FILE
     _see_that_it_is_free(study, resume=resume)
     was_there = study.exists()

@@ -30,23 +30,6 @@ def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
     """Make damaged recordings of a study again from the logs, less what is damaged there.
 
     The damaged files are kept beside.
-
-    Parameters
-    ----------
-    study : path
-        The study's folder, or its study.toml; recordings that jointz did not run have no logs.
-
-    Returns
-    -------
-    list of str
-        A sentence for each recording.
-
-    Raises
-    ------
-    DataError
-        When a log, a journal or a plan cannot be read at all.
-    WriteError
-        When the study cannot be written.
     """
     root = _root(study)
     if not (root / STUDY_FILE).is_file():
@@ -59,15 +42,7 @@ def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
 
 
 def salvage_advice(study: str | os.PathLike[str], message: str) -> str:
-    """Return how to go on with a study that cannot be read, "" where nothing can be salvaged.
-
-    Parameters
-    ----------
-    study : path
-        The study's folder, or its study.toml.
-    message : str
-        Of the error; only the recordings that it names are read.
-    """
+    """Return how to go on with a study that cannot be read, "" where nothing can be salvaged."""
     root = _root(study)
     if (root / RUN_FILE).is_file() and not (root / STUDY_FILE).is_file():
         return (

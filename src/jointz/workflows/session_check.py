@@ -36,23 +36,6 @@ def write_down_losses(folder: Path, protocol: Protocol, *, salvage: bool = False
 
     A log that is gone, was cut or lost its end to the power keeps a pulse or a condition
     from being done, whatever the journal says.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session; one that does not exist has lost nothing.
-    protocol : Protocol
-        Of the experiment.
-    salvage : bool
-        Whether damaged lines and records are left out instead of refused, and what the logs
-        show and the journal lacks is written into it.
-
-    Raises
-    ------
-    DataError
-        When a log is damaged in its middle, or one is there that the journal does not know.
-    OutputError
-        When another process is at the journal.
     """
     if not folder.exists():
         return
@@ -74,17 +57,7 @@ def write_down_losses(folder: Path, protocol: Protocol, *, salvage: bool = False
 
 
 def missing_events(folder: Path, protocol: Protocol, events: list[Event]) -> list[dict[str, Any]]:
-    """Return the events that the logs show and a damaged journal lacks.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    protocol : Protocol
-        Of the experiment.
-    events : list of Event
-        Of the journal.
-    """
+    """Return the events that the logs show and a damaged journal lacks."""
     known = {tuple(event.get(key) for key in _SAME) for event in events}
     missing: list[dict[str, Any]] = []
     for condition in protocol.conditions:

@@ -43,25 +43,14 @@ _CLOCKS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConditionRecord:
-    """What was recorded in a condition, all its stretches one after the other.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-    pulses : pandas.DataFrame
-        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed, damaged``, one
-        row a pulse that began, shams left out.
-    stretches : tuple of Stretch
-        Number, offset and end of each log.
-    logs : tuple of SessionLog
-        The logs of the stretches.
-    """
+    """What was recorded in a condition, all its stretches one after the other."""
 
     recording: xr.Dataset
+    # ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed, damaged``, one row a
+    # pulse that began, shams left out
     pulses: pd.DataFrame
-    stretches: tuple[Stretch, ...]
-    logs: tuple[SessionLog, ...]
+    stretches: tuple[Stretch, ...]  # number, offset and end of each log
+    logs: tuple[SessionLog, ...]  # the logs of the stretches
 
 
 def condition_record(
@@ -75,32 +64,7 @@ def condition_record(
     protocol: Protocol,
     salvage: bool = False,
 ) -> ConditionRecord:
-    """Put the logs of a condition together.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    condition : ConditionSpec
-        Which.
-    events : sequence of Event
-        The session's journal.
-    plan : sequence of PlannedPulse
-        The condition's.
-    file : str
-        Name of the recording's file in the study.
-    participant : str
-        Whose.
-    protocol : Protocol
-        For joint and positive direction.
-    salvage : bool
-        Whether to leave damaged records out.
-
-    Returns
-    -------
-    ConditionRecord
-        Recording and pulses.
-    """
+    """Put the logs of a condition together."""
     paths = [
         path
         for segment in range(segments_begun(events, condition.name))
@@ -153,13 +117,7 @@ def condition_record(
 
 
 def gives_volts(devices: Mapping[str, Any]) -> bool:
-    """Tell whether a footswitch gives volts, whose calibrated levels the loop and analysis take.
-
-    Parameters
-    ----------
-    devices : mapping
-        What the devices say about themselves, as in the header of a log.
-    """
+    """Tell whether a footswitch gives volts, whose calibrated levels the loop and analysis take."""
     switch = devices.get("contact")
     return bool(switch and switch.get("kind") == "voltage")
 
@@ -186,17 +144,7 @@ def _master(*, worn: bool) -> str:
 
 
 def damaged_s(log: SessionLog, time_s: np.ndarray, master: str) -> list[tuple[float, float]]:
-    """Return the stretches of a log that were left out, from intact sample to intact sample, s.
-
-    Parameters
-    ----------
-    log : SessionLog
-        The log.
-    time_s : (n,) float, s
-        Of the samples of its master.
-    master : str
-        Field of the master's times (ns).
-    """
+    """Return the stretches of a log that were left out, from intact sample to intact sample, s."""
     records = log.records
     before = np.concatenate([[0], np.cumsum(fresh(records, master))])
     holes = []
@@ -212,13 +160,7 @@ def damaged_s(log: SessionLog, time_s: np.ndarray, master: str) -> list[tuple[fl
 
 
 def damage_step(damage_s: Sequence[tuple[float, float]]) -> tuple[dict[str, Any], ...]:
-    """Return what the history of a recording says of damaged stretches; nothing without one.
-
-    Parameters
-    ----------
-    damage_s : sequence of tuple of float, s
-        Begin and end of each by the recording's time.
-    """
+    """Return what the history of a recording says of damaged stretches; nothing without one."""
     if not damage_s:
         return ()
     step = "left out damaged records of the session's logs"
@@ -230,13 +172,6 @@ def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
 
     Of several samples that came with a tick all but the last were taken before its
     command was given.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    new : (n,) bool
-        Which records hold a sample of the actuator.
     """
     ticks = ticks_of(records)
     before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
@@ -247,13 +182,7 @@ def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def ticks_of(records: np.ndarray) -> np.ndarray:
-    """Return the first record of every tick that there is.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    """
+    """Return the first record of every tick that there is."""
     slots = records["slot"]
     return np.asarray(records[np.append(True, slots[1:] != slots[:-1])[: slots.size]])
 
@@ -269,41 +198,18 @@ def _times_of(slots: np.ndarray, log: SessionLog, time_s: np.ndarray, *, worn: b
 
 @dataclass(frozen=True, slots=True)
 class PulseOfLog:
-    """A pulse that began in a log.
+    """A pulse that began in a log."""
 
-    Parameters
-    ----------
-    number : int
-        In the plan.
-    onset_slot : int
-        Its first tick.
-    end_slot : int or None
-        The first tick without it; None where the log ends with it or does not tell.
-    touched : bool
-        Whether damaged records lie in it, or next to it.
-    faded : bool
-        Whether the safety gate broke it off.
-    """
-
-    number: int
-    onset_slot: int
+    number: int  # in the plan
+    onset_slot: int  # its first tick
+    # the first tick without it; None where the log ends with it or does not tell
     end_slot: int | None
-    touched: bool
-    faded: bool
+    touched: bool  # whether damaged records lie in it, or next to it
+    faded: bool  # whether the safety gate broke it off
 
 
 def begun_pulses(events: Sequence[Event], condition: str, segment: int) -> dict[int, int]:
-    """Return the pulses that began in a log by the journal: first tick -> number.
-
-    Parameters
-    ----------
-    events : sequence of Event
-        Of the journal.
-    condition : str
-        Name of the condition.
-    segment : int
-        Number of the stretch.
-    """
+    """Return the pulses that began in a log by the journal: first tick -> number."""
     return {
         event["slot"]: event["pulse"]
         for event in events
@@ -313,15 +219,7 @@ def begun_pulses(events: Sequence[Event], condition: str, segment: int) -> dict[
 
 
 def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]:
-    """Return the pulses of a log, shams too, in order; also those that damage hides.
-
-    Parameters
-    ----------
-    log : SessionLog
-        The log.
-    begun : mapping of int to int
-        By the journal: first tick -> number of the pulse.
-    """
+    """Return the pulses of a log, shams too, in order; also those that damage hides."""
     ticks = ticks_of(log.records)
     number, slot = ticks["pulse"].astype(int), ticks["slot"].astype(int)
     # What lies in a lost end shows in the journal alone, and is lost.
@@ -355,13 +253,7 @@ def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]
 
 
 def damaged_ticks(log: SessionLog) -> list[tuple[int, int]]:
-    """Return the ticks before and after every stretch left out, after a lost end by its size.
-
-    Parameters
-    ----------
-    log : SessionLog
-        The log.
-    """
+    """Return the ticks before and after every stretch left out, after a lost end by its size."""
     slot = log.records["slot"].astype(int).tolist()
     last = slot[-1] if slot else -1
     ticks = []

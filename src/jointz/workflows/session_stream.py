@@ -40,18 +40,7 @@ _Timed = tuple[int, Event]
 
 
 class Sending:
-    """Puts records and events on the streams, and counts them.
-
-    Parameters
-    ----------
-    outlets : SessionOutlets
-        The streams.
-
-    Attributes
-    ----------
-    samples, markers : int
-        Sent so far.
-    """
+    """Puts records and events on the streams, and counts them."""
 
     def __init__(self, outlets: SessionOutlets) -> None:
         self._outlets = outlets
@@ -60,17 +49,7 @@ class Sending:
         self.samples = self.markers = 0
 
     def records(self, header: Mapping[str, Any], records: np.ndarray, times_ns: np.ndarray) -> None:
-        """Send records, and a marker for everything that begins and ends in them.
-
-        Parameters
-        ----------
-        header : mapping
-            Of their log.
-        records : (n,) structured array
-            In their order.
-        times_ns : (n,) int, ns
-            When each is said to have been.
-        """
+        """Send records, and a marker for everything that begins and ends in them."""
         self._outlets.send(layout_of(header), records, times_ns)
         self.samples += len(records)
         about = {key: header.get(key, "") for key in ("participant", "condition")}
@@ -78,15 +57,7 @@ class Sending:
             self.event({**event, **about}, time_ns)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
-        """Send a marker.
-
-        Parameters
-        ----------
-        event : mapping
-            With ``event``.
-        time_ns : int, ns
-            When.
-        """
+        """Send a marker."""
         self._outlets.mark(json.dumps(dict(event)), time_ns)
         self.markers += 1
 
@@ -106,19 +77,7 @@ class Sending:
 
 
 class Following:
-    """Sends what a running session writes from now on, one participant after the other.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        Its folder.
-    sending : Sending
-        Where to.
-    clock : Clock
-        The one that stamps the logs.
-    outlets : SessionOutlets
-        Offered the channels as soon as they are known.
-    """
+    """Sends what a running session writes from now on, one participant after the other."""
 
     def __init__(
         self, study: Path, sending: Sending, *, clock: Clock, outlets: SessionOutlets
@@ -133,13 +92,7 @@ class Following:
         self._begin(newest_session(study), from_end=True)
 
     def update(self) -> int:
-        """Send what is new in the files; return how much it was.
-
-        Raises
-        ------
-        DataError
-            When a file is no log, or a line of the journal was altered.
-        """
+        """Send what is new in the files; return how much it was."""
         before = self._sending.samples + self._sending.markers
         newest = newest_session(self._study)
         if newest != self._folder:
@@ -173,22 +126,7 @@ class Following:
 
 
 def replay(folder: Path, sending: Sending, *, clock: Clock) -> None:
-    """Send what a session that is over wrote, at the pace it had.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the session.
-    sending : Sending
-        Where to.
-    clock : Clock
-        To wait with.
-
-    Raises
-    ------
-    DataError
-        When a file is damaged.
-    """
+    """Send what a session that is over wrote, at the pace it had."""
     for path, events in _stretches(folder):
         if has_content(path):
             _replay_stretch(path, events, sending, clock)
@@ -232,13 +170,7 @@ def _replay_stretch(path: Path, events: list[_Timed], sending: Sending, clock: C
 
 
 def layout_of(header: Mapping[str, Any]) -> Layout:
-    """Return the layout of the records of a log.
-
-    Parameters
-    ----------
-    header : mapping
-        Of the log.
-    """
+    """Return the layout of the records of a log."""
     return LAYOUTS[header.get("layout", "walking")]
 
 
@@ -250,29 +182,7 @@ def stream_session(
     announce: Callable[[str, str], None],
     count: Callable[[int, int], None],
 ) -> None:
-    """Put a session on Lab Streaming Layer: one that runs until it ends, else one that is over.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Folder of a study or of a session.
-    name : str
-        Of the streams.
-    clock : Clock, optional
-        The machine's by default.
-    announce : callable
-        Told the names of both streams when they are there.
-    count : callable
-        Told how many samples and markers went out, at the end, whatever ended it.
-
-    Raises
-    ------
-    DataError
-        When there is no session, or several that are over, or one that runs in virtual time, or
-        a file is damaged.
-    DeviceError
-        When pylsl is not installed.
-    """
+    """Put a session on Lab Streaming Layer: one that runs until it ends, else one that is over."""
     folder, study = found_session(path)
     clock = clock or RealClock(spin_ns=0)
     outlets = SessionOutlets(clock=clock, name=name)
@@ -298,23 +208,7 @@ def _follow(following: Following, study: Path, clock: Clock) -> None:
 
 
 def found_session(path: Path) -> tuple[Path | None, Path | None]:
-    """Return the session that is over to be played, or the study that runs to be followed.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Folder of a study or of a session.
-
-    Returns
-    -------
-    tuple of (pathlib.Path or None, pathlib.Path or None)
-        Session, study; one of the two.
-
-    Raises
-    ------
-    DataError
-        As :func:`stream_session` has it.
-    """
+    """Return the session that is over to be played, or the study that runs to be followed."""
     is_session = (path / JOURNAL_FILE).is_file()
     study = path.parent.parent if is_session else path
     if is_held(study) and (not is_session or newest_session(study) == path):

@@ -21,35 +21,15 @@ _NEVER = np.iinfo(np.int64).min
 
 @dataclass(frozen=True, slots=True)
 class ClockFit:
-    """A device's clock against the host's.
+    """A device's clock against the host's."""
 
-    Parameters
-    ----------
-    start_ns : int, ns
-        Device time of the first sample.
-    way_ns : int, ns
-        Host time less device time there.
-    drift : float
-        How much faster the host's clock runs, share; 0 for a short record.
-    residual_ms : float, ms
-        Farthest of the blocks' fastest samples from the line.
-    """
-
-    start_ns: int
-    way_ns: int
-    drift: float
-    residual_ms: float
+    start_ns: int  # ns: device time of the first sample
+    way_ns: int  # ns: host time less device time there
+    drift: float  # how much faster the host's clock runs, share; 0 for a short record
+    residual_ms: float  # ms: farthest of the blocks' fastest samples from the line
 
     def place(self, device_ns: np.ndarray, master: "ClockFit") -> np.ndarray:
-        """Return device times by another device's clock, since its start, ns.
-
-        Parameters
-        ----------
-        device_ns : (n,) int, ns
-            By this device's clock.
-        master : ClockFit
-            Of the other device.
-        """
+        """Return device times by another device's clock, since its start, ns."""
         # Whole numbers, as long as they are large: a float holds 2**53 ns, a hundred days.
         later = (self.start_ns + self.way_ns) - (master.start_ns + master.way_ns)
         since = (device_ns - self.start_ns).astype(float)
@@ -60,18 +40,6 @@ def fresh(records: np.ndarray, clock: str) -> np.ndarray:
     """Tell which records hold a sample of a device that is newer than all before it.
 
     A clock that stands still or jumps back measures nothing that could be placed.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    clock : str
-        Field of the device's times (ns).
-
-    Returns
-    -------
-    (n,) bool
-        One value a record.
     """
     times = records[clock]
     sampled = times != NO_SAMPLE
@@ -81,15 +49,7 @@ def fresh(records: np.ndarray, clock: str) -> np.ndarray:
 
 
 def fit_clock(records: np.ndarray, clock: str) -> ClockFit:
-    """Fit a device's clock to the host's.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log; with samples of the device.
-    clock : str
-        Field of the device's times (ns).
-    """
+    """Fit a device's clock to the host's."""
     rows = records[fresh(records, clock)]
     times = rows[clock]
     way = (rows["host_time_ns"] - times).astype(np.int64)
@@ -120,22 +80,6 @@ def onto(
 
     Devices sampled in step share their times and are taken as they are. Others
     are placed by the host's clock (:func:`fit_clock`) and interpolated.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    field : str
-        Which measurement.
-    clock, master : str
-        Fields of the times (ns) of its device, and of the master.
-    interpolated : bool
-        By straight lines; else the last value holds, as a contact does.
-
-    Returns
-    -------
-    (m,) float
-        One value a fresh sample of the master; NaN over holes and outside.
     """
     time_ns = records[master][fresh(records, master)]
     rows = records[fresh(records, clock)]
@@ -159,15 +103,7 @@ def onto(
 
 
 def clock_notes(records: np.ndarray, clocks: dict[str, str]) -> dict[str, dict[str, float]]:
-    """Return, for the history of a recording, how each device's clock ran.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    clocks : dict of str to str
-        Device -> field of its times.
-    """
+    """Return, for the history of a recording, how each device's clock ran."""
     notes = {}
     for device, clock in clocks.items():
         new = fresh(records, clock)

@@ -48,24 +48,7 @@ def study_toml(
     devices: Mapping[str, Any] | None = None,
     worn: DeviceSpec | None = None,
 ) -> str:
-    """Return the text of ``study.toml``.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        What was run.
-    people : sequence of Wearer
-        Who took part.
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> what is known about the instruments.
-    torque_model : TorqueModelSpec or None
-        The actuator's equation 4.1; torque is computed from the current with it.
-    devices : mapping, optional
-        What the devices say about themselves; on a bench they tell the channels, in walking
-        whether the footswitch gives volts.
-    worn : DeviceSpec, optional
-        What hangs on the moving segment.
-    """
+    """Return the text of ``study.toml``."""
     walking = protocol.kind == "walking"
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
@@ -98,27 +81,13 @@ def study_toml(
 
 
 def pulses_csv(table: pd.DataFrame) -> str:
-    """Return the text of the pulse table of a recording.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        With all or some of its columns, and any others.
-    """
+    """Return the text of the pulse table of a recording."""
     columns = [name for name in _PULSE_COLUMNS if name in table]
     return str(table[columns].to_csv(index=False, float_format="%.9g"))
 
 
 def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
-    """Return the text of ``exclusions.csv``: pulses that were broken off and done again.
-
-    Parameters
-    ----------
-    aborted : sequence of mapping
-        ``participant, recording, onset_s`` of each.
-    time : str
-        When, ISO 8601.
-    """
+    """Return the text of ``exclusions.csv``: pulses that were broken off and done again."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_EXCLUSION_COLUMNS)

@@ -26,23 +26,7 @@ _NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial
 def pulse_tables(
     study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
 ) -> list[pd.DataFrame | None]:
-    """Return the pulse table of each piece of a file, None where pulses are read elsewhere.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    entry : RecordingSpec
-        One of its recordings.
-    pieces : sequence of xarray.Dataset
-        What its file holds.
-
-    Raises
-    ------
-    DataError
-        When the table cannot be read, fits at another rate only, or an onset could mean several
-        pieces or none.
-    """
+    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
     table = read_pulse_table(study, entry)
     if table is None or study.spec.perturbations.source not in (None, "table"):
         return [None] * len(pieces)
@@ -53,17 +37,7 @@ def pulse_tables(
 def given_pulses(
     study: Study, recording: xr.Dataset, table: pd.DataFrame | None
 ) -> tuple[tuple[Pulse, ...], str]:
-    """Return the pulses of a recording, and why there are none where that is unsaid.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study.
-    recording : xarray.Dataset
-        One of its recordings, or a part of one.
-    table : pandas.DataFrame or None
-        Its own part of the pulse table of its file.
-    """
+    """Return the pulses of a recording, and why there are none where that is unsaid."""
     settings = study.spec.perturbations
     condition = recording.attrs["condition"]
     if condition == "no_device":
@@ -84,26 +58,12 @@ def given_pulses(
 
 
 def amplitude_unit(study: Study) -> str:
-    """Return the unit of the amplitudes of a study's pulses.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study.
-    """
+    """Return the unit of the amplitudes of a study's pulses."""
     return "rad" if study.spec.perturbations.source == "angle" else "N*m"
 
 
 def positive_direction(study: Study, channel: str) -> str:
-    """Return the direction that is positive, "" for what has none or none that is known.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study, whose recordings were turned into its direction when they were read.
-    channel : str
-        The channel.
-    """
+    """Return the direction that is positive, "" for what has none or none that is known."""
     spec = study.spec.channels.get(channel)
     stated = spec is not None and spec.positive is not None
     if channel in _NO_DIRECTION or not (channel in CHANNEL_UNITS or stated):

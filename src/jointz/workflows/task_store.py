@@ -107,17 +107,7 @@ class TaskStore:
 
 
 def task_key(*, what: str, inputs: Mapping[str, str], settings: Mapping[str, Any]) -> str:
-    """Return the name of a result: a hash of all that it depends on.
-
-    Parameters
-    ----------
-    what : str
-        Which job, and which task of it.
-    inputs : mapping of str to str
-        File -> hash of its content.
-    settings : mapping
-        Plain values; the software's versions are added.
-    """
+    """Return the name of a result: a hash of all that it depends on."""
     depends = {"what": what, "inputs": dict(inputs), "settings": settings, **software()}
     text = json.dumps(depends, sort_keys=True, default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -128,13 +118,7 @@ def _file(folder: Path, key: str) -> Path:
 
 
 def _own_root() -> Path:
-    """Return the folder of all stores, made where it is not there, in which only its user writes.
-
-    Raises
-    ------
-    OutputError
-        When another user owns it or may write to it, or it cannot be made.
-    """
+    """Return the folder of all stores, writable by its user only; it is made if missing."""
     named = os.environ.get("XDG_CACHE_HOME", "")
     cache = Path(named if os.path.isabs(named) else os.path.expanduser("~/.cache"))
     if not cache.is_absolute():

@@ -24,17 +24,7 @@ from jointz.workflows.study_file import pulses_csv
 
 
 def write_walking(rig: Rig, settings: RunSettings, folder: Path) -> dict[str, Any]:
-    """Write the recordings of a participant and return the report of what was done.
-
-    Parameters
-    ----------
-    rig : Rig
-        The participant.
-    settings : RunSettings
-        Where to write.
-    folder : pathlib.Path
-        Of the session.
-    """
+    """Write the recordings of a participant and return the report of what was done."""
     protocol, wearer = settings.protocol, rig.wearer.id
     events, plans = read_journal(folder / JOURNAL_FILE), plan_of(folder)
     report: dict[str, Any] = {"onsets": [], "gaps": [], "timing": [], "aborted": [], "truth": {}}

@@ -43,13 +43,7 @@ class NoOperator:
     """Nobody to prompt: simulated people know what to do."""
 
     def prompt(self, text: str) -> None:
-        """Return at once.
-
-        Parameters
-        ----------
-        text : str
-            Not shown.
-        """
+        """Return at once."""
 
 
 def run_people(
@@ -62,32 +56,7 @@ def run_people(
     operator: Operator | None,
     progress: RunProgress | None,
 ) -> list[dict[str, Any]]:
-    """Run every participant and return their reports in order.
-
-    Parameters
-    ----------
-    settings : RunSettings
-        What to do.
-    rig : RigSettings
-        On which devices.
-    count : int
-        How many participants.
-    workers : int
-        How many at once.
-    scheduler : str or None
-        Of a Dask cluster that does it instead; it tells of participants that are done.
-    operator : Operator or None
-        Asked before every condition; only with one worker.
-    progress : callable or None
-        Told after every accepted stride.
-
-    Raises
-    ------
-    Exception
-        What the first participant that failed raised, with a note of who that was. Others that
-        are simulated were run; nobody else is put on real devices, or is called by an operator,
-        after one of them failed.
-    """
+    """Run every participant and return their reports in order."""
     tell = progress or _silent
     alone = scheduler is None and (workers == 1 or count == 1)
     call: Callable[..., dict[str, Any]] = _run_one

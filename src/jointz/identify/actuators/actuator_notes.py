@@ -22,13 +22,7 @@ _PROPORTIONAL = 1e-9
 
 
 def explains_nothing(regression: Regression) -> bool:
-    """Tell whether the current explains none of the torque.
-
-    Parameters
-    ----------
-    regression : Regression
-        The fit.
-    """
+    """Tell whether the current explains none of the torque."""
     if regression.is_saturated:
         return False
     low, high = regression.interval("torque_constant")
@@ -38,19 +32,7 @@ def explains_nothing(regression: Regression) -> bool:
 def notes(
     record: ActuatorRecord, terms: Terms, regression: Regression, *, gear_ratio: float
 ) -> tuple[str, ...]:
-    """Return all that a reader of the numbers must know.
-
-    Parameters
-    ----------
-    record : ActuatorRecord
-        The samples.
-    terms : Terms
-        What was fitted, and what was left out.
-    regression : Regression
-        The fit.
-    gear_ratio : float
-        Motor turns a turn of the output.
-    """
+    """Return all that a reader of the numbers must know."""
     found = []
     if regression.doubt:
         missing = (

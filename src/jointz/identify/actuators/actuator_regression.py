@@ -23,49 +23,22 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """A linear fit.
+    """A linear fit."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The parameters.
-    values : (p,) float
-        Their estimates.
-    residual : (n,) float
-        What is left.
-    covariance : (p, p) float
-        Of the estimates; (0, 0) where the record is too short for any.
-    half_width : (p,) float
-        Of the intervals. Where the record is too short for them, those of independent errors,
-        which are the narrowest: they can show that a value is not known, and nothing else.
-    condition_number : float
-        Of the regressors, each scaled to length one.
-    ci_method : str
-        How the covariance was made.
-    doubt : str
-        Why there is no interval; empty where there is.
-    caution : str
-        Why the interval is a rough one; empty where it is not.
-    """
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    residual: np.ndarray
-    covariance: np.ndarray
+    names: tuple[str, ...]  # the parameters
+    values: np.ndarray  # their estimates
+    residual: np.ndarray  # what is left
+    covariance: np.ndarray  # of the estimates; (0, 0) where the record is too short for any
+    # of the intervals. Where the record is too short for them, those of independent errors, which
+    # are the narrowest: they can show that a value is not known, and nothing else
     half_width: np.ndarray
-    condition_number: float
-    ci_method: str
-    doubt: str
-    caution: str
+    condition_number: float  # of the regressors, each scaled to length one
+    ci_method: str  # how the covariance was made
+    doubt: str  # why there is no interval; empty where there is
+    caution: str  # why the interval is a rough one; empty where it is not
 
     def value(self, name: str) -> float:
-        """Return an estimate.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
+        """Return an estimate."""
         return float(self.values[self.names.index(name)])
 
     @property
@@ -74,13 +47,7 @@ class Regression:
         return self.residual.size <= len(self.names)
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the ends of an interval.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
+        """Return the ends of an interval."""
         half = float(self.half_width[self.names.index(name)])
         return self.value(name) - half, self.value(name) + half
 
@@ -91,25 +58,7 @@ def regress(
     rate_hz: float | None,
     ci_level: float,
 ) -> Regression:
-    """Fit a sum of columns by least squares.
-
-    Parameters
-    ----------
-    measured : (n,) float
-        The signal.
-    columns : mapping of str to (n,) float
-        Parameter -> regressor, none of them zero or a sum of others.
-    rate_hz : float, optional
-        Sampling rate; without it blocks are counted in samples.
-    ci_level : float
-        Level of the intervals.
-
-    Returns
-    -------
-    Regression
-        Estimates; intervals unless the record is shorter than ten blocks of
-        three correlation times of the scores, with a caution below ten.
-    """
+    """Fit a sum of columns by least squares."""
     names = tuple(columns)
     matrix = np.stack([columns[n] for n in names], axis=1)
     length = np.linalg.norm(matrix, axis=0)
@@ -145,21 +94,11 @@ def regress(
 
 @dataclass(frozen=True, slots=True)
 class BlockPlan:
-    """How many blocks a record makes, and how good they are.
+    """How many blocks a record makes, and how good they are."""
 
-    Parameters
-    ----------
-    n_blocks : int
-        0 where the record is too short for any.
-    ci_method : str
-        How a covariance is made of them.
-    doubt, caution : str
-        Why there are none, and why they are few; empty where all is well.
-    """
-
-    n_blocks: int
-    ci_method: str
-    doubt: str = ""
+    n_blocks: int  # 0 where the record is too short for any
+    ci_method: str  # how a covariance is made of them
+    doubt: str = ""  # why there are none, and why they are few; empty where all is well
     caution: str = ""
 
     @classmethod
@@ -170,17 +109,7 @@ class BlockPlan:
         scores: np.ndarray,
         rate_hz: float | None,
     ) -> "BlockPlan":
-        """Plan the blocks of a regression.
-
-        Parameters
-        ----------
-        measured, residual : (n,) float
-            The signal, and what the regression leaves of it.
-        scores : (n, p) float
-            Each parameter's influence of every sample.
-        rate_hz : float, optional
-            Sampling rate; without it blocks are counted in samples.
-        """
+        """Plan the blocks of a regression."""
         rate, unit = (1.0, "samples") if rate_hz is None else (rate_hz, "s")
         length = measured.size / rate
         # What is left of a perfect fit is rounding, however long it stays correlated.

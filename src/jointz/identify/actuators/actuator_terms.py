@@ -40,18 +40,11 @@ _WITH_SIGN = ("coulomb_friction", "gear_friction")
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms that are fitted, and why the others are not.
+    """The terms that are fitted, and why the others are not."""
 
-    Parameters
-    ----------
-    columns : mapping of str to (n,) float
-        Parameter -> its regressor: torque = sum of parameter * column.
-    left_out : mapping of str to str
-        Parameter -> why the record does not support it.
-    """
-
+    # parameter -> its regressor: torque = sum of parameter * column
     columns: Mapping[str, np.ndarray]
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, str]  # parameter -> why the record does not support it
 
 
 def find_terms(
@@ -62,26 +55,7 @@ def find_terms(
     smooth_velocity_rad_s: float | None,
     skip: tuple[str, ...] = (),
 ) -> Terms:
-    """Return the terms of a model that the record supports.
-
-    Parameters
-    ----------
-    record : ActuatorRecord
-        The samples.
-    model : str
-        ``current``, ``motor`` or ``friction``.
-    gear_ratio : float
-        Motor turns a turn of the output.
-    smooth_velocity_rad_s : float, optional
-        s of tanh(velocity / s) in place of the sign.
-    skip : tuple of str
-        Terms that are not fitted: known, or already found undecided.
-
-    Returns
-    -------
-    Terms
-        Regressors with the signs of 3.1 to 3.3.
-    """
+    """Return the terms of a model that the record supports."""
     left_out: dict[str, str] = {}
     kept: dict[str, np.ndarray] = {}
     for name in MODEL_TERMS[model]:
@@ -99,13 +73,7 @@ def find_terms(
 
 
 def is_constant(values: np.ndarray) -> bool:
-    """Tell whether a channel stands still but for rounding.
-
-    Parameters
-    ----------
-    values : (n,) float
-        The channel.
-    """
+    """Tell whether a channel stands still but for rounding."""
     return bool(np.ptp(values) <= _CONSTANT * np.abs(values).max())
 
 
@@ -167,13 +135,7 @@ def _missing_acceleration(record: ActuatorRecord) -> str:
 
 
 def rest_share(velocity: np.ndarray) -> float:
-    """Return the share of the samples inside the dead band, of a record that moves.
-
-    Parameters
-    ----------
-    velocity : (n,) float
-        Of the output.
-    """
+    """Return the share of the samples inside the dead band, of a record that moves."""
     return float(np.mean(np.abs(velocity) <= _dead_band(velocity)))
 
 

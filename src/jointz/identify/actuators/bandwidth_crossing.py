@@ -35,24 +35,12 @@ _LEAST_COHERENCE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Where the gain crosses its loss.
+    """Where the gain crosses its loss."""
 
-    Parameters
-    ----------
-    hz : float
-        The frequency.
-    sd_hz : float
-        Its sd by noise.
-    reference_gain : float
-        Gain at zero frequency.
-    reference_hz : tuple of float
-        Band it was read off.
-    """
-
-    hz: float
-    sd_hz: float
-    reference_gain: float
-    reference_hz: tuple[float, float]
+    hz: float  # the frequency
+    sd_hz: float  # its sd by noise
+    reference_gain: float  # gain at zero frequency
+    reference_hz: tuple[float, float]  # band it was read off
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,33 +54,14 @@ class _Gain:
 
 
 def excited_bins(spectra: CrossSpectra) -> np.ndarray:
-    """Return where the command has power, (f,) bool, zero frequency left out.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    """
+    """Return where the command has power, (f,) bool, zero frequency left out."""
     power = spectra.auto_in
     excited: np.ndarray = (power > _EXCITED * power[1:].max()) & (spectra.frequency_hz > 0.0)
     return excited
 
 
 def check_coherent(spectra: CrossSpectra, where: str) -> None:
-    """Refuse a pair of records of which nothing, or hardly anything, belongs together.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``not_coherent``.
-    """
+    """Refuse a pair of records of which nothing, or hardly anything, belongs together."""
     excited = excited_bins(spectra)
     needed = coherence_threshold(spectra.n_averages)
     share = float(np.mean(spectra.coherence[excited] > needed))
@@ -110,24 +79,6 @@ def check_coherent(spectra: CrossSpectra, where: str) -> None:
 def find_crossing(spectra: CrossSpectra, drop_db: float, where: str) -> Crossing:
     """Return where the gain has lost ``drop_db``, counted from the gain at zero frequency.
 
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    drop_db : float
-        The loss, dB.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``above_band``: the loss, or the gain it counts from, lies where the
-        command does not excite. ``not_coherent``: the gain scatters so much that
-        its slope cannot be told.
-
-    Notes
-    -----
     The log gain is unbiased where noise is smaller than the gain, the gain is
     not. Bins are weighted by their neighbours' mean coherence: a bin's own goes
     with its noise.
@@ -144,22 +95,7 @@ def find_crossing(spectra: CrossSpectra, drop_db: float, where: str) -> Crossing
 
 
 def rough_crossing_hz(spectra: CrossSpectra, drop_db: float, where: str) -> float:
-    """Return about where the gain has lost ``drop_db``, however badly the spectra resolve it.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    drop_db : float
-        The loss, dB.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``above_band``.
-    """
+    """Return about where the gain has lost ``drop_db``, however badly the spectra resolve it."""
     return _first_below(spectra, _gain(spectra), drop_db, where)[0]
 
 

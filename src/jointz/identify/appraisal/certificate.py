@@ -33,24 +33,6 @@ def virtual_estimates(
 ) -> Iterator[list[VirtualEstimate]]:
     """Inject and estimate, one replicate at a time.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        What the study knows of a participant.
-    injection : Injection
-        What is injected.
-    replicates : int
-        How often.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Yields
-    ------
-    list of VirtualEstimate
-        K, B and J of every timing point.
-
-    Notes
-    -----
     The participant's own torque drives the injected joint, and misses at virtual onsets bring
     the noise of angle and torque with all its correlations. Misleads where the study is
     outside the estimator's models - a reflex, a second tissue: what no hypothesis holds cannot
@@ -93,13 +75,7 @@ def _estimated(
 
 
 def own_estimates(evidence: Evidence) -> dict[str, tuple[ParameterEstimate, ...]]:
-    """Return K, B and J of every timing point, as the study's own pulses tell them.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        What the study knows of a participant.
-    """
+    """Return K, B and J of every timing point, as the study's own pulses tell them."""
     return _rows(evidence, evidence.posterior, evidence.responses)
 
 
@@ -140,17 +116,6 @@ def _true_value(name: str, truth: Truth, response: InjectedResponse, i: int) -> 
 def virtual_cell(cell: PredictedCell, angle: np.ndarray, rng: np.random.Generator) -> PredictedCell:
     """Return a timing point of virtual pulses: as many as there were, at unperturbed strides.
 
-    Parameters
-    ----------
-    cell : PredictedCell
-        The timing point.
-    angle : (n,) float, rad
-        What is injected.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Notes
-    -----
     No stride serves twice, unless there are fewer than two a pulse. The average of n strides
     drawn from N without replacement varies less than that of n pulses against a baseline
     learned from N: by 1/n - 1/N instead of 1/n + 1/N. Deviations are scaled by the root of

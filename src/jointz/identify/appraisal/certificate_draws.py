@@ -39,20 +39,12 @@ Chosen = float | Mapping[str, float] | None
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """What is injected; what the study itself found where nothing is given.
+    """What is injected; what the study itself found where nothing is given."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float, mapping of str to float, or None
-        For all timing points, or for some by name.
-    lag_s : float or None, s
-        Of the sensor in all.
-    """
-
-    stiffness: Chosen = None
+    stiffness: Chosen = None  # for all timing points, or for some by name
     damping: Chosen = None
     inertia: Chosen = None
-    lag_s: float | None = None
+    lag_s: float | None = None  # s: of the sensor in all
 
     def described(self) -> dict[str, str]:
         """Return, for each, the values or what stands for those of the study."""
@@ -61,41 +53,19 @@ class Injection:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """A virtual participant.
+    """A virtual participant."""
 
-    Parameters
-    ----------
-    joints : tuple of InjectedJoint
-        At every timing point.
-    friction_gain : float
-        True over stated friction.
-    torque_gain : float
-        True over measured torque.
-    intrinsic : mapping of str to tuple of float
-        What of K, B and J is the device's, timing point by timing point; the sd of its
-        calibration is in it.
-    """
-
-    joints: tuple[InjectedJoint, ...]
-    friction_gain: float
-    torque_gain: float
+    joints: tuple[InjectedJoint, ...]  # at every timing point
+    friction_gain: float  # true over stated friction
+    torque_gain: float  # true over measured torque
+    # what of K, B and J is the device's, timing point by timing point; the sd of its calibration is
+    # in it
     intrinsic: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generator) -> Truth:
     """Return the joint found at every timing point behind one chain of instruments, drawn.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        What the study found of a participant.
-    injection : Injection
-        What is given instead.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Notes
-    -----
     K, B, J and what else is of the joint are the likeliest: drawn from their posterior they
     would have its errors once more, beside those of being estimated. Lag, delay and friction
     are drawn as far as calibration and responses leave them open, gains as far as the

@@ -17,22 +17,7 @@ from jointz.identify.recommended.walking_evidence import Evidence
 def evidence_of(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> tuple[Evidence, ...]:
-    """Predict and explain the pulses of a participant as the recommended method does.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What the study asks for.
-
-    Returns
-    -------
-    tuple of Evidence
-        One a session and side; none where nothing could be explained.
-    """
+    """Predict and explain the pulses of a participant as the recommended method does."""
     found = []
     for unit, group in recording_groups(recordings, walking=settings.walking):
         session, side = unit or ("", "")

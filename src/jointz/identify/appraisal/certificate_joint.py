@@ -23,55 +23,29 @@ _INSTANT_S = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class InjectedJoint:
-    """A joint and the chain of instruments that shows its angle; SI.
+    """A joint and the chain of instruments that shows its angle; SI."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float
-        K and B when they have the values given, and J.
-    stiffness_slope, damping_slope : float
-        What K and B change by, per s.
-    stiffness_at_s, damping_at_s : float, s
-        When they have the values given, from the onset.
-    lag_s, delay_s : float, s
-        First-order lag, pure delay.
-    resonance_hz, resonance_damping : float
-        Of the tissue; 0 Hz for none.
-    cross_talk : float, rad/(N*m)
-        Angle shown for torque.
-    angle_gain : float
-        Shown over true angle.
-    """
-
-    stiffness: float
+    stiffness: float  # k and B when they have the values given, and J
     damping: float
     inertia: float
-    stiffness_slope: float = 0.0
+    stiffness_slope: float = 0.0  # what K and B change by, per s
     damping_slope: float = 0.0
-    stiffness_at_s: float = 0.0
-    damping_at_s: float = 0.0
-    lag_s: float = 0.0
-    delay_s: float = 0.0
-    resonance_hz: float = 0.0
+    stiffness_at_s: float = 0.0  # s: when they have the values given, from the onset
+    damping_at_s: float = 0.0  # s
+    lag_s: float = 0.0  # s: first-order lag, pure delay
+    delay_s: float = 0.0  # s
+    resonance_hz: float = 0.0  # of the tissue; 0 Hz for none
     resonance_damping: float = 0.0
-    cross_talk: float = 0.0
-    angle_gain: float = 1.0
+    cross_talk: float = 0.0  # rad/(N*m): angle shown for torque
+    angle_gain: float = 1.0  # shown over true angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InjectedResponse:
-    """How an injected joint answers.
+    """How an injected joint answers."""
 
-    Parameters
-    ----------
-    shown : (n,) float, rad
-        What the sensor shows.
-    stiffness, damping : float
-        Means of K and B, weighted with what the motion tells of them.
-    """
-
-    shown: np.ndarray
-    stiffness: float
+    shown: np.ndarray  # what the sensor shows
+    stiffness: float  # means of K and B, weighted with what the motion tells of them
     damping: float
 
 
@@ -80,19 +54,6 @@ def injected_response(
 ) -> InjectedResponse:
     """Return how a joint at rest answers a torque, and what K and B it then has on average.
 
-    Parameters
-    ----------
-    torque : (n,) float, N*m
-        At the samples; the joint is at rest at the first.
-    joint : InjectedJoint
-        The joint and its sensor.
-    period_s : float, s
-        Between samples.
-    window_s : float, s
-        From the first sample, that means are taken over.
-
-    Notes
-    -----
     The means are those of SCIENCE, trap 10: a change of K at one moment moves the angle from
     then on, and counts by what least squares on the angle would make of it.
     """

@@ -22,19 +22,7 @@ _NOTHING = "no pulse that could be predicted"
 def certify_participant(
     evidence: Sequence[Evidence], injection: Injection, *, replicates: int, seed: int
 ) -> list[VirtualEstimate]:
-    """Inject into the strides of one participant; nothing where nothing could be explained.
-
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-        What the recommended method knows of each session and side of the participant.
-    injection : Injection
-        What is injected.
-    replicates : int
-        How often.
-    seed : int
-        Of the draws.
-    """
+    """Inject into the strides of one participant; nothing where nothing could be explained."""
     estimates: list[VirtualEstimate] = []
     for own in evidence:
         # By name: a participant more or less changes nobody else's draws.
@@ -53,19 +41,7 @@ def assembled(
     seed: int,
     window_s: float,
 ) -> Certificate:
-    """Put the participants' injections together.
-
-    Parameters
-    ----------
-    found : mapping of str to sequence of VirtualEstimate
-        Participant -> injected and estimated.
-    injection : Injection
-        What was injected.
-    replicates, seed : int
-        How often, and of the draws.
-    window_s : float, s
-        Of the estimates.
-    """
+    """Put the participants' injections together."""
     estimates = tuple(e for mine in found.values() for e in mine)
     return Certificate(
         method=RECOMMENDED,
@@ -80,18 +56,5 @@ def assembled(
 
 
 def replicates_for(participants: int, *, virtual: int = VIRTUAL_PARTICIPANTS) -> int:
-    """Return how many injections a participant tell the RMSE of a study to 10 %.
-
-    Parameters
-    ----------
-    participants : int
-        People in the study.
-    virtual : int
-        Injections wanted in all.
-
-    Examples
-    --------
-    >>> replicates_for(10), replicates_for(1)
-    (5, 50)
-    """
+    """Return how many injections a participant tell the RMSE of a study to 10 %."""
     return math.ceil(virtual / max(participants, 1))

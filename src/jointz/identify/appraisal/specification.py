@@ -43,28 +43,13 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What is combined.
+    """What is combined."""
 
-    Parameters
-    ----------
-    windows_s : tuple of float, s
-        From the onset.
-    cutoffs_hz : tuple of float, Hz
-        Of the method that filters.
-    baselines : tuple of str
-        Subtracted: ``predicted``, ``matched_strides``, ``unperturbed_mean``.
-    inertia_models : tuple of str
-        Of :data:`INERTIA_MODELS`; for the recommended method.
-
-    Raises
-    ------
-    ValueError
-        When a window or cut-off is not positive, a name unknown, or a list empty.
-    """
-
-    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)
-    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)
+    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)  # s: from the onset
+    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: of the method that filters
+    # subtracted: ``predicted``, ``matched_strides``, ``unperturbed_mean``
     baselines: tuple[str, ...] = (PREDICTED, "matched_strides", "unperturbed_mean")
+    # of :data:`INERTIA_MODELS`; for the recommended method
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
     def __post_init__(self) -> None:
@@ -92,27 +77,6 @@ def specification_estimates(
 ) -> tuple[SpecificationEstimate, ...]:
     """Estimate K, B and J of a participant under every set of choices.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What the study asks for; its own window, cut-off and baseline are not used.
-    choices : Choices
-        What is combined.
-    tell : callable, optional
-        Called with what comes next.
-
-    Returns
-    -------
-    tuple of SpecificationEstimate
-        A row a parameter, timing point and set of choices; one that cannot be estimated has the
-        status that says why.
-
-    Notes
-    -----
     The recommended method is run with every baseline, window and model of the inertia, and
     refuses, widens and withholds under each as it does by itself. The dissertation's is run with
     its two baselines and every cut-off and window. Misleads when it is read as a vote: many sets
@@ -134,15 +98,7 @@ def specification_estimates(
 
 
 def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
-    """Return the hypotheses that hold one model of the inertia, weighted among themselves.
-
-    Parameters
-    ----------
-    posterior : JointPosterior
-        All hypotheses.
-    model : str
-        ``one`` for all timing points, ``free`` at each, or ``pooled``: all hypotheses.
-    """
+    """Return the hypotheses that hold one model of the inertia, weighted among themselves."""
     if model == "pooled":
         return posterior
     free = max(p.hypothesis.inertia_sd for p in posterior.posteriors)
@@ -168,15 +124,7 @@ class _SpecifiedEstimator(WalkingEstimator):
     def under(
         self, candidates: Sequence[Candidate], *, baseline: str, inertia_model: str
     ) -> tuple[CellEstimate, ...]:
-        """Return the timing points under two choices.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse; the same in every call.
-        baseline, inertia_model : str
-            Of :class:`Choices`.
-        """
+        """Return the timing points under two choices."""
         self._chosen = (baseline, inertia_model)
         return self.run(candidates)[0]
 

@@ -23,24 +23,6 @@ def with_baseline(
 ) -> PredictedCell | None:
     """Return a timing point with another baseline than the predicted one.
 
-    Parameters
-    ----------
-    cell : PredictedCell
-        The timing point; its pulses that count are used.
-    sources : sequence of Source
-        The participant's recordings, made ready.
-    settings : ParticipantSettings
-        What the study asks for.
-    baseline : str
-        ``matched_strides`` or ``unperturbed_mean``.
-
-    Returns
-    -------
-    PredictedCell or None
-        None where the baseline has too few strides.
-
-    Notes
-    -----
     What a baseline misses is measured at virtual onsets in the strides it is made of. The mean
     of another condition is thereby blind to its own fault, the shift between the conditions:
     its intervals are too narrow, as the dissertation's are.

@@ -39,15 +39,6 @@ class FullRecordEstimator:
     A recording whose pulses belong to several cases or groups has no one answer, and one
     whose torque a single linear load does not explain is no such load: those are
     estimated from the responses to their pulses, by the method ``dissertation``.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        The participant's recordings, made ready.
-    settings : ParticipantSettings
-        What the study and the caller ask for.
     """
 
     def __init__(
@@ -71,13 +62,7 @@ class FullRecordEstimator:
     def run(
         self, candidates: Sequence[Candidate]
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse of the participant's perturbed recordings.
-        """
+        """Return the cells and the pulses with their final codes."""
         cases: dict[int, set[str]] = {}
         for candidate in candidates:
             cases.setdefault(candidate.source, set()).add(candidate.record.timing_point)

@@ -42,27 +42,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class LagChoice:
-    """The regression with the lag that was given, asked for or chosen.
+    """The regression with the lag that was given, asked for or chosen."""
 
-    Parameters
-    ----------
-    model : LagModel
-        The kind of the lag.
-    regression : Regression
-        The fit.
-    covariance : (p + q, p + q) float
-        Of the values and the free parts of the lag; what the choice of the kind leaves open
-        is in it. Infinite where the records are too short.
-    n_blocks : int
-        Blocks behind it; 0 where the records are too short.
-    range_s : tuple of float or None
-        Lags that the records do not refuse, where they do not tell the lag.
-    """
-
-    model: LagModel
-    regression: Regression
+    model: LagModel  # the kind of the lag
+    regression: Regression  # the fit
+    # of the values and the free parts of the lag; what the choice of the kind leaves open is in it.
+    # Infinite where the records are too short
     covariance: np.ndarray
-    n_blocks: int
+    n_blocks: int  # blocks behind it; 0 where the records are too short
+    # lags that the records do not refuse, where they do not tell the lag
     range_s: tuple[float, float] | None = None
 
 
@@ -75,19 +63,6 @@ def choose_lag(
 ) -> LagChoice:
     """Fit the load with the lag that is given, asked for or chosen.
 
-    Parameters
-    ----------
-    records : sequence of BandRecord
-        The trials.
-    known_s : tuple of float or None
-        Value and sd of the lag; an sd of 0 holds it.
-    model : LagModel or None
-        The kind; tested by default, and a delay where the lag is known.
-    friction : bool
-        Whether a torque of constant size against the motion is fitted.
-
-    Notes
-    -----
     A spring without inertia moves in step with its torque: a lag T then is a damping K*T,
     and no record tells one from the other. So lags 2 ms from the best are tried. Where one
     of them fits nearly as well, the lag stays undecided: it is held at the one nearest to

@@ -25,18 +25,11 @@ _WITHOUT_FRICTION = 3  # values: K, B, J
 
 @dataclass(frozen=True, slots=True)
 class Lag:
-    """A lag of the torque record: a delay, and a first-order filter of time constant tau.
+    """A lag of the torque record: a delay, and a first-order filter of time constant tau."""
 
-    Parameters
-    ----------
-    total_s : float
-        Delay plus tau.
-    spread_s2 : float
-        Square of tau; zero for a pure delay. Slightly negative values, which noise can
-        bring about, raise high frequencies as much as positive ones lower them.
-    """
-
-    total_s: float = 0.0
+    total_s: float = 0.0  # delay plus tau
+    # square of tau; zero for a pure delay. Slightly negative values, which noise can bring about,
+    # raise high frequencies as much as positive ones lower them
     spread_s2: float = 0.0
 
     @property
@@ -45,13 +38,7 @@ class Lag:
         return float(np.sqrt(max(self.spread_s2, 0.0)))
 
     def response(self, omega: np.ndarray) -> np.ndarray:
-        """Return the frequency response.
-
-        Parameters
-        ----------
-        omega : (m,) float, rad/s
-            Angular frequencies.
-        """
+        """Return the frequency response."""
         if self.spread_s2 < 0.0:
             response: np.ndarray = np.exp(
                 -1j * omega * self.total_s - omega**2 * self.spread_s2 / 2
@@ -64,57 +51,29 @@ class Lag:
 
 @dataclass(frozen=True, slots=True)
 class LagPrior:
-    """What is known of the total lag before the fit.
+    """What is known of the total lag before the fit."""
 
-    Parameters
-    ----------
-    value_s, sd_s : float
-        Of the lag, s.
-    weight : float
-        Penalty of the sum of squares by the square of the lag's difference, N^2*m^2/s^2.
-    """
-
-    value_s: float
+    value_s: float  # of the lag, s
     sd_s: float
+    # penalty of the sum of squares by the square of the lag's difference, N^2*m^2/s^2
     weight: float
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """Solution of the regression for one kind of lag.
+    """Solution of the regression for one kind of lag."""
 
-    Parameters
-    ----------
-    values : (p,) float
-        K, B, J and, where fitted, the friction torque.
-    lag : Lag
-        The lag.
-    regressors : (n, p + q) float
-        Columns of ``values`` and of the free parts of the lag, offsets removed.
-    scores : (n, p + q) float
-        Estimating functions, one row a sample.
-    bread : (p + q, p + q) float
-        Their derivative, corrected for the noise of the angle.
-    residual, measured : (n,) float, N*m
-        Of the filtered torque, offsets removed.
-    noise_share : float
-        Share of the acceleration's variance that is noise of the angle.
-    cost : float
-        Sum of squares less what angle noise adds to it, penalty of the prior included.
-    prior : LagPrior or None
-        What was known of the lag.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # K, B, J and, where fitted, the friction torque
     lag: Lag
+    # columns of ``values`` and of the free parts of the lag, offsets removed
     regressors: np.ndarray
-    scores: np.ndarray
-    bread: np.ndarray
-    residual: np.ndarray
+    scores: np.ndarray  # estimating functions, one row a sample
+    bread: np.ndarray  # their derivative, corrected for the noise of the angle
+    residual: np.ndarray  # of the filtered torque, offsets removed
     measured: np.ndarray
-    noise_share: float
-    cost: float
-    prior: LagPrior | None = None
+    noise_share: float  # share of the acceleration's variance that is noise of the angle
+    cost: float  # sum of squares less what angle noise adds to it, penalty of the prior included
+    prior: LagPrior | None = None  # what was known of the lag
 
     @property
     def condition_number(self) -> float:
@@ -139,32 +98,6 @@ def solve_regression(
 ) -> Regression:
     """Fit K, B, J, friction and the free parts of the lag.
 
-    Parameters
-    ----------
-    records : sequence of BandRecord
-        The trials; each has an offset of its own.
-    start : Lag or None
-        The lag, or where to start; None: a free total is searched on a grid.
-    free : sequence of str
-        What of the lag is fitted: ``total``, ``spread``; ``tau`` for a lag that is a
-        first-order filter only.
-    friction : bool
-        Whether a torque of constant size against the motion is fitted.
-    prior : LagPrior, optional
-        What is known of a free total.
-
-    Returns
-    -------
-    Regression
-        Values, lag and what an interval needs.
-
-    Raises
-    ------
-    ValueError
-        When the regressors are linearly dependent.
-
-    Notes
-    -----
     Variable projection: given the lag, everything else is linear and solved exactly. The
     lag's best value on a grid of -10 to 20 ms is refined by Gauss-Newton steps, cut until
     the sum of squares falls; it never leaves the range of the grid.
@@ -193,17 +126,7 @@ def _grid(free: Sequence[str]) -> list[Lag]:
 def profile_lag(
     records: Sequence[BandRecord], fit: Regression, lags_s: np.ndarray
 ) -> list[Regression]:
-    """Return the regressions at given total lags, all else fitted anew.
-
-    Parameters
-    ----------
-    records : sequence of BandRecord
-        The trials.
-    fit : Regression
-        The fit whose spread of the lag is kept.
-    lags_s : (m,) float, s
-        Total lags.
-    """
+    """Return the regressions at given total lags, all else fitted anew."""
     return [
         _given_lag(
             records,

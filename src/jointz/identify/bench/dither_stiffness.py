@@ -26,18 +26,10 @@ _SERIES_POINTS = 200
 
 @dataclass(frozen=True, slots=True)
 class _Harmonic:
-    """A signal's part at the dither's frequency.
+    """A signal's part at the dither's frequency."""
 
-    Parameters
-    ----------
-    phasor : complex
-        The part is the real part of phasor times exp(j omega t).
-    residual : (n,) float
-        What is left of the signal, offset removed.
-    """
-
-    phasor: complex
-    residual: np.ndarray
+    phasor: complex  # the part is the real part of phasor times exp(j omega t)
+    residual: np.ndarray  # what is left of the signal, offset removed
 
 
 def identify_dither_stiffness(

@@ -22,29 +22,15 @@ _ROLL_OFF = 8
 
 @dataclass(frozen=True, slots=True)
 class PairResponses:
-    """The responses of one pair of runs.
+    """The responses of one pair of runs."""
 
-    Parameters
-    ----------
-    pulses : tuple of Pulse
-        The pulses that both runs hold, on the perturbed run's clock.
-    windows : (p, 4, n) float
-        Angle (rad), velocity, acceleration and torque (N*m), unperturbed run subtracted.
-    left_out : tuple of (Pulse, str)
-        The other pulses, and why.
-    shift_s : float
-        How much later the unperturbed run began the reference.
-    rate_hz : float
-        Samples a second.
-    acceleration_noise_sd : float, rad/s^2
-        What white noise of both angles leaves in a response's acceleration.
-    """
-
-    pulses: tuple[Pulse, ...]
+    pulses: tuple[Pulse, ...]  # the pulses that both runs hold, on the perturbed run's clock
+    # angle (rad), velocity, acceleration and torque (N*m), unperturbed run subtracted
     windows: np.ndarray
-    left_out: tuple[tuple[Pulse, str], ...]
-    shift_s: float
-    rate_hz: float
+    left_out: tuple[tuple[Pulse, str], ...]  # the other pulses, and why
+    shift_s: float  # how much later the unperturbed run began the reference
+    rate_hz: float  # samples a second
+    # rad/s^2: what white noise of both angles leaves in a response's acceleration
     acceleration_noise_sd: float
 
 
@@ -78,28 +64,7 @@ def pair_responses(
     cutoff_hz: float,
     where: str,
 ) -> PairResponses:
-    """Return the response to every pulse that both runs of a pair hold.
-
-    Parameters
-    ----------
-    pair : (unperturbed, perturbed)
-        The runs.
-    pulses : sequence of Pulse or None
-        Of the perturbed run; read off its command where None.
-    align : str
-        The channel that both runs follow.
-    window_s : float, s
-        Length of a response.
-    cutoff_hz : float, Hz
-        Low-pass before anything is cut.
-    where : str
-        The pair, for messages.
-
-    Raises
-    ------
-    DataError
-        When samples cannot be trusted, or the two have other rates or references.
-    """
+    """Return the response to every pulse that both runs of a pair hold."""
     wanted = () if pulses is not None else ("command",)
     unperturbed = _run(pair[0], f"{where}, unperturbed", align, cutoff_hz=cutoff_hz)
     perturbed = _run(pair[1], f"{where}, perturbed", align, wanted, cutoff_hz=cutoff_hz)
@@ -133,20 +98,7 @@ def pair_responses(
 
 
 def check_same_rate(where: str, expected_hz: float, rate_hz: float) -> None:
-    """Refuse runs of different sampling rates.
-
-    Parameters
-    ----------
-    where : str
-        Whose rate, for messages.
-    expected_hz, rate_hz : float
-        The two.
-
-    Raises
-    ------
-    DataError
-        When they differ by more than 1 %.
-    """
+    """Refuse runs of different sampling rates."""
     if abs(rate_hz - expected_hz) > _SAME_RATE * expected_hz:
         raise DataError(
             f"{where}: expected {expected_hz:.5g} Hz in all runs, got {rate_hz:.5g} Hz. Fit runs "

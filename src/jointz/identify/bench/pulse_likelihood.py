@@ -32,15 +32,10 @@ _PARAMETERS = ("stiffness", "damping", "inertia", "torque_lag")
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevels:
-    """White noise of the two records.
+    """White noise of the two records."""
 
-    Parameters
-    ----------
-    angle_sd_rad, torque_sd_nm : float
-        Standard deviations, rad and N*m; one may be zero. After the subtraction of an
-        unperturbed record they are larger by the square root of two.
-    """
-
+    # standard deviations, rad and N*m; one may be zero. After the subtraction of an unperturbed
+    # record they are larger by the square root of two
     angle_sd_rad: float
     torque_sd_nm: float
 

@@ -20,40 +20,7 @@ _CONVERGED_S = 1e-9
 def reference_shift(
     reference: np.ndarray, other: np.ndarray, *, rate_hz: float, keep: np.ndarray, where: str
 ) -> float:
-    """Return the time by which the other run passes the reference later, s.
-
-    Parameters
-    ----------
-    reference : (n,) float
-        Of the first run, from its first sample.
-    other : (m,) float
-        Of the other run, at the same rate.
-    rate_hz : float
-        Sampling rate of both.
-    keep : (n,) bool
-        Samples of the first run to compare: not those of pulses.
-    where : str
-        The pair, for messages.
-
-    Returns
-    -------
-    float
-        ``other(t + shift)`` is ``reference(t)``; at most 5 s either way. Of several as
-        good, as a periodic reference has them, the smallest.
-
-    Raises
-    ------
-    DataError
-        When no shift makes the two alike within 5 % of the variance.
-
-    Examples
-    --------
-    >>> t = np.arange(3000) / 500.0
-    >>> first, later = np.sin(3.0 * t), np.sin(3.0 * (t - 0.123))
-    >>> keep = np.ones(t.size, dtype=bool)
-    >>> round(reference_shift(first, later, rate_hz=500.0, keep=keep, where="pair 1"), 4)
-    0.123
-    """
+    """Return the time by which the other run passes the reference later, s."""
     variance = float(np.var(reference[keep])) if keep.any() else 0.0
     if variance <= 1e-18 * float(np.max(np.abs(reference), initial=0.0)) ** 2:
         raise DataError(

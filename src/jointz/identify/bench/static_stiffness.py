@@ -146,41 +146,13 @@ def identify_static_stiffness(
 
 
 def check_level(where: str, ci_level: float) -> None:
-    """Refuse a level of intervals that is none.
-
-    Parameters
-    ----------
-    where : str
-        Name of the calling function.
-    ci_level : float
-        The level.
-
-    Raises
-    ------
-    DataError
-        When it does not lie between 0 and 1.
-    """
+    """Refuse a level of intervals that is none."""
     if not 0.0 < ci_level < 1.0:
         raise DataError(f"{where}: ci_level: expected 0 < ci_level < 1, got {ci_level}.")
 
 
 def check_excited(where: str, channels: Mapping[str, np.ndarray]) -> None:
-    """Refuse a bench record that is too short, or in which angle or torque stands still.
-
-    Parameters
-    ----------
-    where : str
-        Name of the calling function.
-    channels : mapping
-        With ``angle`` and ``torque``.
-
-    Raises
-    ------
-    DataError
-        Below 50 samples.
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
+    """Refuse a bench record that is too short, or in which angle or torque stands still."""
     n = channels["angle"].size
     if n < FEWEST_SAMPLES:
         raise DataError(f"{where}: expected at least {FEWEST_SAMPLES} samples, got {n}.")

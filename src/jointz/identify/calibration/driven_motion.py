@@ -21,19 +21,7 @@ def driven_velocity(
     stiffness: float,
     smooth_rad_s: float,
 ) -> np.ndarray:
-    """Return the velocity that torque and friction give, rad/s.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    drive, friction : (n,) float, N*m
-        Torque of the current; size of the friction.
-    stiffness : float, N*m/rad
-        Of the spring.
-    smooth_rad_s : float, rad/s
-        Velocity at which friction has grown to three quarters.
-    """
+    """Return the velocity that torque and friction give, rad/s."""
     grid = np.arange(time[0], time[-1] + _STEP_S, _STEP_S)
     pulls, holds = (np.interp(grid, time, values).tolist() for values in (drive, friction))
     angle, found = pulls[0] / stiffness, []

@@ -46,28 +46,6 @@ class _Levels:
 def fit_footswitch(time: np.ndarray, voltage: np.ndarray) -> CalibrationFit:
     """Find the two levels of a footswitch while somebody walks, and thresholds between them.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    voltage : (n,) float, V
-        Of the switch; higher with the foot on the ground.
-
-    Returns
-    -------
-    CalibrationFit
-        ``contact_threshold_v`` and ``contact_release_v``, 60 and 40 % of the way from the open
-        level to that of contact; beside them the two levels. ``failed:one_level``,
-        ``failed:overlapping_levels``, ``failed:inverted_levels`` or ``failed:too_short`` instead
-        of thresholds that do not work.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     Levels are medians: bounces and edges do not move them. The sd says how far the levels of any
     stride, in this session or a later one, lie from their mean: they creep, and a record of a
     minute is too short for the error of the mean to be known. Thresholds must stay clear of both

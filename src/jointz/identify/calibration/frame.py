@@ -42,27 +42,6 @@ _METHOD = (
 def fit_frame(record: PulsedRecord, *, known: CalibrationSpec | None = None) -> CalibrationFit:
     """Find stiffness, damping and inertia of what moves beyond the place of the torque.
 
-    Parameters
-    ----------
-    record : PulsedRecord
-        The exoskeleton hanging alone, pushed both ways.
-    known : CalibrationSpec, optional
-        ``torque_gain`` and ``friction_gain``, where they are known.
-
-    Returns
-    -------
-    CalibrationFit
-        ``intrinsic_stiffness`` (gravity of the frame), ``intrinsic_damping`` and
-        ``intrinsic_inertia``, in units of true torque. A frame of no account gives values about
-        zero with an sd, which is an answer too.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     The inertia of the rotor is in the torque already. Samples slower than 0.15 rad/s are left
     out: at rest, friction is whatever it needs to be. The gain of the friction is a nuisance
     with a prior, 1 +- 0.2 where nothing is known.

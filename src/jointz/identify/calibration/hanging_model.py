@@ -92,24 +92,12 @@ KNOWN_LAG = len(NAMES)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingCell:
-    """The average response of one condition.
+    """The average response of one condition."""
 
-    Parameters
-    ----------
-    angle : (n,) float, rad
-        Measured, from rest.
-    torque : (2, n) float, N*m
-        Without friction, and friction.
-    noise : (n, n) float, rad^2
-        Covariance of the error of the average.
-    period_s : float, s
-        Between samples.
-    """
-
-    angle: np.ndarray
-    torque: np.ndarray
-    noise: np.ndarray
-    period_s: float
+    angle: np.ndarray  # measured, from rest
+    torque: np.ndarray  # without friction, and friction
+    noise: np.ndarray  # covariance of the error of the average
+    period_s: float  # s: between samples
 
     def root(self) -> np.ndarray:
         """Return a whitening matrix: its product with the noise's errors has unit covariance."""
@@ -121,66 +109,27 @@ class HangingCell:
 
 @dataclass(frozen=True, slots=True)
 class KnownWeight:
-    """What was strapped on.
+    """What was strapped on."""
 
-    Parameters
-    ----------
-    inertia, stiffness : Calibrated, kg*m^2, N*m/rad
-        About the joint; weight times distance.
-    """
-
-    inertia: Calibrated
-    stiffness: Calibrated
+    inertia: Calibrated  # kg*m^2, N*m/rad: about the joint; weight times distance
+    stiffness: Calibrated  # kg*m^2, N*m/rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingPosterior:
-    """Mode and covariance under one model of the sensor.
+    """Mode and covariance under one model of the sensor."""
 
-    Parameters
-    ----------
-    values : (13,) float
-        By the places above.
-    bread : (13, 13) float
-        Inverse of the curvature; zero where a parameter is idle.
-    prior_sd : (13,) float
-        Of every parameter before the data.
-    lag_sd_s : float, s
-        Of what was known of the total lag; infinite where nothing was.
-    log_evidence : float
-        Up to a constant that both models share.
-    misfit : float
-        Squared distance from the data over the degrees of freedom; about 1.
-    fitted : tuple of (n,) float, rad
-        Angles that the sensor would show.
-    motions : tuple of (n,) float, rad
-        The joint's own.
-    """
-
-    values: np.ndarray
-    bread: np.ndarray
-    prior_sd: np.ndarray
-    lag_sd_s: float
-    log_evidence: float
-    misfit: float
-    fitted: tuple[np.ndarray, ...]
-    motions: tuple[np.ndarray, ...]
+    values: np.ndarray  # by the places above
+    bread: np.ndarray  # inverse of the curvature; zero where a parameter is idle
+    prior_sd: np.ndarray  # of every parameter before the data
+    lag_sd_s: float  # s: of what was known of the total lag; infinite where nothing was
+    log_evidence: float  # up to a constant that both models share
+    misfit: float  # squared distance from the data over the degrees of freedom; about 1
+    fitted: tuple[np.ndarray, ...]  # angles that the sensor would show
+    motions: tuple[np.ndarray, ...]  # the joint's own
 
     def variances(self, slopes: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the variance of a function of the parameters, by where it comes from.
-
-        Parameters
-        ----------
-        slopes : (13,) float
-            Derivatives of the function.
-
-        Returns
-        -------
-        noise : float
-            What the noise of the data makes; more where the model misfits.
-        priors : (14,) float
-            What the prior of every parameter makes, then what was known of the total lag.
-        """
+        """Return the variance of a function of the parameters, by where it comes from."""
         reach = slopes @ self.bread
         of_lag = (reach[LAG] + reach[DELAY]) / self.lag_sd_s
         priors = np.append(reach / self.prior_sd, of_lag) ** 2
@@ -189,21 +138,7 @@ class HangingPosterior:
 
 
 class HangingModel:
-    """Finds the posterior mode of one or two conditions under one sensor.
-
-    Parameters
-    ----------
-    cells : sequence of HangingCell
-        Bare, then weighted where there is one.
-    weight : KnownWeight or None
-        What was added in the second.
-    known : mapping of str to tuple
-        Name of a parameter -> mean and sd, in place of the usual ones.
-    resonance : bool
-        Whether tissue resonates before the sensor.
-    total_lag : tuple of float, s
-        Mean and sd of lag and delay together, as they are known; an infinite sd: not at all.
-    """
+    """Finds the posterior mode of one or two conditions under one sensor."""
 
     def __init__(
         self,
@@ -248,15 +183,7 @@ class HangingModel:
         return self._posterior(np.asarray(best.x))
 
     def joint(self, values: np.ndarray, i: int) -> tuple[float, float, float]:
-        """Return K, B, J of a condition, in measured units.
-
-        Parameters
-        ----------
-        values : (13,) float
-            Parameters.
-        i : int
-            Which condition.
-        """
+        """Return K, B, J of a condition, in measured units."""
         K, B, J = values[STIFFNESS], values[DAMPING], np.exp(values[LOG_INERTIA])
         if i == 1 and self._weight is not None:
             ratio = values[GAIN_RATIO]
@@ -266,15 +193,7 @@ class HangingModel:
         return float(K), float(B), float(J)
 
     def respond(self, values: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the sensor shows and how the joint moves, rad, at the samples.
-
-        Parameters
-        ----------
-        values : (13,) float
-            Parameters.
-        i : int
-            Which condition.
-        """
+        """Return what the sensor shows and how the joint moves, rad, at the samples."""
         cell = self._cells[i]
         K, B, J = self.joint(values, i)
         substeps = max(1, round(cell.period_s / _SUBSTEP_S))

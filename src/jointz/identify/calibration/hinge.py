@@ -88,29 +88,6 @@ class _Candidate:
 def fit_hinge(time: np.ndarray, angle: np.ndarray, motor_angle: np.ndarray) -> CalibrationFit:
     """Find lag and gain of a goniometer that is clamped to the hinge of an encoder.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps; the nominal rate is not used.
-    angle : (n,) float, rad
-        The goniometer's.
-    motor_angle : (n,) float, rad
-        The encoder's, at the hinge.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_lag_s``, the total lag, and ``angle_gain``, measured over true; ``undecided``
-        where the swing is too slow or too small (sd of the lag above 0.5 ms), ``failed:CODE``
-        where the two differ by more than a rigid hinge can.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     The encoder is taken to be without noise: its steps (4e-5 rad on an ActPack) are a millionth
     of the variance of the swing, and take as little off the gain. A lag of the encoder itself
     is not seen; it would come off that of the goniometer.

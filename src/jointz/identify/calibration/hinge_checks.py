@@ -18,18 +18,7 @@ _SMOOTH_S, _LEFT_RAD, _LEFT_SHARE = 0.1, float(np.radians(0.6)), 0.08
 
 
 def check_swing(angle: np.ndarray, encoder: np.ndarray) -> None:
-    """Refuse a record without motion, with opposite signs or with a sensor at its end.
-
-    Parameters
-    ----------
-    angle, encoder : (n,) float, rad
-        Of goniometer and encoder.
-
-    Raises
-    ------
-    RefusedError
-        ``no_motion``, ``opposite_sign`` or ``clipped``.
-    """
+    """Refuse a record without motion, with opposite signs or with a sensor at its end."""
     for name, values in (("angle", angle), ("motor_angle", encoder)):
         swing = float(np.subtract(*np.quantile(values, [0.98, 0.02])))
         if swing < _LEAST_SWING_RAD:
@@ -47,22 +36,7 @@ def check_swing(angle: np.ndarray, encoder: np.ndarray) -> None:
 
 
 def check_rigid(time: np.ndarray, encoder: np.ndarray, residual: np.ndarray) -> None:
-    """Refuse what no rigid hinge leaves.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    encoder : (n,) float, rad
-        Of the hinge.
-    residual : (n,) float, rad
-        Angle minus model.
-
-    Raises
-    ------
-    RefusedError
-        ``play``, ``slip`` or ``not_rigid``.
-    """
+    """Refuse what no rigid hinge leaves."""
     velocity = np.gradient(encoder, time)
     columns = np.column_stack([np.sign(velocity), velocity, encoder, np.ones(time.size)])
     without = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]

@@ -20,36 +20,17 @@ _EVEN_SHARE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InstrumentedFit:
-    """A linear fit.
+    """A linear fit."""
 
-    Parameters
-    ----------
-    values : (p,) float
-        Coefficients.
-    distance : float
-        Squared distance of the moments from zero: chi squared with as many degrees of freedom
-        as there are instruments more than coefficients.
-    residual : (n,) float
-        Measured minus modelled.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # coefficients
+    # squared distance of the moments from zero: chi squared with as many degrees of freedom as
+    # there are instruments more than coefficients
     distance: float
-    residual: np.ndarray
+    residual: np.ndarray  # measured minus modelled
 
 
 class Instruments:
-    """Instruments of one signal, for any number of models of it.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    y : (n,) float
-        The signal.
-    columns : (n, q) float
-        The instruments: not touched by the error of the signal.
-    """
+    """Instruments of one signal, for any number of models of it."""
 
     def __init__(self, time: np.ndarray, y: np.ndarray, columns: np.ndarray) -> None:
         self._time, self._y = time, y
@@ -59,20 +40,7 @@ class Instruments:
         self._lost = 0
 
     def weigh(self, residual: np.ndarray, *, fitted: int) -> None:
-        """Weigh the moments by their covariance.
-
-        Parameters
-        ----------
-        residual : (n,) float
-            Of a good fit.
-        fitted : int
-            Numbers that were fitted, all in all.
-
-        Raises
-        ------
-        RefusedError
-            ``too_short`` where the residual is correlated over too much of the record.
-        """
+        """Weigh the moments by their covariance."""
         n_blocks = blocks_for(self._time, residual, size=float(np.std(self._y)), fitted=fitted)
         self._starts = np.arange(n_blocks) * residual.size // n_blocks
         self._lost = fitted
@@ -88,13 +56,7 @@ class Instruments:
         return np.asarray(self._z.T @ self._y)
 
     def fit(self, regressors: np.ndarray) -> InstrumentedFit:
-        """Fit the signal by regressors.
-
-        Parameters
-        ----------
-        regressors : (n, p) float
-            A column a coefficient, at most as many as there are instruments.
-        """
+        """Fit the signal by regressors."""
         cross = self._z.T @ regressors
         values = self._solved(cross, self._against_signal)
         missed = self._against_signal - cross @ values
@@ -102,18 +64,7 @@ class Instruments:
         return InstrumentedFit(values, float(missed @ self._weights @ missed), residual)
 
     def sds(self, regressors: np.ndarray) -> np.ndarray:
-        """Return the sd of the coefficients.
-
-        Parameters
-        ----------
-        regressors : (n, p) float
-            As they were fitted, after :meth:`weigh`.
-
-        Returns
-        -------
-        (p,) float
-            Widened to what Student's t asks of so few blocks: twice it is a 95 % interval.
-        """
+        """Return the sd of the coefficients."""
         n = self._starts.size
         ends = [*self._starts[1:], len(self._y)]
         parts = [slice(a, b) for a, b in zip(self._starts, ends, strict=True)]

@@ -112,34 +112,6 @@ def fit_leg(
 ) -> CalibrationFit:
     r"""Find lag, gain of the torque and tissue from pulses on a relaxed hanging leg.
 
-    Parameters
-    ----------
-    bare : PulsedRecord
-        The leg in the exoskeleton.
-    weighted : PulsedRecord, optional
-        The same with a known weight strapped to the shank.
-    weight : KnownWeight, optional
-        What was strapped on; goes with ``weighted``.
-    known : CalibrationSpec, optional
-        ``angle_gain``, ``friction_gain``, ``angle_per_torque``, the ``intrinsic_*`` of the
-        frame, and ``angle_lag_s`` where a hinge told it: the instrument is as late on a leg, to
-        1 ms, and what is later than that is tissue.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_lag_s`` (total, without tissue), ``torque_gain`` and, where the tissue is
-        decided, ``tissue_hz``. Beside them K, B and J of the leg in true units, and
-        ``strap_compliance``, what the encoder moves more than the leg.
-
-    Raises
-    ------
-    DataError
-        When lengths differ, time does not increase, or one of ``weighted`` and ``weight`` is
-        missing.
-
-    Notes
-    -----
     The response of the goniometer's angle to the measured torque gives J times the gain of the
     torque over that of the angle; the known weight gives their ratio, and ``angle_gain`` the
     gain of the torque. The errors of both gains are then alike, and their ratio, which K and J

@@ -18,19 +18,6 @@ def strap_entry(
 ) -> CalibrationEntry:
     """Return the compliance between encoder and joint.
 
-    Parameters
-    ----------
-    averages : sequence of PulseAverage
-        With the encoder's motion.
-    cells : sequence of HangingCell
-        With the torque through the strap.
-    best : HangingPosterior
-        With the joint's motion.
-    known : CalibrationSpec
-        ``angle_gain`` and ``torque_gain``.
-
-    Notes
-    -----
     The motion of the joint is the model's, so that lag and tissue of the goniometer are out of
     it. The sd is that of an error of the angle's gain, of the scatter over pulses and of what
     the line leaves: inside a condition the error hardly changes, so that each counts once.

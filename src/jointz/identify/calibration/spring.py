@@ -95,33 +95,6 @@ def fit_spring(
 ) -> CalibrationFit:
     """Find gain of the torque and friction from slow motion against a known spring.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    motor_angle : (n,) float, rad
-        Of the encoder, at the output.
-    current : (n,) float, A
-        Of the motor.
-    model : TorqueModelSpec
-        Torque per ampere and frictions as stated.
-    stiffness : Calibrated, N*m/rad
-        Of the spring, with its sd, and of nothing else: the frame lies on its side, so that its
-        weight does not turn it.
-
-    Returns
-    -------
-    CalibrationFit
-        ``torque_gain`` (measured over true) and ``friction_gain`` (true over stated); beside
-        them torque constant and frictions of their own.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     Viscous friction is taken as stated, inertia as nothing: the motion is slow. Friction grows
     with a tanh of the velocity, how fast is weighed by the data. The sd of the spring enters
     both gains in full.

@@ -24,15 +24,7 @@ _ROUNDING = 1e-9
 
 
 class RefusedError(Exception):
-    """A record that tells nothing: a code and what was found; caught at the step's door.
-
-    Parameters
-    ----------
-    code : CalibrationFailure
-        What is wrong.
-    detail : str
-        Where, expected and found.
-    """
+    """A record that tells nothing: a code and what was found; caught at the step's door."""
 
     def __init__(self, code: CalibrationFailure, detail: str) -> None:
         super().__init__(detail)
@@ -42,53 +34,20 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyFit:
-    """A linear fit.
+    """A linear fit."""
 
-    Parameters
-    ----------
-    values : (p,) float
-        Coefficients.
-    covariance : (p, p) float
-        Of their error.
-    residual : (n,) float
-        Measured minus modelled.
-    n_blocks : int
-        Independent blocks behind the covariance.
-    """
-
-    values: np.ndarray
-    covariance: np.ndarray
-    residual: np.ndarray
-    n_blocks: int
+    values: np.ndarray  # coefficients
+    covariance: np.ndarray  # of their error
+    residual: np.ndarray  # measured minus modelled
+    n_blocks: int  # independent blocks behind the covariance
 
     def sd(self, i: int) -> float:
-        """Return the sd of a coefficient.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the sd of a coefficient."""
         return float(np.sqrt(self.covariance[i, i]))
 
 
 def checked_channels(time: np.ndarray, **channels: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return time and channels where all have a number.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps; they may jitter and have holes.
-    **channels : (n,) float
-        Name -> samples.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-    RefusedError
-        ``not_finite`` or ``too_short``.
-    """
+    """Return time and channels where all have a number."""
     time = np.asarray(time, dtype=float)
     values = {name: np.asarray(channel, dtype=float) for name, channel in channels.items()}
     for name, channel in values.items():
@@ -112,22 +71,7 @@ def checked_channels(time: np.ndarray, **channels: np.ndarray) -> tuple[np.ndarr
 
 
 def linear_fit(time: np.ndarray, y: np.ndarray, regressors: np.ndarray) -> SteadyFit:
-    """Fit a signal by regressors, least squares, with a block sandwich for the covariance.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    y : (n,) float
-        The signal.
-    regressors : (n, p) float
-        A column a coefficient.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short`` where the residual is correlated over too much of the record.
-    """
+    """Fit a signal by regressors, least squares, with a block sandwich for the covariance."""
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scaled = regressors / scale
     values = np.linalg.lstsq(scaled, y, rcond=None)[0]
@@ -143,22 +87,6 @@ def sandwich(
 
     It is widened to what Student's t asks of so few blocks, so that twice the sd is a 95 %
     interval.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    derivatives : (n, p) float
-        Of the model by its parameters.
-    residual : (n,) float
-        What the fit leaves.
-    size : float
-        Of the signal: a residual that is rounding of it is not correlated.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short``.
     """
     p = derivatives.shape[1]
     n_blocks = blocks_for(time, residual, size=size, fitted=p)
@@ -170,24 +98,7 @@ def sandwich(
 
 
 def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: int) -> int:
-    """Return how many independent blocks a residual makes.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    residual : (n,) float
-        What the fit leaves.
-    size : float
-        Of the signal: a residual that is rounding of it is not correlated.
-    fitted : int
-        Numbers that were fitted.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short``.
-    """
+    """Return how many independent blocks a residual makes."""
     duration_s = float(time[-1] - time[0])
     rate = (time.size - 1) / duration_s
     exact = float(np.std(residual)) <= _ROUNDING * size
@@ -205,14 +116,6 @@ def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: i
 
 
 def thinned(values: np.ndarray, most: int = 2000) -> tuple[float, ...]:
-    """Return at most so many samples, for a figure.
-
-    Parameters
-    ----------
-    values : (n,) float
-        Samples.
-    most : int
-        At most so many.
-    """
+    """Return at most so many samples, for a figure."""
     step = max(1, -(-values.size // most))
     return tuple(float(v) for v in values[::step])

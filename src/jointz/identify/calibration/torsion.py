@@ -36,33 +36,6 @@ def fit_torsion(
 ) -> CalibrationFit:
     r"""Find the angle shown per torque on the joint, with the joint locked.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    angle : (n,) float, rad
-        The goniometer's.
-    torque : (n,) float, N*m
-        On the joint, without the actuator's friction: what friction does at a standstill no
-        model tells, and over both directions it cancels.
-    motor_angle : (n,) float, rad, optional
-        The encoder's at the output: tells how far the joint was from being locked.
-    torque_gain : Calibrated
-        Measured over true torque.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_per_torque``, rad shown per N*m of true torque; beside it ``motion_per_torque``,
-        what the encoder moved.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     Where the encoder moves, the joint moved by some share of that, between none (a strap gave
     way) and all of it (the lock did), but not by more than the angle shows: strap, joint and
     torsion all answer the torque in phase, so that no record tells them apart. Half of what is
@@ -113,13 +86,7 @@ def _fitted(channels: tuple[np.ndarray, ...], torque_gain: Calibrated) -> Calibr
 
 
 def _joint_motion(shown: float, sd: float, moved: float) -> float:
-    """Return by how much the joint may have moved, at most, rad/(N*m).
-
-    Raises
-    ------
-    RefusedError
-        ``joint_moved``.
-    """
+    """Return by how much the joint may have moved, at most, rad/(N*m)."""
     if abs(moved) <= max(abs(shown), _STILL):
         return moved
     if abs(shown) - _CLEAR_SDS * sd <= _STILL:

@@ -25,33 +25,7 @@ _METHOD = "mean of the record; sd from means of blocks longer than the noise is 
 def fit_zero(time: np.ndarray, angle: np.ndarray) -> CalibrationFit:
     """Find what the goniometer shows while the joint rests at its zero.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    angle : (n,) float, rad
-        As recorded.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_zero_rad``; ``failed:not_still``, ``failed:drift``, ``failed:too_short`` or
-        ``failed:not_finite`` instead of a wrong number.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     How near the posture was to the anatomical zero, no record tells: that is not in the sd.
-
-    Examples
-    --------
-    >>> t = np.arange(10000) / 500.0
-    >>> fit_zero(t, 0.02 + 1e-3 * np.sin(60.0 * t)).entry("angle_zero_rad").status
-    'ok'
     """
     try:
         return _fitted(*checked_channels(time, angle=angle))

@@ -42,28 +42,7 @@ def fitted_by_equations(
     lag_s: float = 0.0,
     nuisance: tuple[ParameterEstimate, ...] = (),
 ) -> CellFit:
-    """Solve the equations of the average and of its resamples.
-
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows: of their average VAF and response are told.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-    equations : callable
-        From averages (R, 4, n) to gram (R, 3, 3) and moment (R, 3) of K, B, J.
-    windows : Windows, optional
-        Those whose averages the equations take; the filtered ones by default.
-    lag_s : float, s
-        How late the torque is found to be.
-    nuisance : tuple of ParameterEstimate
-        What else was estimated.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned``, ``constant_angle`` or ``constant_torque``.
-    """
+    """Solve the equations of the average and of its resamples."""
     used = windows or cell.filtered
     average = cell.filtered.responses().mean(axis=0)
     gram, moment = equations(used.responses().mean(axis=0)[None])
@@ -96,17 +75,7 @@ def fitted_by_equations(
 def undecided(
     cell: CellData, settings: FitSettings, nuisance: tuple[ParameterEstimate, ...] = ()
 ) -> CellFit:
-    """Return a cell that its data do not decide.
-
-    Parameters
-    ----------
-    cell : CellData
-        The cell.
-    settings : FitSettings
-        Mass, and whether values per kg are expected.
-    nuisance : tuple of ParameterEstimate
-        What else was looked for.
-    """
+    """Return a cell that its data do not decide."""
     average = cell.filtered.responses().mean(axis=0)
     return CellFit(
         parameters=undecided_parameters(settings),
@@ -119,24 +88,7 @@ def undecided(
 
 
 def white_noise_sd(values: np.ndarray) -> float:
-    """Return the sd of the white noise of a record, from its fourth differences.
-
-    Parameters
-    ----------
-    values : (n,) float
-        A record whose motion is slow beside its samples.
-
-    Returns
-    -------
-    float
-        At least a billionth of the range: a record without noise still has digits.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> round(white_noise_sd(rng.normal(0.0, 2.0, 10_000)), 1)
-    2.0
-    """
+    """Return the sd of the white noise of a record, from its fourth differences."""
     fourth = np.diff(values, 4)
     return float(max(np.sqrt((fourth**2).mean() / 70.0), 1e-9 * np.ptp(values)))
 

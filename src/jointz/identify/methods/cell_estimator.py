@@ -26,19 +26,7 @@ _MARGIN_S = 0.02
 
 
 class CellEstimator:
-    """Estimates every cell of a participant by one method.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    method : Method
-        How.
-    sources : sequence of Source
-        The participant's recordings, made ready.
-    settings : ParticipantSettings
-        What the study and the caller ask for.
-    """
+    """Estimates every cell of a participant by one method."""
 
     def __init__(
         self,
@@ -82,13 +70,7 @@ class CellEstimator:
     def run(
         self, candidates: Sequence[Candidate]
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse of the participant's perturbed recordings.
-        """
+        """Return the cells and the pulses with their final codes."""
         records = [c.record for c in candidates]
         cells = []
         for label in dict.fromkeys(r.timing_point for r in records if r.timing_point):

@@ -39,22 +39,6 @@ def instrumental_variable(cell: CellData, settings: FitSettings) -> CellFit:
     Estimation and Time-Series Analysis, 2011, chapter 8). What arises inside the joint, or comes
     back through the device, has nothing in common with them (SCIENCE trap 4).
 
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows, and raw ones with the commanded torque.
-    settings : FitSettings
-        Resamples, calibration, bounds and cut-off.
-
-    Raises
-    ------
-    EstimationError
-        ``no_command`` when no command is recorded, ``constant_command`` when it stands still,
-        ``not_coherent`` when it has too little in common with the motion,
-        or what :func:`jointz.identify.preparation.cell_data.check_average` refuses.
-
-    Notes
-    -----
     Needs no noise model, and no knowledge of the delay from command to torque: instruments
     that are late are weaker, not wrong. A lag between angle and torque, a wrong baseline and a
     wrong torque gain bias it as they do least squares.

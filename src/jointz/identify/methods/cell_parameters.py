@@ -21,28 +21,14 @@ _ONE_SIDED_Z = 1.6448536269514722
 
 @dataclass(frozen=True, slots=True)
 class Replicates:
-    """Estimates of resamples, one row each.
+    """Estimates of resamples, one row each."""
 
-    Parameters
-    ----------
-    bounded, unbounded : (R, 3) float
-        K, B, J; NaN where singular.
-    active : (R,) uint8
-        Bit i is set where parameter i is held at zero.
-    """
-
-    bounded: np.ndarray
+    bounded: np.ndarray  # K, B, J; NaN where singular
     unbounded: np.ndarray
-    active: np.ndarray
+    active: np.ndarray  # bit i is set where parameter i is held at zero
 
     def decided(self) -> "Replicates":
-        """Leave out resamples that were singular.
-
-        Raises
-        ------
-        EstimationError
-            ``ill_conditioned`` when none is left.
-        """
+        """Leave out resamples that were singular."""
         fine = np.isfinite(self.bounded).all(axis=1)
         if not fine.any():
             raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
@@ -55,88 +41,36 @@ class Replicates:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """An estimate before its interval.
+    """An estimate before its interval."""
 
-    Parameters
-    ----------
-    value : (3,) float
-        K, B, J as reported.
-    unbounded : (3,) float
-        Without bounds.
-    held : int
-        Bit i is set where parameter i is held at zero.
-    """
-
-    value: np.ndarray
-    unbounded: np.ndarray
-    held: int
+    value: np.ndarray  # K, B, J as reported
+    unbounded: np.ndarray  # without bounds
+    held: int  # bit i is set where parameter i is held at zero
 
 
 class Spread(ABC):
-    """How far an estimate may be off; one interval a parameter.
-
-    Parameters
-    ----------
-    active : (R,) uint8
-        Of each replicate: bit i is set where parameter i stood at the bound.
-    """
+    """How far an estimate may be off; one interval a parameter."""
 
     def __init__(self, active: np.ndarray) -> None:
         self._active = active
 
     def share_at_bound(self, i: int) -> float:
-        """Return the share of replicates of parameter i that stood at the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        """
+        """Return the share of replicates of parameter i that stood at the bound."""
         return float((self._active >> i & 1).mean())
 
     @abstractmethod
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
     ) -> tuple[float, float]:
-        """Return both ends, the intrinsic impedance subtracted; one-sided at the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
-        """
+        """Return both ends, the intrinsic impedance subtracted; one-sided at the bound."""
 
     @abstractmethod
     def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
+        """Say in words how the interval was made."""
 
 
 class BootstrapSpread(Spread):
-    """Percentiles of the replicates.
-
-    Parameters
-    ----------
-    replicates : Replicates
-        All of them decided.
-    settings : FitSettings
-        Gains and intrinsic impedance are drawn for each replicate.
-    what : str
-        What was resampled.
-    rng : numpy.random.Generator
-        Source of the draws.
-    """
+    """Percentiles of the replicates."""
 
     def __init__(
         self,
@@ -160,17 +94,6 @@ class BootstrapSpread(Spread):
         Where all replicates stand at the bound their percentile would be a
         zero-width interval; the limit is then what the spread of the unbounded
         replicates allows above the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
         """
         del point  # percentiles need no centre
         draws = self._bounded[:, i]
@@ -182,30 +105,13 @@ class BootstrapSpread(Spread):
         return bound, max(limit, reach)
 
     def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
+        """Say in words how the interval was made."""
         return f"{_kind('percentile interval', at_bound=at_bound)} {self._made}"
 
 
 class JackknifeSpread(Spread):
     """Student's t over the estimates that leave one pulse out.
 
-    Parameters
-    ----------
-    left_out : Replicates
-        One row a pulse left out.
-    instrument_shift : (3,) float
-        How far one sd of the lag, and of torque seen as angle, moves K, B and J.
-    settings : FitSettings
-        Calibration.
-
-    Notes
-    -----
     B. Efron, "The jackknife, the bootstrap and other resampling plans" (1982),
     chapter 3; n - 1 degrees of freedom. Errors of the calibration are added in square.
     """
@@ -222,19 +128,7 @@ class JackknifeSpread(Spread):
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
     ) -> tuple[float, float]:
-        """Return estimate and quantile of t times its sd, one-sided where the bound is active.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
-        """
+        """Return estimate and quantile of t times its sd, one-sided where the bound is active."""
         bounded, free = (self._total(sd[i], i, point) for sd in self._sd)
         value = float(point.value[i]) + bound
         if not at_bound:
@@ -244,13 +138,7 @@ class JackknifeSpread(Spread):
         return bound, max(value + one_sided * bounded, bound + one_sided * free)
 
     def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
+        """Say in words how the interval was made."""
         kind = _kind("Student's t interval", at_bound=at_bound)
         return f"{kind} of the delete-one jackknife over {self._n} pulses"
 
@@ -265,17 +153,7 @@ class JackknifeSpread(Spread):
 def parameter_estimates(
     point: Point, spread: Spread, settings: FitSettings
 ) -> tuple[ParameterEstimate, ...]:
-    """Return K, B, J and the values per kg with intervals and statuses.
-
-    Parameters
-    ----------
-    point : Point
-        The estimate.
-    spread : Spread
-        How far it may be off.
-    settings : FitSettings
-        Intrinsic impedance and mass.
-    """
+    """Return K, B, J and the values per kg with intervals and statuses."""
     entries = [getattr(settings.calibration, f"intrinsic_{name}") for name in PARAMETERS]
     estimates = []
     for i, name in enumerate(PARAMETERS):
@@ -304,28 +182,12 @@ def parameter_estimates(
 def failed_parameters(
     failure: Failure, *, mass_kg: float | None, wants_per_mass: bool
 ) -> tuple[ParameterEstimate, ...]:
-    """Return the rows of a cell without an estimate.
-
-    Parameters
-    ----------
-    failure : Failure
-        Why.
-    mass_kg : float or None
-        The participant's mass.
-    wants_per_mass : bool
-        Whether values per kg are expected.
-    """
+    """Return the rows of a cell without an estimate."""
     return _empty(failure.status, per_mass=mass_kg is not None or wants_per_mass)
 
 
 def undecided_parameters(settings: FitSettings) -> tuple[ParameterEstimate, ...]:
-    """Return the rows of a cell that its data do not decide.
-
-    Parameters
-    ----------
-    settings : FitSettings
-        Mass, and whether values per kg are expected.
-    """
+    """Return the rows of a cell that its data do not decide."""
     wanted = settings.mass_kg is not None or settings.wants_per_mass
     return _empty("undecided", per_mass=wanted)
 
@@ -367,15 +229,7 @@ def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> n
 def per_mass(
     estimates: Sequence[ParameterEstimate], mass_kg: float | None
 ) -> tuple[ParameterEstimate, ...]:
-    """Return the values per kg; failed ones where the mass is missing.
-
-    Parameters
-    ----------
-    estimates : sequence of ParameterEstimate
-        K, B and J.
-    mass_kg : float or None
-        The participant's mass.
-    """
+    """Return the values per kg; failed ones where the mass is missing."""
     return tuple(_divided(e, _PER_MASS[e.name], mass_kg) for e in estimates if e.name in _PER_MASS)
 
 

@@ -49,21 +49,6 @@ from jointz.kernels.resampling import resample_weights
 def resampled(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit K, B, J >= 0 to resampled averages, as 4.2.3 does.
 
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows.
-    settings : FitSettings
-        To the letter of 4.2.3, or not.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer: no motion, no torque, or regressors that cannot be
-        told apart.
-
-    Notes
-    -----
     VAF near 100 % says that the average response looks second-order. It does
     not say that K, B, J are right: a lag, a wrong baseline or a wrong torque
     gain leave it untouched (SCIENCE trap 1).
@@ -95,20 +80,6 @@ def resampled(cell: CellData, settings: FitSettings) -> CellFit:
 def pilot(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit K, B, J >= 0 to the average response, as the pilot did (3.2.4).
 
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows.
-    settings : FitSettings
-        Calibration and mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer.
-
-    Notes
-    -----
     The pilot printed no interval; this one is a delete-one jackknife over the pulses. The
     baseline is held fixed: its own error is not in the interval.
     """
@@ -142,20 +113,6 @@ def _moved_by_instruments(average: np.ndarray, point: Point, settings: FitSettin
 def unbounded(cell: CellData, settings: FitSettings) -> CellFit:
     """Regress torque on angle, velocity and acceleration, without bounds.
 
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows.
-    settings : FitSettings
-        Resamples, calibration and mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer.
-
-    Notes
-    -----
     Errors of the angle, and torque that arises inside the joint, bias it (SCIENCE trap 4);
     averaging n pulses divides that bias by n.
     """
@@ -168,24 +125,12 @@ def unbounded(cell: CellData, settings: FitSettings) -> CellFit:
 
 
 def resampled_things(cell: CellData) -> str:
-    """Say what resampling draws: strides too, where they make the baseline.
-
-    Parameters
-    ----------
-    cell : CellData
-        The cell.
-    """
+    """Say what resampling draws: strides too, where they make the baseline."""
     return "pulses" if cell.filtered.baseline.own else "pulses and unperturbed strides"
 
 
 def fitted_averages(averages: np.ndarray) -> Replicates:
-    """Return the bounded and unbounded fits to averages.
-
-    Parameters
-    ----------
-    averages : (R, 4, n) float
-        Angle, velocity, acceleration, torque.
-    """
+    """Return the bounded and unbounded fits to averages."""
     gram, moment, _ = normal_equations(averages)
     bounded, active = nonnegative_least_squares(gram, moment)
     return Replicates(bounded, least_squares(gram, moment), active)

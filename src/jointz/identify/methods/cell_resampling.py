@@ -25,25 +25,7 @@ _LEAST_FREEDOM = 4
 def redrawn_averages(
     windows: Windows, settings: FitSettings, rng: np.random.Generator, weights: np.ndarray
 ) -> np.ndarray:
-    """Return the averages of filtered responses under resampling, each drawn to the letter.
-
-    Parameters
-    ----------
-    windows : Windows
-        Filtered.
-    settings : FitSettings
-        To the letter of 4.2.3 only pulses are drawn, otherwise strides too.
-    rng : numpy.random.Generator
-        Source of randomness.
-    weights : (n_resamples, n_pulse) float
-        What is left of each pulse in a resample.
-
-    Returns
-    -------
-    (n_resamples, 4, n) float
-        Averages; the torque is shifted by a draw of the lag that may be left over, the motion
-        turned by a draw of the angle that torque may still show.
-    """
+    """Return the averages of filtered responses under resampling, each drawn to the letter."""
     baseline, responses = windows.baseline, windows.responses()
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
     if not (settings.letter or baseline.own):
@@ -61,22 +43,6 @@ def redrawn_averages(
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     """Return the averages under resampling, to first order in what each stride adds.
 
-    Parameters
-    ----------
-    windows : Windows
-        Filtered or raw.
-    settings : FitSettings
-        Resamples, seed and calibration.
-
-    Returns
-    -------
-    (n_resamples, 4, n) float
-        Averages; the torque (of raw windows, where they have a lead) is shifted by a draw of
-        the lag that may be left over, the motion turned by a draw of the angle that torque may
-        still show.
-
-    Notes
-    -----
     A resample's average is that of its pulses minus the sum of what its strides change, as if
     the pulses were all there: the product of both changes, one over the number of pulses
     smaller, is left out. That takes a hundredth of the time. Deviations of n pulses are drawn
@@ -128,17 +94,7 @@ def _lagged(averages: np.ndarray, settings: FitSettings, rng: np.random.Generato
 
 
 def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
-    """Return a low-passed torque later by a small time, to second order.
-
-    Parameters
-    ----------
-    torque : (..., n) float, N*m
-        The torque.
-    late_s : (..., 1) float, s
-        How much later.
-    rate_hz : float
-        Sampling rate.
-    """
+    """Return a low-passed torque later by a small time, to second order."""
     rate = derivative(torque, rate_hz=rate_hz)
     curvature = derivative(rate, rate_hz=rate_hz)
     return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
@@ -155,20 +111,7 @@ def _twisted(averages: np.ndarray, settings: FitSettings, rng: np.random.Generat
 
 
 def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
-    """Return the motion that 1 rad/(N*m) of torque seen as angle shows.
-
-    Parameters
-    ----------
-    torque : (..., n) float, N*m
-        Low-passed.
-    rate_hz : float
-        Sampling rate.
-
-    Returns
-    -------
-    (..., 3, n) float
-        Angle, velocity and acceleration.
-    """
+    """Return the motion that 1 rad/(N*m) of torque seen as angle shows."""
     rate = derivative(torque, rate_hz=rate_hz)
     return np.stack([torque, rate, derivative(rate, rate_hz=rate_hz)], axis=-2)
 

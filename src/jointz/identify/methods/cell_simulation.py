@@ -33,20 +33,6 @@ _FEWEST_SAMPLES = 10
 def output_error(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the angle that the average torque drives from rest, with white weights.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below ten in a window.
-
-    Notes
-    -----
     All error is that of the angle; the torque is taken as it was measured, without lag. The
     inertia stays positive, or nothing could be simulated.
     """
@@ -56,20 +42,6 @@ def output_error(cell: CellData, settings: FitSettings) -> CellFit:
 def errors_in_variables(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the average response with noise in angle and torque, and a lag between them.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below ten in a window.
-
-    Notes
-    -----
     The criterion of :mod:`jointz.kernels.second_order`. The lag is free, within 20 ms or what
     the windows' margin holds; a lag under ``[calibration]`` is shifted out before, and its sd
     is the prior of what is left over. A lag at the end of its range is ``undecided``.

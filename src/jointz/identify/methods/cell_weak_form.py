@@ -21,21 +21,6 @@ _LEAST_NOISE = 3e-4
 def weak_form(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit K, B, J to the integrated equation of the unfiltered average.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows, with what lies before the onset.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below 26 in the window and the margin
-        before it (about 220 Hz for 0.1 s).
-
-    Notes
-    -----
     Generalised least squares with the covariance that white noise of angle and torque takes in
     the integrals (:mod:`jointz.kernels.weak_form`); the size of that noise is read off the
     average. The weights are held while resamples are solved.

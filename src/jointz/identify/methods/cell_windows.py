@@ -20,19 +20,7 @@ _UNFILTERED = ("angle", "torque", "command")
 
 
 class WindowCutter:
-    """Cuts windows out of a participant's recordings.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The participant's recordings.
-    settings : ParticipantSettings
-        Window, and whether it is walking.
-    baseline : str
-        What is subtracted.
-    window_s : float, s
-        Length of the windows.
-    """
+    """Cuts windows out of a participant's recordings."""
 
     def __init__(
         self,
@@ -49,20 +37,7 @@ class WindowCutter:
         self._pools: dict[tuple[int, ...], StridePool] = {}
 
     def cut(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
-        """Cut the pulses' windows and their baselines, recording by recording.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            The pulses.
-
-        Returns
-        -------
-        windows : (n_pulse, 4, n) float
-            As recorded.
-        baseline : Baseline
-            Unperturbed windows of each.
-        """
+        """Cut the pulses' windows and their baselines, recording by recording."""
         order = [c.source for c in candidates]
         parts = []
         for index in dict.fromkeys(order):
@@ -177,21 +152,7 @@ def _onsets(source: Source) -> np.ndarray:
 
 
 def unfiltered_source(source: Source, *, lead_s: float) -> Source:
-    """Return a recording whose rows are those of unfiltered windows, a lead earlier.
-
-    Parameters
-    ----------
-    source : Source
-        The recording, made ready.
-    lead_s : float, s
-        A window cut at an onset begins so much before it.
-
-    Returns
-    -------
-    Source
-        Its rows are the filtered angle, by which strides are matched, then angle, torque and
-        commanded torque as sampled, ``lead_s`` late.
-    """
+    """Return a recording whose rows are those of unfiltered windows, a lead earlier."""
     signals = source.signals
     lead = round(lead_s * signals.rate_hz)
     runs = tuple(_unfiltered(stretch, source, lead) for stretch in signals.stretches)

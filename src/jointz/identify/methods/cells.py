@@ -40,33 +40,15 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How a cell is estimated.
+    """How a cell is estimated."""
 
-    Parameters
-    ----------
-    name : str
-        As given to ``--method``.
-    baseline : str
-        Its own baseline; the study may ask for another.
-    fit : callable
-        From the windows of a cell to its estimate.
-    raw : bool
-        Whether it takes unfiltered windows or the commanded torque too.
-    """
-
-    name: str
-    baseline: str
-    fit: Fit = cell_regressions.resampled
-    raw: bool = False
+    name: str  # as given to ``--method``
+    baseline: str  # its own baseline; the study may ask for another
+    fit: Fit = cell_regressions.resampled  # from the windows of a cell to its estimate
+    raw: bool = False  # whether it takes unfiltered windows or the commanded torque too
 
     def baseline_for(self, *, walking: bool) -> str:
-        """Return its own baseline where there are strides to match, and where there are none.
-
-        Parameters
-        ----------
-        walking : bool
-            Walking or bench.
-        """
+        """Return its own baseline where there are strides to match, and where there are none."""
         strides_only = self.baseline == "matched_strides" and self.name != "matched_strides"
         return "unperturbed_mean" if strides_only and not walking else self.baseline
 
@@ -95,28 +77,5 @@ BENCH_ONLY = ("full_record",)
 def fit_cell(
     windows: np.ndarray, signs: np.ndarray, baseline: Baseline, *, settings: FitSettings
 ) -> CellFit:
-    """Estimate the impedance of one cell from filtered windows, as the dissertation does.
-
-    Parameters
-    ----------
-    windows : (n_pulse, 4, n) float
-        Angle (rad), velocity, acceleration and torque (N*m) from each onset.
-    signs : (n_pulse,) float
-        Direction of each pulse; responses are turned by it before averaging.
-    baseline : Baseline
-        Unperturbed windows of each pulse.
-    settings : FitSettings
-        How.
-
-    Returns
-    -------
-    CellFit
-        Parameters with intervals, and the average response.
-
-    Raises
-    ------
-    EstimationError
-        With a code when the responses have no answer: no motion, no torque, or
-        regressors that cannot be told apart.
-    """
+    """Estimate the impedance of one cell from filtered windows, as the dissertation does."""
     return cell_regressions.resampled(CellData(Windows(windows, signs, baseline)), settings)

@@ -14,45 +14,18 @@ NODES = 101
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrideCurves:
-    """Strides of one participant, session and side, over the gait cycle.
+    """Strides of one participant, session and side, over the gait cycle."""
 
-    Parameters
-    ----------
-    participant, side : str
-        Whose; "" where the study does not tell the side.
-    angle : (n_stride, NODES) float, rad
-        Joint angle, in the study's positive direction.
-    moment : (n_stride, NODES) float, N*m
-        Torque on the joint, in the same direction.
-    session : str
-        "" where the study does not tell it.
-    """
-
-    participant: str
+    participant: str  # whose; "" where the study does not tell the side
     side: str
-    angle: np.ndarray
-    moment: np.ndarray
-    session: str = ""
+    angle: np.ndarray  # joint angle, in the study's positive direction
+    moment: np.ndarray  # torque on the joint, in the same direction
+    session: str = ""  # "" where the study does not tell it
 
 
 def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCurves, ...]:
     """Return the strides walked without a device, where a moment was recorded with the angle.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        All recordings of this participant.
-
-    Returns
-    -------
-    tuple of StrideCurves
-        One a session and side; none of a participant who wore a device somewhere: the torque of
-        such recordings is that of the device.
-
-    Notes
-    -----
     Accepted strides that the user did not leave out and that miss no sample count; between samples
     the line is straight. Gains and lags under ``[calibration]`` are those of the device's
     instruments and are not applied.

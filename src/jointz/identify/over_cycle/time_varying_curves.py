@@ -17,22 +17,7 @@ _WIDEST = 0.5
 def parameter_curves(
     found: Sequence[PhaseEstimate | None], *, ci_level: float
 ) -> tuple[ParameterCurve, ...]:
-    """Return stiffness, damping and inertia over the cycle with their intervals.
-
-    Parameters
-    ----------
-    found : sequence of PhaseEstimate or None
-        A phase each; None where the equations were singular.
-    ci_level : float
-        Level of the intervals.
-
-    Returns
-    -------
-    tuple of ParameterCurve
-        A phase is ``undecided`` where half its interval is over half the
-        parameter's median size over the cycle. That size, not the phase's own, lets a
-        stiffness near zero be decided.
-    """
+    """Return stiffness, damping and inertia over the cycle with their intervals."""
     return tuple(_curve(found, k, name, ci_level) for k, name in enumerate(_PARAMETERS))
 
 
@@ -66,22 +51,7 @@ def _end(ends: np.ndarray | None, which: int) -> float | None:
 def phase_responses(
     found: Sequence[PhaseEstimate | None], lags: np.ndarray, rate_hz: float
 ) -> PhaseResponses:
-    """Return the impulse responses of all phases, per second instead of per step.
-
-    Parameters
-    ----------
-    found : sequence of PhaseEstimate or None
-        A phase each.
-    lags : (m,) int, samples
-        Lags of the responses.
-    rate_hz : float
-        Samples a second.
-
-    Returns
-    -------
-    PhaseResponses
-        An empty row where there is none.
-    """
+    """Return the impulse responses of all phases, per second instead of per step."""
     step_s = float(lags[1] - lags[0]) / rate_hz
     each = [None if one is None else one.response for one in found]
     return PhaseResponses(
@@ -95,17 +65,7 @@ def phase_responses(
 def curve_warnings(
     curves: Sequence[ParameterCurve], *, instrument: str | None, n_excluded: int, n_used: int
 ) -> tuple[str, ...]:
-    """Return what a reader of the curves must know.
-
-    Parameters
-    ----------
-    curves : sequence of ParameterCurve
-        The curves.
-    instrument : str or None
-        The channel that was the instrument.
-    n_excluded, n_used : int
-        Strides.
-    """
+    """Return what a reader of the curves must know."""
     notes = [
         f"{curve.name} is undecided at {len(curve.value) - curve.n_decided} of "
         f"{len(curve.value)} phases: take more strides, a longer segment or a larger perturbation"

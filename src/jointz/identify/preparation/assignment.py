@@ -19,36 +19,17 @@ from jointz.identify.preparation.sources import ParticipantSettings, Source
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A pulse on its way into a cell.
+    """A pulse on its way into a cell."""
 
-    Parameters
-    ----------
-    source : int
-        Index of its recording among the sources.
-    pulse : Pulse
-        The pulse.
-    record : PulseRecord
-        What will be reported of it.
-    elapsed_s : float, s
-        Time since the last heel strike, or since the start of a bench trial.
-    predicted_pct : float or None, % of the gait cycle
-        Phase of the onset as predicted from the strides before it.
-    """
-
-    source: int
+    source: int  # index of its recording among the sources
     pulse: Pulse
-    record: PulseRecord
-    elapsed_s: float
+    record: PulseRecord  # what will be reported of it
+    elapsed_s: float  # s: time since the last heel strike, or since the start of a bench trial
+    # % of the gait cycle: phase of the onset as predicted from the strides before it
     predicted_pct: float | None = None
 
     def coded(self, code: str) -> "Candidate":
-        """Return the candidate, left out with a code.
-
-        Parameters
-        ----------
-        code : str
-            Why.
-        """
+        """Return the candidate, left out with a code."""
         return replace(self, record=replace(self.record, code=str(code)))
 
 
@@ -62,26 +43,6 @@ def assign_pulses(
 ) -> list[Candidate]:
     """Give every pulse its timing point or group, and a code where it cannot be used.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        The participant's recordings.
-    settings : ParticipantSettings
-        Timing points, groups, window.
-    baseline : str
-        What will be subtracted; ``pre_pulse`` asks nothing of the gait.
-    alone : bool
-        Whether the only pulse at a timing point can be used.
-
-    Returns
-    -------
-    list of Candidate
-        Every pulse of the perturbed recordings.
-
-    Notes
-    -----
     A pulse's timing point is the one its table names; without it, the time
     since the last heel strike over the mean of the last three accepted
     strides, modulo one, takes the nearest timing point (DESIGN section 4). A phase
@@ -169,15 +130,7 @@ def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
 
 
 def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
-    """Tell which pulses begin before or after all samples of a recording, (n,) bool.
-
-    Parameters
-    ----------
-    onsets : (n,) float, s
-        Of the pulses.
-    source : Source
-        The recording.
-    """
+    """Tell which pulses begin before or after all samples of a recording, (n,) bool."""
     time = source.given.recording["time"].to_numpy()
     return np.asarray((onsets < time[0]) | (onsets > time[-1]))
 
@@ -241,15 +194,6 @@ def _group_labels(source: Source, group: GroupSpec, settings: ParticipantSetting
 def label_names(perturbations: PerturbationsSpec, seen: Sequence[str]) -> list[str]:
     """Return the groups or timing points that a study has results for, in their order.
 
-    Parameters
-    ----------
-    perturbations : PerturbationsSpec
-        Of the study.
-    seen : sequence of str
-        Labels of pulses that were found.
-
-    Notes
-    -----
     Of the usual timing points, which no study named, those without a pulse are left out, unless
     all are.
     """
@@ -263,18 +207,7 @@ def label_names(perturbations: PerturbationsSpec, seen: Sequence[str]) -> list[s
 
 
 def group_names(group: GroupSpec) -> list[str]:
-    """Return the names of the groups, with the study's own edges and unit.
-
-    Parameters
-    ----------
-    group : GroupSpec
-        The groups.
-
-    Examples
-    --------
-    >>> group_names(GroupSpec(channel="ankle_position", edges=(-0.45, -0.15, 0.0), unit="rad"))
-    ['-0.45..-0.15 rad', '-0.15..0 rad']
-    """
+    """Return the names of the groups, with the study's own edges and unit."""
     unit = f" {group.unit}" if group.unit else ""
     return [f"{a:g}..{b:g}{unit}" for a, b in pairwise(group.edges)]
 

@@ -33,24 +33,12 @@ _ANGLE_ONLY = slice(ANGLE, ANGLE + 1)
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Unperturbed windows for every pulse of a cell.
+    """Unperturbed windows for every pulse of a cell."""
 
-    Parameters
-    ----------
-    windows : (n_pulse, k, 4, n) float
-        Candidate unperturbed windows of each pulse; 0 where not valid.
-    sources : (n_pulse, k) int
-        The stride each window is from; strides are what is resampled.
-    valid : (n_pulse, k) bool
-        Which windows there are.
-    block : int
-        Strides are resampled in runs of so many neighbours.
-    """
-
-    windows: np.ndarray
-    sources: np.ndarray
-    valid: np.ndarray
-    block: int = 1
+    windows: np.ndarray  # candidate unperturbed windows of each pulse; 0 where not valid
+    sources: np.ndarray  # the stride each window is from; strides are what is resampled
+    valid: np.ndarray  # which windows there are
+    block: int = 1  # strides are resampled in runs of so many neighbours
 
     @property
     def codes(self) -> list[str]:
@@ -77,16 +65,6 @@ class Baseline:
         """Return the weight of every window in its pulse's mean, under resampled strides.
 
         A draw that holds none of a pulse's strides falls back to all of them.
-
-        Parameters
-        ----------
-        draws : (n_resamples, n_sources) float
-            How often each stride was drawn.
-
-        Returns
-        -------
-        (n_resamples, n_pulse, k) float
-            Each pulse's weights sum to one.
         """
         weights = draws[:, self.sources] * self.valid
         totals = weights.sum(axis=2, keepdims=True)
@@ -94,13 +72,7 @@ class Baseline:
         return np.asarray(weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-300))
 
     def take(self, pulses: np.ndarray) -> "Baseline":
-        """Return the baseline of some of the pulses.
-
-        Parameters
-        ----------
-        pulses : (m,) int or bool
-            Which pulses.
-        """
+        """Return the baseline of some of the pulses."""
         return replace(
             self,
             windows=self.windows[pulses],
@@ -111,20 +83,11 @@ class Baseline:
 
 @dataclass(frozen=True, slots=True)
 class StridePool:
-    """Unperturbed strides to learn from: where each begins, in which recording.
-
-    Parameters
-    ----------
-    recordings : tuple of Conditioned
-        The recordings.
-    starts_s : tuple of (m,) float, s
-        Heel strikes (or starts of a bench trial) in each.
-    onsets_s : tuple of (k,) float, s
-        Pulses in each, in order: a window that reaches into one is not valid.
-    """
+    """Unperturbed strides to learn from: where each begins, in which recording."""
 
     recordings: tuple[Conditioned, ...]
-    starts_s: tuple[np.ndarray, ...]
+    starts_s: tuple[np.ndarray, ...]  # heel strikes (or starts of a bench trial) in each
+    # pulses in each, in order: a window that reaches into one is not valid
     onsets_s: tuple[np.ndarray, ...]
 
     @property
@@ -135,22 +98,7 @@ class StridePool:
     def windows(
         self, elapsed_s: Sequence[float], *, window_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Cut one window a stride and elapsed time.
-
-        Parameters
-        ----------
-        elapsed_s : (p,) float, s
-            Time since the stride's start.
-        window_s : float, s
-            Length of the window.
-
-        Returns
-        -------
-        windows : (p, m, 4, n) float
-            0 where a window could not be cut.
-        valid : (p, m) bool
-            Which ones could.
-        """
+        """Cut one window a stride and elapsed time."""
         elapsed = np.asarray(elapsed_s, dtype=float)
         parts = []
         for recording, starts in zip(self.recordings, self.starts_s, strict=True):
@@ -162,18 +110,7 @@ class StridePool:
         return np.where(valid[:, :, None, None], windows, 0.0), valid
 
     def undisturbed(self, until_s: np.ndarray) -> np.ndarray:
-        """Tell where no pulse begins between a stride's start and the end of a window.
-
-        Parameters
-        ----------
-        until_s : (p,) float, s
-            End of each window, from the stride's start.
-
-        Returns
-        -------
-        (p, m) bool
-            One column a stride.
-        """
+        """Tell where no pulse begins between a stride's start and the end of a window."""
         return np.concatenate(
             [
                 np.searchsorted(onsets, starts)
@@ -185,17 +122,7 @@ class StridePool:
 
 
 def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: float) -> Baseline:
-    """Return every unperturbed stride at the same time since heel strike.
-
-    Parameters
-    ----------
-    pool : StridePool
-        Strides of the unperturbed condition.
-    elapsed_s : (p,) float, s
-        Time of each pulse since its heel strike.
-    window_s : float, s
-        Length of the window.
-    """
+    """Return every unperturbed stride at the same time since heel strike."""
     windows, valid = pool.windows(elapsed_s, window_s=window_s)
     sources = np.broadcast_to(np.arange(pool.size), valid.shape)
     return Baseline(windows, sources, valid, STRIDE_BLOCK)
@@ -211,21 +138,6 @@ def matched_strides(
 ) -> Baseline:
     """Return the unperturbed strides most alike before the onset, among those nearby.
 
-    Parameters
-    ----------
-    pool : StridePool
-        Strides of the perturbed recording far from any pulse; one recording.
-    onsets_s : (p,) float, s
-        Onset of each pulse.
-    elapsed_s : (p,) float, s
-        Time of each pulse since its heel strike.
-    before : (p, n) float, rad
-        Filtered angle of each pulse over the :data:`MATCH_S` before its onset.
-    window_s : float, s
-        Length of the window.
-
-    Notes
-    -----
     Alike means the smallest root mean square difference of angle. The angle
     alone is compared: torque is near zero between pulses. Only the
     :data:`N_NEIGHBOURS` strides nearest in time are looked at: posture and
@@ -253,15 +165,7 @@ def matched_strides(
 
 
 def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
-    """Return each pulse's own level before its onset, held over the window.
-
-    Parameters
-    ----------
-    before : (p, 4, m) float
-        Signals over the :data:`PRE_PULSE_S` before each onset.
-    n_samples : int
-        Length of the window in samples.
-    """
+    """Return each pulse's own level before its onset, held over the window."""
     level = before.mean(axis=2, keepdims=True)
     windows = np.repeat(level, n_samples, axis=2)[:, None]
     valid = np.isfinite(windows[:, :, 0, 0])

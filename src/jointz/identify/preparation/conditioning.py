@@ -28,27 +28,13 @@ _SLOWEST_HZ = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A run of filtered samples without a gap.
+    """A run of filtered samples without a gap."""
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Time stamps; kept, because a clock may drift against its nominal rate.
-    signals : (4, n) float
-        Angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m).
-    """
-
-    time: np.ndarray
-    signals: np.ndarray
+    time: np.ndarray  # time stamps; kept, because a clock may drift against its nominal rate
+    signals: np.ndarray  # angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m)
 
     def nearest(self, times_s: np.ndarray) -> np.ndarray:
-        """Return the index of the sample nearest to each time.
-
-        Parameters
-        ----------
-        times_s : (k,) float, s
-            Times inside the stretch.
-        """
+        """Return the index of the sample nearest to each time."""
         after = np.clip(np.searchsorted(self.time, times_s), 1, self.time.size - 1)
         earlier = times_s - self.time[after - 1] < self.time[after] - times_s
         return np.asarray(after - earlier)
@@ -56,28 +42,14 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Conditioned:
-    """A recording ready for cutting windows.
+    """A recording ready for cutting windows."""
 
-    Parameters
-    ----------
-    stretches : tuple of Stretch
-        In order of time.
-    rate_hz : float
-        Samples a second, the same in all stretches.
-    guard_s : float, s
-        What the filter smears: a window keeps this far from a stretch's ends.
-    start_s, end_s : float, s
-        First and last time stamp of the recording.
-    gaps : (k, 2) float, s
-        Holes in the time stamps.
-    """
-
-    stretches: tuple[Stretch, ...]
-    rate_hz: float
-    guard_s: float
-    start_s: float
-    end_s: float
-    gaps: np.ndarray
+    stretches: tuple[Stretch, ...]  # in order of time
+    rate_hz: float  # samples a second, the same in all stretches
+    guard_s: float  # s: what the filter smears: a window keeps this far from a stretch's ends
+    start_s: float  # s: first and last time stamp of the recording
+    end_s: float  # s
+    gaps: np.ndarray  # holes in the time stamps
 
     def cut(
         self,
@@ -88,26 +60,7 @@ class Conditioned:
         rows: slice = slice(None),
         every: int = 1,
     ) -> tuple[np.ndarray, list[str]]:
-        """Cut one window a start.
-
-        Parameters
-        ----------
-        starts_s : (k,) float, s
-            Where the windows begin; the nearest sample is taken.
-        before_s, after_s : float, s
-            How far the window reaches before and after its start.
-        rows : slice
-            Which of the four signals.
-        every : int
-            Take every so-manieth sample: the signals are low-passed.
-
-        Returns
-        -------
-        windows : (k, 4, n) float
-            NaN where a window could not be cut.
-        codes : list of str
-            ``""``, or why not: a code of :class:`jointz.core.codes.Exclusion`.
-        """
+        """Cut one window a start."""
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
         n_rows = len(range(4)[rows])
@@ -149,30 +102,7 @@ def condition(
     calibration: CalibrationSpec,
     target_rate_hz: float | None = None,
 ) -> Conditioned:
-    """Filter, differentiate and calibrate a recording.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle`` and ``torque``; without a device the torque is zero.
-    cutoff_hz : float
-        Of the fourth-order zero-phase Butterworth low-pass on both sides.
-    calibration : CalibrationSpec
-        Gains are divided out, what torque made the angle's sensor show is taken off, lags are
-        shifted out, each by its own value.
-    target_rate_hz : float, optional
-        Rate the signals are wanted at; the recording's own by default.
-
-    Returns
-    -------
-    Conditioned
-        Signals of every stretch that is long enough for the filter.
-
-    Raises
-    ------
-    DataError
-        When the cut-off lies above half the sampling rate.
-    """
+    """Filter, differentiate and calibrate a recording."""
     time = recording["time"].to_numpy()
     raw = _calibrated(recording, calibration)
     own_rate = rate_hz(time)
@@ -219,29 +149,7 @@ def torque_from_current(
     cutoff_hz: float,
     known: CalibrationSpec | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``current`` and any of ``motor_velocity``, ``motor_angle``,
-        ``velocity`` or ``angle``; all of the output, after the gear.
-    model : TorqueModelSpec
-        Constants of the actuator.
-    cutoff_hz : float
-        Low-pass of a velocity or acceleration that has to be differentiated.
-    known : CalibrationSpec, optional
-        ``friction_gain``, by which the friction is multiplied, and ``torque_gain``, that of the
-        torque constant. It will be divided out of all, as it is of a torque that was measured;
-        so all but what the current drives is multiplied by it.
-
-    Returns
-    -------
-    torque : (n,) float, N*m
-        NaN where current or motion are missing.
-    friction : (n,) float, N*m
-        The part of it that friction makes: it is known worse than the rest.
-    """
+    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction."""
     current = recording["current"].to_numpy()
     velocity, acceleration = _motor_motion(recording, cutoff_hz)
     size = model.coulomb_friction + model.gear_friction * np.abs(current)

@@ -13,29 +13,7 @@ _Span = tuple[float, float]
 
 
 def share_table(table: pd.DataFrame, recordings: Sequence[xr.Dataset]) -> list[pd.DataFrame | None]:
-    """Give every perturbed recording of a file its part of the file's pulse table.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        With ``onset_s``, on the clock of the file.
-    recordings : sequence of xarray.Dataset
-        What the file holds: contiguous runs of one condition and trial.
-
-    Returns
-    -------
-    list of pandas.DataFrame or None
-        One a recording, None where it is not perturbed. Every pulse is in one of
-        them: an onset outside all goes to the perturbed recording before it, or to
-        the first, and is left out there.
-
-    Raises
-    ------
-    DataError
-        When time starts again, so that an onset lies in several recordings; or when
-        every onset lies outside: the table is another recording's, or its clock has
-        another zero.
-    """
+    """Give every perturbed recording of a file its part of the file's pulse table."""
     perturbed = [k for k, r in enumerate(recordings) if r.attrs["condition"] == "perturbed"]
     spans = {k: _span(recordings[k]) for k in perturbed}
     perturbed.sort(key=lambda k: spans[k])

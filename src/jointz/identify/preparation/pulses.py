@@ -30,22 +30,12 @@ _SIZE_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """One pulse as planned or found.
+    """One pulse as planned or found."""
 
-    Parameters
-    ----------
-    onset_s, duration_s : float, s
-        Commanded onset and length.
-    amplitude : float
-        N*m, or rad for a step of the angle; signed, NaN where unknown.
-    timing_point : str
-        As the pulse table names it, else "".
-    """
-
-    onset_s: float
-    duration_s: float
-    amplitude: float
-    timing_point: str = ""
+    onset_s: float  # s: commanded onset and length
+    duration_s: float  # s
+    amplitude: float  # N*m, or rad for a step of the angle; signed, NaN where unknown
+    timing_point: str = ""  # as the pulse table names it, else ""
 
     @property
     def sign(self) -> float:
@@ -54,13 +44,7 @@ class Pulse:
 
 
 def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
-    """Return the pulses of a pulse table, in order of time.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        ``onset_s``, ``duration_s``, ``amplitude_nm``, ``timing_point``.
-    """
+    """Return the pulses of a pulse table, in order of time."""
     ordered = table.sort_values("onset_s", kind="stable")
     names = ("onset_s", "duration_s", "amplitude_nm")
     numbers = ordered[list(names)].to_numpy(dtype=float)
@@ -72,21 +56,7 @@ def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
 
 
 def with_measured_amplitudes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[Pulse, ...]:
-    """Fill amplitudes that a table does not give: responses are turned by their sign.
-
-    Parameters
-    ----------
-    pulses : tuple of Pulse
-        Pulses of a table.
-    recording : xarray.Dataset
-        Its command is read, else its torque, which one whose torque is computed from a
-        current has not: the mean over the pulse (or 0.1 s) less that of the 50 ms before it.
-
-    Returns
-    -------
-    tuple of Pulse
-        The pulses; NaN stays where there is nothing to read.
-    """
+    """Fill amplitudes that a table does not give: responses are turned by their sign."""
     name = next((n for n in ("command", "torque") if n in recording), None)
     if name is None or not any(np.isnan(p.amplitude) for p in pulses):
         return pulses
@@ -107,14 +77,7 @@ def _measured(time: np.ndarray, torque: np.ndarray, pulse: Pulse) -> float:
 
 
 def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
-    """Return the runs in which the commanded torque is not zero.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``command``; 0 outside pulses. Samples that are missing or not finite belong
-        to a pulse where there is one on both sides of them, else they count as 0.
-    """
+    """Return the runs in which the commanded torque is not zero."""
     command = recording["command"].to_series().where(np.isfinite)
     before, after = command.ffill().fillna(0.0), command.bfill().fillna(0.0)
     bridged = command.fillna(before.where(after != 0.0, 0.0))
@@ -126,11 +89,6 @@ def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tup
 
     The two recordings are aligned at their first samples; only what both cover
     is compared.
-
-    Parameters
-    ----------
-    recording, unperturbed : xarray.Dataset
-        With ``reference``.
     """
     time = recording["time"].to_numpy()
     other = unperturbed["time"].to_numpy()
@@ -154,13 +112,6 @@ def pulses_from_angle(recording: xr.Dataset, *, cutoff_hz: float) -> tuple[Pulse
     filter that the analysis applies smears a step, and the whole of its
     response must lie inside the window. It ends soon, as a rise of 0.1 s does:
     what lasts longer is motion, however quiet it is where it turns.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle``.
-    cutoff_hz : float
-        Low-pass of the analysis.
     """
     time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
     rate = rate_hz(time)

@@ -22,36 +22,14 @@ _MOTOR_MOTION = ("motor_velocity", "motor_angle")
 
 
 def common_rate_hz(sources: Sequence[Source]) -> float:
-    """Return the rate that all perturbed recordings of a participant can be brought to.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The participant's recordings.
-    """
+    """Return the rate that all perturbed recordings of a participant can be brought to."""
     perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
     rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
     return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
 
 
 def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditioned:
-    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
-
-    Parameters
-    ----------
-    source : Source
-        A recording made ready.
-    target_hz : float, optional
-        Rate that is wanted; by default the recording's own, or 500 Hz where that is more.
-
-    Returns
-    -------
-    Conditioned
-        Rows: angle (rad), torque on the joint without friction (N*m), what the friction of the
-        actuator adds to it (N*m; zero where torque was measured), commanded torque (N*m). The
-        device's intrinsic impedance is taken out of the torque as far as the motion of its motor
-        was recorded: behind a soft strap it moves otherwise than the joint.
-    """
+    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted."""
     recording = source.given.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
@@ -78,11 +56,6 @@ def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
     """Return which of the device's K, B and J are not taken out of the torque.
 
     Its motor's angle tells the torque of all three, its velocity that of damping and inertia.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
     """
     if "motor_angle" in recording:
         return ()

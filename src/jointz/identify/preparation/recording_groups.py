@@ -9,13 +9,7 @@ Unit = tuple[str, str]
 
 
 def unit_of(recording: RecordingInput) -> Unit:
-    """Return session and side of a recording.
-
-    Parameters
-    ----------
-    recording : RecordingInput
-        The recording.
-    """
+    """Return session and side of a recording."""
     attrs = recording.recording.attrs
     return str(attrs["session"]), str(attrs["side"])
 
@@ -25,15 +19,6 @@ def recording_groups(
 ) -> list[tuple[Unit | None, list[RecordingInput]]]:
     """Return the recordings that are estimated together, with their session and side.
 
-    Parameters
-    ----------
-    recordings : sequence of RecordingInput
-        All recordings of one participant.
-    walking : bool
-        The cases of a bench are told apart by their timing points: they are one group.
-
-    Notes
-    -----
     The perturbed recordings of one session and side are a group. Unperturbed recordings of the
     other side never belong to it; of the others those of the same session do, else those where
     one of the two states no session, else all. A recording may belong to several groups. One that

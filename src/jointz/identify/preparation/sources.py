@@ -39,20 +39,10 @@ SAME_TIME_S = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class RecordingInput:
-    """A recording with what the study says about it.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-    calibration : CalibrationSpec
-        What is known of the instruments in it.
-    pulse_table : pandas.DataFrame or None
-        Its pulse table.
-    """
+    """A recording with what the study says about it."""
 
     recording: xr.Dataset
-    calibration: CalibrationSpec
+    calibration: CalibrationSpec  # what is known of the instruments in it
     pulse_table: pd.DataFrame | None = None
 
     @property
@@ -68,50 +58,23 @@ class RecordingInput:
 
 @dataclass(frozen=True, slots=True)
 class ParticipantSettings:
-    """What the study and the caller ask for.
+    """What the study and the caller ask for."""
 
-    Parameters
-    ----------
-    walking : bool
-        Walking or bench.
-    perturbations : PerturbationsSpec
-        Of the study.
-    group_edges : tuple of float
-        Edges of the groups, SI.
-    torque_model : TorqueModelSpec or None
-        Torque out of current.
-    methods : tuple of str
-        The chosen method, then those to compare it with.
-    n_resamples, seed : int
-        Of the bootstrap.
-    mass_kg : float or None
-        The participant's mass.
-    user_exclusions : tuple of UserExclusion
-        The user's own, of this participant.
-    joint, positive : str
-        Which joint, and its positive direction.
-    person : ParticipantSpec or None
-        Who it is: for the mass of the limb.
-    device : DeviceSpec or None
-        What hangs on the limb.
-    prior_scale : float
-        Multiplies what the recommended method expects of K, B and J before the data: results
-        that follow it are not decided by the data.
-    """
-
-    walking: bool
-    perturbations: PerturbationsSpec
-    group_edges: tuple[float, ...]
-    torque_model: TorqueModelSpec | None
-    methods: tuple[str, ...]
-    n_resamples: int
+    walking: bool  # walking or bench
+    perturbations: PerturbationsSpec  # of the study
+    group_edges: tuple[float, ...]  # edges of the groups, SI
+    torque_model: TorqueModelSpec | None  # torque out of current
+    methods: tuple[str, ...]  # the chosen method, then those to compare it with
+    n_resamples: int  # of the bootstrap
     seed: int
-    mass_kg: float | None
-    user_exclusions: tuple[UserExclusion, ...] = ()
-    joint: str = "knee"
+    mass_kg: float | None  # the participant's mass
+    user_exclusions: tuple[UserExclusion, ...] = ()  # the user's own, of this participant
+    joint: str = "knee"  # which joint, and its positive direction
     positive: str = "flexion"
-    person: ParticipantSpec | None = None
-    device: DeviceSpec | None = None
+    person: ParticipantSpec | None = None  # who it is: for the mass of the limb
+    device: DeviceSpec | None = None  # what hangs on the limb
+    # multiplies what the recommended method expects of K, B and J before the data: results that
+    # follow it are not decided by the data
     prior_scale: float = 1.0
 
     @property
@@ -123,13 +86,6 @@ class ParticipantSettings:
         """Return the line by which the user left out the pulse or stride that begins then.
 
         The last line about it in ``exclusions.csv`` counts; None where nothing is left out.
-
-        Parameters
-        ----------
-        file : str
-            The recording, as the study names it.
-        moment_s : float, s
-            Onset of the pulse, or heel strike.
         """
         lines = [
             e
@@ -141,26 +97,13 @@ class ParticipantSettings:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A recording with its strides, pulses and filtered signals.
+    """A recording with its strides, pulses and filtered signals."""
 
-    Parameters
-    ----------
-    given : RecordingInput
-        The recording; its torque is there.
-    strides : Strides or None
-        None where it has no channel to find strikes in.
-    pulses : tuple of Pulse
-        In order of time.
-    signals : Conditioned
-        Filtered signals; without a stretch for a recording without device.
-    undisturbed : (n_stride,) bool
-        Strides that are accepted, hold no pulse and were not left out by the user.
-    """
-
-    given: RecordingInput
-    strides: Strides | None
-    pulses: tuple[Pulse, ...]
-    signals: Conditioned
+    given: RecordingInput  # the recording; its torque is there
+    strides: Strides | None  # none where it has no channel to find strikes in
+    pulses: tuple[Pulse, ...]  # in order of time
+    signals: Conditioned  # filtered signals; without a stretch for a recording without device
+    # strides that are accepted, hold no pulse and were not left out by the user
     undisturbed: np.ndarray
 
 
@@ -170,19 +113,6 @@ def prepare_sources(
     """Make every recording of a participant ready.
 
     All are brought to the rate of the first perturbed one.
-
-    Parameters
-    ----------
-    recordings : sequence of RecordingInput
-        All recordings of one participant.
-    settings : ParticipantSettings
-        What to do.
-
-    Raises
-    ------
-    DataError
-        When torque or the source of pulses is missing, or the filter does not
-        fit the sampling rate.
     """
     if not recordings:
         return []
@@ -300,13 +230,7 @@ def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettin
 
 
 def usual_source(*, table: bool, command: bool) -> str:
-    """Return where pulses are read off where a study does not say.
-
-    Parameters
-    ----------
-    table, command : bool
-        Whether there is a pulse table, and a channel of what was commanded.
-    """
+    """Return where pulses are read off where a study does not say."""
     if table:
         return "table"
     return "command" if command else "reference"
@@ -315,22 +239,7 @@ def usual_source(*, table: bool, command: bool) -> str:
 def most_alike(
     given: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
 ) -> list[RecordingInput]:
-    """Return the recordings that share most with one: its session, side or trial.
-
-    Parameters
-    ----------
-    given : RecordingInput
-        The recording.
-    others : sequence of RecordingInput
-        Where to choose from.
-    keys : sequence of str
-        Attributes to compare; an earlier one counts more than all later ones.
-
-    Returns
-    -------
-    list of RecordingInput
-        All that are equally alike; without anything in common, all others.
-    """
+    """Return the recordings that share most with one: its session, side or trial."""
 
     def shared(other: RecordingInput) -> tuple[bool, ...]:
         return tuple(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)

@@ -59,22 +59,12 @@ _THIGH_HARMONICS_DEG = ((15.37, -4.40), (-2.83, -1.27), (-0.30, 1.54))
 
 @dataclass(frozen=True, slots=True)
 class HangingMass:
-    """A mass that turns with the distal segment of a joint.
+    """A mass that turns with the distal segment of a joint."""
 
-    Parameters
-    ----------
-    mass_kg, centre_m : float, kg, m
-        The mass, and the distance of its centre from the joint.
-    relative_sd : float
-        Standard deviation of mass times distance, as a share of it.
-    source : str
-        Where the figures come from.
-    """
-
-    mass_kg: float
-    centre_m: float
-    relative_sd: float
-    source: str
+    mass_kg: float  # kg, m: the mass, and the distance of its centre from the joint
+    centre_m: float  # kg, m
+    relative_sd: float  # standard deviation of mass times distance, as a share of it
+    source: str  # where the figures come from
 
     @property
     def moment_nm(self) -> float:
@@ -89,25 +79,13 @@ class HangingMass:
 
 @dataclass(frozen=True, slots=True)
 class GravityStiffness:
-    """What gravity adds to the apparent stiffness of a joint in one posture.
+    """What gravity adds to the apparent stiffness of a joint in one posture."""
 
-    Parameters
-    ----------
-    value, sd : float, N*m/rad
-        Positive where gravity pulls back: corrected = apparent - value.
-    segment_angle_rad : float
-        Of the distal segment from the vertical, forward positive.
-    source : str
-        Of masses and posture.
-    note : str
-        What the value leaves out; empty where nothing.
-    """
-
-    value: float
-    sd: float
-    segment_angle_rad: float
-    source: str
-    note: str = ""
+    value: float  # N*m/rad: positive where gravity pulls back: corrected = apparent - value
+    sd: float  # N*m/rad
+    segment_angle_rad: float  # of the distal segment from the vertical, forward positive
+    source: str  # of masses and posture
+    note: str = ""  # what the value leaves out; empty where nothing
 
 
 def limb_gravity(
@@ -115,37 +93,10 @@ def limb_gravity(
 ) -> HangingMass | None:
     """Return mass and centre of the limb beyond a joint, by the proportions of an average body.
 
-    Parameters
-    ----------
-    mass_kg : float, kg
-        Body mass.
-    height_m : float, m, optional
-        Body height. Without it 1.70 m is taken, with an sd of 0.10 m.
-    joint : str
-        Name of the joint; ``left knee`` is a knee.
-
-    Returns
-    -------
-    HangingMass or None
-        None for a joint without an entry: known are ankle, knee, hip, wrist, elbow, shoulder.
-
-    Raises
-    ------
-    ValueError
-        When mass or height is not a positive number.
-
-    Notes
-    -----
     Shares of body mass and height of Winter (2009), table 4.1 and figure 4.1; of a knee .061 of
     the mass at .606 of .246 of the height. One person differs from the table by about 10 % (1 sd)
     in mass times distance. It misleads for children, amputees and very heavy people: weigh and
     measure, and write ``limb_mass_kg`` and ``limb_centre_m``. Foot and hand: 30 %.
-
-    Examples
-    --------
-    >>> limb = limb_gravity(73.0, 1.74)
-    >>> round(limb.mass_kg, 2), round(limb.centre_m, 3), round(limb.moment_nm, 1)
-    (4.45, 0.259, 11.3)
     """
     for name, given in (("mass_kg", mass_kg), ("height_m", height_m)):
         if given is not None and not (isfinite(given) and given > 0.0):
@@ -201,21 +152,9 @@ def hanging_masses(
 def thigh_angle(gait_pct: float) -> float:
     """Return the flexion of the thigh from the vertical in normal walking, rad.
 
-    Parameters
-    ----------
-    gait_pct : float
-        % of the gait cycle.
-
-    Notes
-    -----
     Hip angle of Winter (natural cadence, level ground, young adults) with an upright trunk, as a
     Fourier series of three harmonics. People, speeds and exoskeletons differ from it:
     ``POSTURE_SD_RAD``, 8 deg.
-
-    Examples
-    --------
-    >>> round(thigh_angle(0.0), 2)
-    0.34
     """
     turn = tau * gait_pct / 100.0
     return radians(
@@ -309,26 +248,6 @@ def corrected_stiffness(
 ) -> ParameterEstimate:
     """Return the stiffness without what gravity adds, as an estimate of its own.
 
-    Parameters
-    ----------
-    apparent : ParameterEstimate
-        ``stiffness``, N*m/rad.
-    gravity : GravityStiffness
-        What to take off.
-
-    Returns
-    -------
-    ParameterEstimate
-        ``stiffness_gravity_corrected``: value, interval, unbounded value and bound moved by
-        ``-gravity.value``. It may be negative. Without a value where ``apparent`` has none.
-
-    Raises
-    ------
-    ValueError
-        When ``apparent`` is not the stiffness of the joint.
-
-    Notes
-    -----
     The ends of the interval move out by the quantile of ``ci_level`` times ``gravity.sd``, in
     quadrature. At a bound the lower end is the bound, which moves and does not widen; the upper
     end is a one-sided limit.

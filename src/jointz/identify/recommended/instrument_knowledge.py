@@ -26,20 +26,6 @@ _NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 def removed_variances(posterior: JointPosterior, picks: np.ndarray) -> dict[str, float]:
     """Return the variance of a sum of parameters that knowing the instruments would take away.
 
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    picks : (p,) float
-        1 where a parameter belongs to the sum.
-
-    Returns
-    -------
-    dict of str to float
-        ``lag``, ``friction`` and ``cross_talk``, each known exactly and alone -> variance.
-
-    Notes
-    -----
     The law of total variance: what is left is the mean, over all that the instrument may be, of
     the variance given that; both within the hypotheses and between them, whose probabilities the
     knowledge moves. Errors are taken for normal, effects for linear about each mode.

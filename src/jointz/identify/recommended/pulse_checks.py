@@ -31,21 +31,6 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
 
     Two windows of a noisy sensor are never the same: identical ones are one window, copied, and
     a mean over them knows less than it seems to.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle`` and ``torque``, or ``current`` where torque was made of it: what is made
-        of a record is filtered, and no copy is one to the last bit.
-    pulses : sequence of Pulse
-        In order of time.
-    window_s : float, s
-        What is compared, from the onset on.
-
-    Returns
-    -------
-    list of bool
-        The first of each kind is none.
     """
     time = recording["time"].to_numpy()
     driving = "current" if "current" in recording else "torque"
@@ -66,20 +51,6 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
 def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
     """Name the pulses whose torque did not come, or whose torque the joint did not feel.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    amplitudes_nm : (n_response,) float, N*m
-        What was commanded, without sign; NaN where that is not known.
-
-    Returns
-    -------
-    list of str
-        ``no_torque``, ``no_response`` or ``""``, one a response.
-
-    Notes
-    -----
     Torque is compared with the command, or with that of the other pulses. One that was commanded
     no torque, where others were some, is no pulse. The answer of the joint is its angle along the
     average response, per torque: pulses of other sizes are alike in it. Where walking alone moves
@@ -108,15 +79,6 @@ def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
 def stray_pulses(predicted: Predicted, amplitude_nm: float) -> bool:
     """Tell whether the strides that were learned from hold pulses that nobody commanded.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    amplitude_nm : float, N*m
-        Usual size of a pulse.
-
-    Notes
-    -----
     That is so where table and signals do not belong together: a table a stride late, a clock
     that was restarted.
     """

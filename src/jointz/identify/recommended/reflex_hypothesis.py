@@ -28,19 +28,6 @@ def reflex_shape(
 ) -> np.ndarray:
     """Return what a reflex as large as K would add to the angle of a timing point, (n,) rad.
 
-    Parameters
-    ----------
-    i : int
-        Which.
-    response : CellResponse
-        Of the timing point.
-    posterior : Posterior
-        Of the joint and its sensor; the motion is taken as the sensor shows it.
-    latency_s : float, s
-        From stretch to the beginning of the torque.
-
-    Notes
-    -----
     Velocity of stretch, half-wave rectified, delayed, through a critically damped twitch
     (Kearney, Stein & Parameswaran 1997, IEEE Transactions on Biomedical Engineering 44, 493).
     """
@@ -56,19 +43,7 @@ def reflex_shape(
 def moved_by(
     i: int, response: CellResponse, posterior: Posterior, *, pull: np.ndarray
 ) -> np.ndarray:
-    """Return the change of the shown angle where the joint is held back besides, (n,) rad.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    response : CellResponse
-        Its response.
-    posterior : Posterior
-        Of the joint and its sensor.
-    pull : (n,) float, rad
-        Torque that holds back, over K.
-    """
+    """Return the change of the shown angle where the joint is held back besides, (n,) rad."""
     shown = posterior.fitted[i]
     kick = response_to_kick(posterior, i, period_s=response.period_s, n=shown.size)
     met = float(np.abs(response.torque.sum(axis=0)).max() / np.abs(shown).max())
@@ -81,15 +56,6 @@ def with_reflexes(
 ) -> list[Posterior]:
     """Return posteriors without a reflex, and with one of every latency, even chances.
 
-    Parameters
-    ----------
-    posteriors : sequence of Posterior
-        Hypotheses without a reflex.
-    cells : sequence of CellResponse
-        The responses of the timing points.
-
-    Notes
-    -----
     One gain for all timing points, reflex torque over K, joins the parameters. To first order
     about the mode that is exact elimination of one more column of a regression, whose prior is
     that of the gain.

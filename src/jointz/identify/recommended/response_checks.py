@@ -42,13 +42,7 @@ _LARGEST_LOG = 700.0
 
 
 def angle_failure(recording: xr.Dataset) -> Failure | None:
-    """Return why the angle cannot be that of a joint in rad.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle``.
-    """
+    """Return why the angle cannot be that of a joint in rad."""
     angle = recording["angle"].to_numpy()
     angle = angle[np.isfinite(angle)]
     if angle.size == 0:
@@ -60,21 +54,6 @@ def angle_failure(recording: xr.Dataset) -> Failure | None:
 def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | None:
     """Return whether the torque looks clipped.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``torque``, and ``current`` where it was made of it.
-    pulses : sequence of Pulse
-        With amplitudes in N*m.
-
-    Returns
-    -------
-    Failure or None
-        ``torque_saturated`` where the record stands at one and the same largest value in a fifth
-        of a pulse, and that is less than was commanded, but no less than a fifth.
-
-    Notes
-    -----
     A motor at its limit looks like that, whose torque is true, and so does a sensor at its end,
     whose torque is not: K, B and J are then too small by one factor, and the fit is as good. What
     tells the two apart is the shape of the rise, by a factor of the likelihood that a lag which is
@@ -108,16 +87,7 @@ def _length(pulse: Pulse) -> float:
 def shared_failure(
     failures: Mapping[str, Failure | None], shared: Failure
 ) -> dict[str, Failure | None]:
-    """Return failures with one of the instruments for all that it explains.
-
-    Parameters
-    ----------
-    failures : mapping of str to Failure or None
-        Timing point -> why it has no estimate.
-    shared : Failure
-        What was found of sensors and actuator, which all timing points share: a misfit or a sign
-        that seems wrong is its consequence.
-    """
+    """Return failures with one of the instruments for all that it explains."""
     explained = (None, Failure.MODEL_MISFIT, Failure.OPPOSITE_SIGN)
     return {
         label: shared if failure in explained else failure for label, failure in failures.items()
@@ -127,13 +97,6 @@ def shared_failure(
 def response_failure(response: CellResponse) -> Failure | None:
     """Return why an average response is none, before anything is fitted to it.
 
-    Parameters
-    ----------
-    response : CellResponse
-        Of a timing point.
-
-    Notes
-    -----
     A joint that is moved from rest takes in energy as long as its stiffness is that of a spring,
     however late the sensor: where it gave energy, torque or angle has the wrong sign.
     """
@@ -152,11 +115,6 @@ def common_failure(failures: Mapping[str, Failure | None]) -> dict[str, Failure 
 
     All share sensors and actuator: the others' answers are no better for having passed. Where
     most do not move in response, a sign that seems wrong is one of chance.
-
-    Parameters
-    ----------
-    failures : mapping of str to Failure or None
-        Timing point -> why it is not worth a fit.
     """
     found = Counter(failure for failure in failures.values() if failure is not None)
     if 2 * found.total() < len(failures):
@@ -178,19 +136,6 @@ def lag_odds(
 ) -> float:
     """Return the odds that the responses give against the lag that was calibrated; 0 without.
 
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    responses : sequence of CellResponse
-        What was explained.
-    priors : Priors
-        What was known of the lag.
-    window_s : float, s
-        Of the motion.
-
-    Notes
-    -----
     Evidence with the prior of a lag of which nothing is known, over that with the calibration's.
     Of a calibration that is right it exceeds x in fewer than one case in x (Markov's inequality),
     as long as the joint is one that the hypotheses hold.
@@ -213,19 +158,6 @@ def instrument_failure(
 ) -> Failure | None:
     """Return whether angle and torque are further apart in time than known, or can be followed.
 
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    priors : Priors
-        What was known of the lag.
-    odds : float
-        From :func:`lag_odds`.
-    longest_s : float, s
-        Lag that the windows have room for.
-
-    Notes
-    -----
     A calibrated lag may be contradicted by the evidence or, where another hypothesis explains
     that away, by being moved further than responses which agree with it would.
     """
@@ -248,17 +180,6 @@ def instrument_failure(
 def fit_failure(i: int, posterior: JointPosterior, response: CellResponse) -> Failure | None:
     """Return whether a joint and its sensor explain the response of a timing point.
 
-    Parameters
-    ----------
-    i : int
-        Which.
-    posterior : JointPosterior
-        Of the participant.
-    response : CellResponse
-        What was explained.
-
-    Notes
-    -----
     The weighted sum of squares is chi-square distributed with at most as many degrees of freedom
     as there are samples, where the model holds; the chance of a false alarm is 1e-4 or less.
     """

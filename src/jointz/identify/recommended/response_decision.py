@@ -28,27 +28,15 @@ _MADE = "posterior over hypotheses about joint and sensor; errors of virtual pul
 
 @dataclass(frozen=True, slots=True)
 class NaturalSize:
-    """What K, B and J would be if each alone had answered the torque at the end of the window.
+    """What K, B and J would be if each alone had answered the torque at the end of the window."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float
-        N*m/rad, N*m*s/rad, kg*m^2.
-    """
-
-    stiffness: float
+    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
     damping: float
     inertia: float
 
     @classmethod
     def of(cls, response: CellResponse) -> "NaturalSize":
-        """Return the sizes of an average response.
-
-        Parameters
-        ----------
-        response : CellResponse
-            Of the timing point.
-        """
+        """Return the sizes of an average response."""
         torque = float(np.abs(response.torque.sum(axis=0)).max())
         angle = float(np.abs(response.angle).max())
         length_s = float(response.samples_s[-1])
@@ -58,24 +46,12 @@ class NaturalSize:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What else goes into the rows of a timing point.
+    """What else goes into the rows of a timing point."""
 
-    Parameters
-    ----------
-    known : CalibrationSpec
-        Gains' sd and the intrinsic impedance.
-    subtract_intrinsic : tuple of str
-        Which of K, B and J still hold the device's own.
-    mass_kg : float or None
-        For values per kg.
-    natural : NaturalSize
-        By which a limit at the bound is measured.
-    """
-
-    known: CalibrationSpec
-    subtract_intrinsic: tuple[str, ...]
-    mass_kg: float | None
-    natural: NaturalSize
+    known: CalibrationSpec  # gains' sd and the intrinsic impedance
+    subtract_intrinsic: tuple[str, ...]  # which of K, B and J still hold the device's own
+    mass_kg: float | None  # for values per kg
+    natural: NaturalSize  # by which a limit at the bound is measured
 
     @property
     def gain_sd(self) -> float:
@@ -88,24 +64,7 @@ class Decision:
 def decided_parameters(
     i: int, posterior: JointPosterior, decision: Decision
 ) -> tuple[ParameterEstimate, ...]:
-    """Return K, B, J and the values per kg of a timing point, or why there are none.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration, mass, sizes.
-
-    Returns
-    -------
-    tuple of ParameterEstimate
-        ``undecided`` where the interval reaches further up than half the value, or where a limit
-        at the bound is no small one or that of the prior; failed where a value is below zero by
-        more than its error explains.
-    """
+    """Return K, B, J and the values per kg of a timing point, or why there are none."""
     rows = [
         _row(name, m, decision, natural=getattr(decision.natural, name))
         for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True)
@@ -116,17 +75,7 @@ def decided_parameters(
 def error_budget(
     i: int, posterior: JointPosterior, decision: Decision
 ) -> dict[str, dict[str, float]]:
-    """Return where the uncertainty of K, B and J comes from: sd by source, SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration.
-    """
+    """Return where the uncertainty of K, B and J comes from: sd by source, SI."""
     budget = {}
     for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True):
         entry = getattr(decision.known, f"intrinsic_{name}")
@@ -139,20 +88,7 @@ def error_budget(
 
 
 def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, float]]:
-    """Return the part of each error that measuring the instruments would take away: sd, SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-
-    Returns
-    -------
-    dict
-        K, B and J -> what would be known exactly, by itself -> standard deviation.
-    """
+    """Return the part of each error that measuring the instruments would take away: sd, SI."""
     sizes = (1.0, 1.0, _moments(i, posterior)[2].mean)  # the posterior's is of the logarithm of J
     picks = posterior.impedance_picks(i)
     return {
@@ -165,20 +101,7 @@ def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, 
 
 
 def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tuple[float, float]]]:
-    """Return what the priors of K, B and J did to the estimates of every timing point, SI.
-
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    n_points : int
-        How many timing points it has.
-
-    Returns
-    -------
-    list of dict
-        K, B and J -> shift of the value, and variance taken off its error.
-    """
+    """Return what the priors of K, B and J did to the estimates of every timing point, SI."""
     mean, covariance = posterior.without_impedance_priors()
     effects = []
     for i in range(n_points):
@@ -194,18 +117,7 @@ def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tu
 
 
 def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> np.ndarray:
-    """Return how the errors of K, B and J go together, (3, 3) SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration: errors of the gains are common to K, B and J, those of the intrinsic
-        impedance are not.
-    """
+    """Return how the errors of K, B and J go together, (3, 3) SI."""
     values = np.array([moments.mean for moments in _moments(i, posterior)])
     scale = np.array([1.0, 1.0, values[2]])  # the posterior's is of the logarithm of J
     entries = [getattr(decision.known, f"intrinsic_{name}") for name in PARAMETERS]

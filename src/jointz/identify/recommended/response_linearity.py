@@ -32,21 +32,12 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Contrast:
-    """How responses differ between kinds of pulses, against what chance does.
+    """How responses differ between kinds of pulses, against what chance does."""
 
-    Parameters
-    ----------
-    doubt : Doubt
-        What it would mean.
-    p_value : float
-        Of the most telling of the comparisons, times their number.
-    shifts : mapping of str to (3,) float
-        Timing point -> what the difference does to K (N*m/rad), B (N*m*s/rad) and the logarithm
-        of J of the average pulse, if one direction alone has it; empty for sizes.
-    """
-
-    doubt: Doubt
-    p_value: float
+    doubt: Doubt  # what it would mean
+    p_value: float  # of the most telling of the comparisons, times their number
+    # timing point -> what the difference does to K (N*m/rad), B (N*m*s/rad) and the logarithm of J
+    # of the average pulse, if one direction alone has it; empty for sizes
     shifts: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -70,23 +61,6 @@ def contrasts(
 ) -> tuple[Contrast, ...]:
     r"""Compare the responses to pulses of both directions, and of several sizes.
 
-    Parameters
-    ----------
-    cells : sequence of PredictedCell
-        The timing points of a participant.
-    responses : sequence of CellResponse
-        Their average responses.
-    posterior : JointPosterior
-        What explains these.
-
-    Returns
-    -------
-    tuple of Contrast
-        Of directions where some timing point has eight pulses of each, of sizes where some has
-        eight below and eight above the middle; none else.
-
-    Notes
-    -----
     What the measured torque does not explain of every response is projected on what a change of
     the stiffness, and a late answer (30 ms, twitch of 40 ms, to the velocity of stretch) would
     make of it, weighted with the noise. The projections are regressed on the size of the pulse,
@@ -117,21 +91,7 @@ def contrasts(
 
 
 def doubted(estimate: CellEstimate, found: Sequence[Contrast]) -> CellEstimate:
-    """Widen a timing point's intervals by what a difference between directions does to them.
-
-    Parameters
-    ----------
-    estimate : CellEstimate
-        Of the recommended method.
-    found : sequence of Contrast
-        From :func:`contrasts`; those that do not stand change nothing.
-
-    Returns
-    -------
-    CellEstimate
-        A value is ``undecided`` where its interval then reaches further than half of it. The
-        budget counts the difference as one between models.
-    """
+    """Widen a timing point's intervals by what a difference between directions does to them."""
     shifts = [c.shifts[estimate.timing_point] for c in found if c.stands and c.shifts]
     if not shifts:
         return estimate

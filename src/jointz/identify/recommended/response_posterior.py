@@ -51,18 +51,10 @@ _PRIOR_LEFT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """An estimate with the variances that make its uncertainty.
+    """An estimate with the variances that make its uncertainty."""
 
-    Parameters
-    ----------
-    mean : float
-        The estimate.
-    sources : dict of str to float
-        Source -> variance; see :data:`~jointz.core.estimates.FIT_SOURCES`.
-    """
-
-    mean: float
-    sources: dict[str, float]
+    mean: float  # the estimate
+    sources: dict[str, float]  # source -> variance; see :data:`~jointz.core.estimates.FIT_SOURCES`
 
     @property
     def variance(self) -> float:
@@ -72,28 +64,14 @@ class Moments:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPosterior:
-    """The weighted hypotheses of one participant.
+    """The weighted hypotheses of one participant."""
 
-    Parameters
-    ----------
-    posteriors : tuple of Posterior
-        One a hypothesis.
-    weights : (h,) float
-        Their probabilities.
-    """
-
-    posteriors: tuple[Posterior, ...]
-    weights: np.ndarray
+    posteriors: tuple[Posterior, ...]  # one a hypothesis
+    weights: np.ndarray  # their probabilities
 
     @classmethod
     def weighed(cls, posteriors: Sequence[Posterior]) -> "JointPosterior":
-        """Return hypotheses weighted by their evidence.
-
-        Parameters
-        ----------
-        posteriors : sequence of Posterior
-            One a hypothesis.
-        """
+        """Return hypotheses weighted by their evidence."""
         return cls(tuple(posteriors), _weights(posteriors))
 
     @property
@@ -102,13 +80,7 @@ class JointPosterior:
         return self.posteriors[int(np.argmax(self.weights))]
 
     def probability(self, **asked: object) -> float:
-        """Return how probable hypotheses with these properties are.
-
-        Parameters
-        ----------
-        **asked : object
-            Fields of :class:`Hypothesis` and their values.
-        """
+        """Return how probable hypotheses with these properties are."""
         fits = [
             all(getattr(p.hypothesis, name) == value for name, value in asked.items())
             for p in self.posteriors
@@ -116,44 +88,20 @@ class JointPosterior:
         return float(self.weights[np.array(fits)].sum())
 
     def stiffness(self, i: int) -> Moments:
-        """Return K of a timing point, N*m/rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return K of a timing point, N*m/rad."""
         return self._linear([PER_POINT * i + K])
 
     def damping(self, i: int) -> Moments:
-        """Return B of a timing point, N*m*s/rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return B of a timing point, N*m*s/rad."""
         return self._linear([PER_POINT * i + B])
 
     def log_inertia(self, i: int) -> Moments:
-        """Return the logarithm of J of a timing point.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the logarithm of J of a timing point."""
         n = self.best.values.size
         return self._linear([PER_POINT * i + J_DEVIATION, n - SHARED + LOG_J])
 
     def impedance_picks(self, i: int) -> np.ndarray:
-        """Return what K, B and the logarithm of J of a timing point are sums of, (3, p) of 0, 1.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return what K, B and the logarithm of J of a timing point are sums of, (3, p) of 0, 1."""
         n = self.best.values.size
         picks = np.zeros((3, n))
         picks[0, PER_POINT * i + K] = picks[1, PER_POINT * i + B] = 1.0
@@ -161,19 +109,7 @@ class JointPosterior:
         return picks
 
     def impedance_covariance(self, i: int) -> np.ndarray:
-        """Return how the errors of K, B and the logarithm of J of a timing point go together.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-
-        Returns
-        -------
-        (3, 3) float
-            Its diagonal is the variances of :meth:`stiffness`, :meth:`damping` and
-            :meth:`log_inertia`.
-        """
+        """Return how the errors of K, B and the logarithm of J of a timing point go together."""
         picks = self.impedance_picks(i)
         means = np.array([picks @ p.values for p in self.posteriors])
         within = np.array([picks @ p.covariance @ picks.T for p in self.posteriors])
@@ -183,13 +119,6 @@ class JointPosterior:
     def without_impedance_priors(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the estimates of all parameters had K, B and J no prior.
 
-        Returns
-        -------
-        mean, covariance : (p,) and (p, p) float
-            Over the hypotheses, whose probabilities stay.
-
-        Notes
-        -----
         One Newton step from each mode: exact where responses are linear in the parameters.
         """
         moments = [_without_impedance_prior(p) for p in self.posteriors]
@@ -215,13 +144,7 @@ class JointPosterior:
         return np.asarray(np.tensordot(self.weights, middles, axes=1))
 
     def fitted(self, i: int) -> np.ndarray:
-        """Return the angle of a timing point under the most likely hypothesis, rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the angle of a timing point under the most likely hypothesis, rad."""
         return self.best.fitted[i]
 
     def _linear(self, places: Sequence[int]) -> Moments:
@@ -245,24 +168,7 @@ def estimate_responses(
     window_s: float,
     sensors: Sequence[Posterior],
 ) -> JointPosterior:
-    """Fit all hypotheses to the responses of a participant.
-
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    sensors : sequence of Posterior
-        From :func:`compare_sensors` on these responses.
-
-    Returns
-    -------
-    JointPosterior
-        The hypotheses with their probabilities.
-    """
+    """Fit all hypotheses to the responses of a participant."""
     posteriors: list[Posterior] = []
     model = ResponseModel(cells, priors, _MIDDLING, window_s=window_s)
     for sensor, chance in zip(sensors, _weights(sensors), strict=True):
@@ -282,19 +188,6 @@ def compare_sensors(
 ) -> tuple[Posterior, ...]:
     """Fit the hypotheses about the sensor, under a middling one about the joint.
 
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    earlier : sequence of Posterior
-        From a call with other windows: searches begin there.
-
-    Notes
-    -----
     A resonance and a lag differ in what happens in the first milliseconds, whatever K, B and J
     do. Without an earlier result searches begin at light and at heavy legs: a long lag
     resembles inertia.
@@ -314,19 +207,7 @@ def compare_sensors(
 def inertia_evidence(
     cells: Sequence[CellResponse], priors: Priors, *, window_s: float, start: Posterior
 ) -> float:
-    """Return the logarithm of the evidence of all models of the inertia together.
-
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    start : Posterior
-        Where searches begin; the sensor is that of its hypothesis.
-    """
+    """Return the logarithm of the evidence of all models of the inertia together."""
     model = ResponseModel(cells, priors, start.hypothesis, window_s=window_s)
     plain = replace(start.hypothesis, reflex_s=0.0)
     logs = [

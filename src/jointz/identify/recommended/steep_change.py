@@ -38,38 +38,16 @@ MOVED = ("stiffness", "damping")
 
 @dataclass(frozen=True, slots=True)
 class Widened:
-    """Cells with errors that allow for a steep drift.
+    """Cells with errors that allow for a steep drift."""
 
-    Parameters
-    ----------
-    cells : tuple of CellEstimate
-        All of them, in their order.
-    steep : mapping of (str, str) to CellEstimate
-        Label and timing point -> cell whose window lies on a steep rise or fall.
-    """
-
-    cells: tuple[CellEstimate, ...]
+    cells: tuple[CellEstimate, ...]  # all of them, in their order
+    # label and timing point -> cell whose window lies on a steep rise or fall
     steep: Mapping[tuple[str, str], CellEstimate]
 
 
 def widen_steep(cells: Sequence[CellEstimate], follows: Mapping[str, float]) -> Widened:
     """Widen the errors of K and B where the window lies on a steep rise or fall of K.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of the recommended method.
-    follows : mapping of str to float
-        Label (participant, session, side) -> how probable it is that the estimator followed the
-        curve through the timing points; 0 where nothing was said.
-
-    Returns
-    -------
-    Widened
-        K and B are ``undecided`` where the interval then reaches further than half the value.
-
-    Notes
-    -----
     The slope at a timing point is the lesser of those to its two neighbours, and none where they
     differ in sign or a difference may be chance (minmod limiter: Roe 1986, Annual Review of Fluid
     Mechanics 18, 337): it is what both neighbours vouch for. K is steep where it so changes by
@@ -103,20 +81,6 @@ def undecided_where_steep(
 ) -> list[CellEstimate]:
     """Withhold K and B of a person where a neighbour within one window tells of a steep change.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of one participant, by the recommended method.
-    curve_probability : float
-        How probable it is that the estimator followed the curve through the timing points.
-
-    Returns
-    -------
-    list of CellEstimate
-        In their order; ``undecided`` parameters keep their unbounded value and their budget.
-
-    Notes
-    -----
     As :func:`widen_steep`, for values that are read one by one. A neighbour further off than a
     window says little of what happens inside it: K may rise from point to point and stay in each.
     """
@@ -142,19 +106,6 @@ def _withheld(cell: CellEstimate) -> CellEstimate:
 def drift_reach(cell: CellEstimate) -> tuple[float, float] | None:
     """Return how far a drift of K moves K and B, were the window to have one K.
 
-    Parameters
-    ----------
-    cell : CellEstimate
-        Of the recommended method.
-
-    Returns
-    -------
-    tuple of float or None
-        Of K, N*m/rad, and of B, N*m*s/rad, per drift of 1 N*m/rad over the window; None without
-        response or estimates.
-
-    Notes
-    -----
     Least squares, all samples alike, of the angle's derivative to the slope of K on those to K, B
     and J, in the joint that was estimated. Misleads by as much as the estimator weighs samples
     unlike, or knows J: on simulated walkers its own budget agrees within a third for B, and for K

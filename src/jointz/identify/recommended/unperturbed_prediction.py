@@ -53,29 +53,17 @@ _ROUNDING = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Responses of the pulses of a cell, and what the prediction misses where there is no pulse.
+    """Responses of the pulses of a cell, and what the prediction misses where there is no pulse."""
 
-    Parameters
-    ----------
-    responses : (n_pulse, 3, n) float
-        Measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES`
-        before the onset: angle (rad), torque without friction and friction (N*m).
-    misses : (n_virtual, 3, n) float
-        The same at virtual onsets left out of the learning.
-    strides : (n_virtual,) int
-        The stride of each virtual onset.
-    codes : tuple of str
-        ``""`` for each pulse that was predicted, else why not; ``responses`` has a row for
-        every ``""``.
-    posture_rad : float
-        Mean unperturbed angle over the window.
-    """
-
+    # measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES` before
+    # the onset: angle (rad), torque without friction and friction (N*m)
     responses: np.ndarray
-    misses: np.ndarray
-    strides: np.ndarray
+    misses: np.ndarray  # the same at virtual onsets left out of the learning
+    strides: np.ndarray  # the stride of each virtual onset
+    # ``""`` for each pulse that was predicted, else why not; ``responses`` has a row for every
+    # ``""``
     codes: tuple[str, ...]
-    posture_rad: float
+    posture_rad: float  # mean unperturbed angle over the window
 
     @property
     def n_strides(self) -> int:
@@ -84,13 +72,7 @@ class Predicted:
 
 
 def join_predictions(parts: Sequence[Predicted]) -> Predicted:
-    """Put the pulses of several recordings together; strides of different ones stay apart.
-
-    Parameters
-    ----------
-    parts : sequence of Predicted
-        One a recording; at least one has a response.
-    """
+    """Put the pulses of several recordings together; strides of different ones stay apart."""
     codes = tuple(code for part in parts for code in part.codes)
     parts = [part for part in parts if len(part.responses)]
     return Predicted(
@@ -109,21 +91,7 @@ def _apart(strides: Sequence[np.ndarray]) -> np.ndarray:
 
 
 class UnperturbedPredictor:
-    """Predicts the unperturbed windows of one recording.
-
-    Parameters
-    ----------
-    source : Source
-        The recording, made ready.
-    signals : Conditioned
-        Its raw signals.
-    window_s : float, s
-        Longest window that will be asked for, from the onset.
-    others : sequence of tuple of Source and Conditioned
-        Unperturbed recordings of the same walker and donning, to be learned from too where the
-        recording itself has too few quiet strides. Posture differs between conditions: angles
-        then count from the level before the onset.
-    """
+    """Predicts the unperturbed windows of one recording."""
 
     def __init__(
         self,
@@ -145,13 +113,7 @@ class UnperturbedPredictor:
         return self._signals.rate_hz
 
     def predict(self, candidates: Sequence[Candidate]) -> Predicted:
-        """Predict the windows of the pulses of one cell.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Pulses of this recording, at one point of the cycle.
-        """
+        """Predict the windows of the pulses of one cell."""
         lead_s = LEAD_SAMPLES / self._signals.rate_hz
         pulses = self._own.moments(np.array([c.pulse.onset_s - lead_s for c in candidates]))
         fine = pulses.valid & np.isfinite(pulses.ratio)
@@ -395,18 +357,7 @@ def _binned(past: np.ndarray, rate: float) -> np.ndarray:
 
 
 def quiet_strides(source: Source) -> np.ndarray:
-    """Return the strides that hold no pulse, follow none, and have three believed ones before.
-
-    Parameters
-    ----------
-    source : Source
-        A recording, made ready.
-
-    Returns
-    -------
-    (k,) int
-        Which strides.
-    """
+    """Return the strides that hold no pulse, follow none, and have three believed ones before."""
     strides = source.strides
     if strides is None:
         return np.empty(0, int)

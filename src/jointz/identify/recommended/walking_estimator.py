@@ -79,17 +79,7 @@ _MOST_UNFELT = 0.3
 
 
 class WalkingEstimator:
-    """Estimates every timing point of a walking participant.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        The participant's recordings, made ready.
-    settings : ParticipantSettings
-        What the study and the caller ask for.
-    """
+    """Estimates every timing point of a walking participant."""
 
     def __init__(
         self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
@@ -125,13 +115,7 @@ class WalkingEstimator:
     def run(
         self, candidates: Sequence[Candidate]
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse of the participant's perturbed recordings.
-        """
+        """Return the cells and the pulses with their final codes."""
         records = [c.record for c in candidates]
         found: dict[str, PredictedCell | CellEstimate] = {}
         for label in self._labels(records):

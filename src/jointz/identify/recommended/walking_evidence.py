@@ -10,34 +10,15 @@ from jointz.identify.recommended.walking_responses import PredictedCell
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """The pulses of a participant, predicted and explained.
+    """The pulses of a participant, predicted and explained."""
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    cells : tuple of PredictedCell
-        The timing points.
-    responses : tuple of CellResponse
-        Their averages.
-    posterior : JointPosterior
-        What explains them.
-    known : CalibrationSpec
-        Of the instruments.
-    subtract_intrinsic : tuple of tuple of str
-        For each timing point, which of the device's own K, B and J are still in its torque.
-    window_s : float, s
-        Of the motion.
-    session, side : str
-        Of the pulses; "" where the study does not state them.
-    """
-
-    participant: str
-    cells: tuple[PredictedCell, ...]
-    responses: tuple[CellResponse, ...]
-    posterior: JointPosterior
-    known: CalibrationSpec
+    participant: str  # the id
+    cells: tuple[PredictedCell, ...]  # the timing points
+    responses: tuple[CellResponse, ...]  # their averages
+    posterior: JointPosterior  # what explains them
+    known: CalibrationSpec  # of the instruments
+    # for each timing point, which of the device's own K, B and J are still in its torque
     subtract_intrinsic: tuple[tuple[str, ...], ...]
-    window_s: float
-    session: str = ""
+    window_s: float  # s: of the motion
+    session: str = ""  # of the pulses; "" where the study does not state them
     side: str = ""

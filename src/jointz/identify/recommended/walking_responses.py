@@ -41,33 +41,15 @@ _LEAST_TWIST_SD, _LEAST_RESONANCE_SD = 1e-7, 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedCell:
-    """A timing point whose pulses were predicted.
+    """A timing point whose pulses were predicted."""
 
-    Parameters
-    ----------
-    label : str
-        The timing point.
-    candidates : list of Candidate
-        The pulses that a prediction was asked for.
-    predicted : Predicted
-        Their responses, and what the prediction misses.
-    kept : (n_response,) bool
-        Responses that count.
-    period_s : float, s
-        Between samples.
-    phase : float
-        Mean predicted phase of the onsets, cycles; NaN where unknown.
-    stride_s : float, s
-        Duration of a stride.
-    """
-
-    label: str
-    candidates: list[Candidate]
-    predicted: Predicted
-    kept: np.ndarray
-    period_s: float
-    phase: float
-    stride_s: float
+    label: str  # the timing point
+    candidates: list[Candidate]  # the pulses that a prediction was asked for
+    predicted: Predicted  # their responses, and what the prediction misses
+    kept: np.ndarray  # responses that count
+    period_s: float  # s: between samples
+    phase: float  # mean predicted phase of the onsets, cycles; NaN where unknown
+    stride_s: float  # s: duration of a stride
 
     @property
     def used(self) -> list[Candidate]:
@@ -81,13 +63,6 @@ class PredictedCell:
 def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
     """Combine the calibrations of a participant's pulses.
 
-    Parameters
-    ----------
-    calibrations : sequence of CalibrationSpec
-        One a pulse.
-
-    Notes
-    -----
     A lag, a friction, a twist or a tissue that was calibrated in one session only is, in the
     others, what it is where nothing was calibrated: wide, not perfect.
     """
@@ -104,13 +79,7 @@ def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
 
 
 def priors_of(known: CalibrationSpec) -> Priors:
-    """Return what is known of the instruments as priors; wide where nothing was said.
-
-    Parameters
-    ----------
-    known : CalibrationSpec
-        Of the study.
-    """
+    """Return what is known of the instruments as priors; wide where nothing was said."""
     priors = _twist_and_tissue(Priors(), known)
     friction = known.friction_gain
     if friction is not None:
@@ -180,37 +149,14 @@ def _response(
 
 
 def unlike_from(sd: np.ndarray) -> np.ndarray:
-    """Return the deviation from which on a response is not like its neighbours'.
-
-    Parameters
-    ----------
-    sd : (n,) float, rad
-        Of what the prediction misses; a simulated record without noise has next to none.
-    """
+    """Return the deviation from which on a response is not like its neighbours'."""
     return np.asarray(_UNLIKE_SD * np.hypot(sd, _FINEST_RAD))
 
 
 def explain_responses(
     cells: Sequence[PredictedCell], priors: Priors, *, window_s: float
 ) -> tuple[JointPosterior, list[CellResponse]]:
-    """Explain the responses of all timing points of a participant.
-
-    Parameters
-    ----------
-    cells : sequence of PredictedCell
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the joint's motion: the angle is looked at the lag longer.
-
-    Returns
-    -------
-    posterior : JointPosterior
-        All hypotheses, weighted.
-    responses : list of CellResponse
-        What was explained.
-    """
+    """Explain the responses of all timing points of a participant."""
     sensors: tuple[Posterior, ...] = ()
     # The lag says how long the window must be, and the fit what missed torque explains.
     responses = _responses(cells, None, window_s=window_s, lag_s=priors.lag_s[0])
@@ -232,35 +178,13 @@ def _responses(
 
 
 def average_responses(cell: PredictedCell, *, window_s: float) -> CellResponse:
-    """Average the responses of a timing point, before anything is known of its joint.
-
-    Parameters
-    ----------
-    cell : PredictedCell
-        Of the timing point.
-    window_s : float, s
-        Of the motion: the average has room for the longest lag.
-    """
+    """Average the responses of a timing point, before anything is known of its joint."""
     return _response(cell, window_s=window_s, lag_s=LONGEST_LAG_S, fit=(None, 0))
 
 
 def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
     """Tell which responses are like the others, by what the prediction usually misses.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    whole : (n_response,) bool, optional
-        Responses that may be; all by default.
-
-    Returns
-    -------
-    (n_response,) bool
-        All that may be, where there are too few to compare.
-
-    Notes
-    -----
     The usual response is the median one, per torque: a pulse of twice the torque moves the joint
     twice as far and is not unlike for that.
     """

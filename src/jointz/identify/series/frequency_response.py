@@ -42,52 +42,6 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
 ) -> FrequencyResponseFit:
     """Estimate the impedance of a joint over frequency, and K, B, J.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels ``angle``, ``torque`` and, where there are, ``command`` and
-        ``time``, in SI. Either this or the arrays.
-    angle : (n,) float, rad, optional
-        Joint angle.
-    torque : (n,) float, N*m, optional
-        Measured torque.
-    command : (n,) float, N*m, optional
-        Commanded torque; the instrument where the torque was perturbed.
-    time : (n,) float, s, optional
-        Time stamps. Jitter is resampled linearly; a gap is an error.
-    rate_hz : float, optional
-        Sampling rate, where there are no time stamps.
-    input : str
-        What was perturbed. ``torque``: the admittance
-        S_angle,torque / S_torque,torque is estimated and inverted, or, with a
-        command, S_torque,command / S_angle,command. ``angle``: the impedance
-        S_torque,angle / S_angle,angle (1.2).
-    torque_acts_on : str
-        ``joint``, or ``device``: the sign of the torque is turned.
-    cutoff_hz : float, optional
-        End of the band; by default where the coherence is lost, 60 Hz at most.
-    ci_level : float
-        Level of the intervals and of the pointwise band.
-
-    Returns
-    -------
-    FrequencyResponseFit
-        Response with coherence and band; stiffness, damping, inertia.
-
-    Raises
-    ------
-    DataError
-        When the samples cannot be trusted: missing channel, unequal lengths,
-        NaN, gap, changing rate, a record too short, a cutoff above half the
-        rate.
-    EstimationError
-        ``constant_angle``, ``constant_torque``, ``not_coherent`` or
-        ``ill_conditioned``.
-    ValueError
-        Unknown input or side; the message lists the choices.
-
-    Notes
-    -----
     The curve is Welch's with 16 Hann segments, half overlapping, of 4 s at most: a
     resonance narrower than ``resolution_hz`` reads too flat. K, B, J are not read
     off the curve: they are fitted to the spectra of the whole record, which have
@@ -99,22 +53,6 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
     then taken for its response; a warning tells where the record shows it),
     with reflexes, and with a lag between the sensors: a lag T reads as B + K T
     and J + B T.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> t = np.arange(20_000) / 1000.0
-    >>> f = rng.uniform(0.5, 20.0, 40)
-    >>> w, phase = 2 * np.pi * f[:, None], rng.uniform(0, 6, (40, 1))
-    >>> angle = 0.01 * np.sin(w * t + phase).sum(axis=0)
-    >>> velocity = 0.01 * (w * np.cos(w * t + phase)).sum(axis=0)
-    >>> acceleration = -0.01 * (w**2 * np.sin(w * t + phase)).sum(axis=0)
-    >>> fit = identify_frequency_response(
-    ...     angle=angle, torque=50 * angle + velocity + 0.02 * acceleration,
-    ...     rate_hz=1000.0, input="angle", cutoff_hz=20.0,
-    ... )
-    >>> round(fit.parameter("stiffness").value, 2)
-    50.0
     """
     check_choice("input", input, get_args(Input))
     check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))

@@ -47,36 +47,16 @@ _LEAST_SIGNAL = 0.1
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """K, B, J of one record with what must be said about them.
+    """K, B, J of one record with what must be said about them."""
 
-    Parameters
-    ----------
-    fit : SpectrumFit
-        Numbers.
-    weighting : str
-        ``error`` or ``even``.
-    parameters : tuple of ParameterEstimate
-        With intervals.
-    status : str
-        ``ok`` or ``undecided``.
-    check : SecondOrderCheck
-        Whether the residual refutes a second-order joint.
-    ci_method : str
-        How intervals were made.
-    warnings : tuple of str
-        What a reader must know.
-    input_noise_sd : float
-        Sd of the white noise taken off the input, its unit; 0 where unknown.
-    """
-
-    fit: SpectrumFit
-    weighting: str
-    parameters: tuple[ParameterEstimate, ...]
-    status: str
-    check: SecondOrderCheck
-    ci_method: str
-    warnings: tuple[str, ...]
-    input_noise_sd: float
+    fit: SpectrumFit  # numbers
+    weighting: str  # ``error`` or ``even``
+    parameters: tuple[ParameterEstimate, ...]  # with intervals
+    status: str  # ``ok`` or ``undecided``
+    check: SecondOrderCheck  # whether the residual refutes a second-order joint
+    ci_method: str  # how intervals were made
+    warnings: tuple[str, ...]  # what a reader must know
+    input_noise_sd: float  # sd of the white noise taken off the input, its unit; 0 where unknown
 
     @property
     def covariance(self) -> tuple[tuple[float, ...], ...]:
@@ -95,35 +75,6 @@ def estimate_second_order(
 ) -> tuple[SecondOrder, RecordSpectra]:
     """Fit K, B, J to the whole record inside the band.
 
-    Parameters
-    ----------
-    record : JointRecord
-        Prepared.
-    found : JointSpectra
-        Of :func:`joint_spectra`.
-    ci_level : float
-        Level of the intervals.
-    model : str
-        ``frf`` or ``irf``, for messages.
-    where : str
-        Name of the calling function, for messages.
-
-    Returns
-    -------
-    SecondOrder
-        Numbers, intervals and warnings.
-    RecordSpectra
-        What they were fitted to.
-
-    Raises
-    ------
-    DataError
-        Too few frequencies in the band.
-    EstimationError
-        ``ill_conditioned``.
-
-    Notes
-    -----
     Where a joint is plainly not of second order (reflexes), weights by the
     error would let a few frequencies decide; then all weigh alike, as in a
     regression in time, and a warning says so.

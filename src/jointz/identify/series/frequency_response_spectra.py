@@ -28,36 +28,16 @@ _HIGHEST_SHARE = 0.8
 
 @dataclass(frozen=True, slots=True)
 class JointSpectra:
-    """Everything spectral about one record.
+    """Everything spectral about one record."""
 
-    Parameters
-    ----------
-    impedance : (f,) complex, N*m/rad
-        Torque over angle.
-    relative_sd : (f,) float
-        Sd of its gain over the gain, and of its phase in rad.
-    coherence : (f,) float
-        Of angle and torque; of angle and command where there is one.
-    error_power : (f,) float
-        Density of what no linear response explains of the output.
-    output_power : (f,) float
-        Density of the output.
-    spectra : CrossSpectra
-        From the input to the output, or from the command to the angle.
-    highest_hz : float
-        End of the band.
-    perturbed : str
-        ``torque`` or ``angle``.
-    """
-
-    impedance: np.ndarray
-    relative_sd: np.ndarray
-    coherence: np.ndarray
-    error_power: np.ndarray
-    output_power: np.ndarray
-    spectra: CrossSpectra
-    highest_hz: float
-    perturbed: str
+    impedance: np.ndarray  # torque over angle
+    relative_sd: np.ndarray  # sd of its gain over the gain, and of its phase in rad
+    coherence: np.ndarray  # of angle and torque; of angle and command where there is one
+    error_power: np.ndarray  # density of what no linear response explains of the output
+    output_power: np.ndarray  # density of the output
+    spectra: CrossSpectra  # from the input to the output, or from the command to the angle
+    highest_hz: float  # end of the band
+    perturbed: str  # ``torque`` or ``angle``
 
     @property
     def band(self) -> np.ndarray:
@@ -68,20 +48,7 @@ class JointSpectra:
 
 
 def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointRecord:
-    """Remove offsets and turn the torque to act on the joint.
-
-    Parameters
-    ----------
-    record : JointRecord
-        As given.
-    torque_acts_on : str
-        ``joint`` or ``device``.
-
-    Raises
-    ------
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
+    """Remove offsets and turn the torque to act on the joint."""
     for name, code in (
         ("angle", Failure.CONSTANT_ANGLE.value),
         ("torque", Failure.CONSTANT_TORQUE.value),
@@ -108,27 +75,7 @@ def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointReco
 def joint_spectra(
     record: JointRecord, *, perturbed: Input, cutoff_hz: float | None, where: str
 ) -> JointSpectra:
-    """Return the impedance over frequency and the band in which it can be known.
-
-    Parameters
-    ----------
-    record : JointRecord
-        Prepared.
-    perturbed : str
-        ``torque`` or ``angle``; with the torque and a command the joint
-        input-output estimate S_torque,command / S_angle,command.
-    cutoff_hz : float or None
-        End of the band; None: where the coherence is lost, 60 Hz at most.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    DataError
-        A record too short, a cutoff above half the rate.
-    EstimationError
-        ``not_coherent``.
-    """
+    """Return the impedance over frequency and the band in which it can be known."""
     half = record.rate_hz / 2.0
     if cutoff_hz is not None and not 0.0 < cutoff_hz < half:
         raise DataError(

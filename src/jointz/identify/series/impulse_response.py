@@ -69,54 +69,6 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
 ) -> ImpulseResponseFit:
     """Estimate the impulse response of a joint, and K, B, J.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels ``angle``, ``torque`` and, where there are, ``command`` and
-        ``time``, in SI. Either this or the arrays.
-    angle : (n,) float, rad, optional
-        Joint angle.
-    torque : (n,) float, N*m, optional
-        Measured torque.
-    command : (n,) float, N*m, optional
-        Commanded torque: the instrument of K, B, J where the torque was
-        perturbed. The impulse response itself does not use it.
-    time : (n,) float, s, optional
-        Time stamps. Jitter is resampled linearly; a gap is an error.
-    rate_hz : float, optional
-        Sampling rate, where there are no time stamps.
-    input : str
-        What was perturbed. ``torque``: the one-sided admittance, angle after
-        torque. ``angle``: the two-sided impedance (1.3), which is improper.
-    torque_acts_on : str
-        ``joint``, or ``device``: the sign of the torque is turned.
-    cutoff_hz : float, optional
-        End of the band; by default where the coherence is lost, 60 Hz at most.
-    length_s : float, optional
-        Longest lag, to both sides for ``angle``. By default 0.04 s for
-        ``angle``, before any reflex, and eight times the slowest decay (2 J / B
-        where the joint swings), within 0.05 and 1 s, for ``torque``.
-    ci_level : float
-        Level of the intervals and bounds.
-
-    Returns
-    -------
-    ImpulseResponseFit
-        Response with bounds, its VAF; stiffness, damping, inertia.
-
-    Raises
-    ------
-    DataError
-        When the samples cannot be trusted: missing channel, unequal lengths,
-        NaN, gap, changing rate, a record shorter than ten impulse responses.
-    EstimationError
-        ``constant_angle``, ``constant_torque``, ``not_coherent`` or
-        ``ill_conditioned``.
-    ValueError
-        Unknown input or side; the message lists the choices.
-
-    Notes
-    -----
     Both signals are decimated to five samples a period of ``cutoff_hz``. The
     response solves Wiener-Hopf (1.4) with a pseudo-inverse
     (:func:`jointz.kernels.impulse_response.estimate_response`; Westwick and
@@ -129,16 +81,6 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
     1.4 times the error. A response longer than 40 ms holds reflexes, the second-order
     joint cannot. With a device that reacts to the joint the response is biased as
     (1.2) is; K, B, J are not where a command is given.
-
-    Examples
-    --------
-    >>> from scipy.signal import lfilter
-    >>> rng = np.random.default_rng(0)
-    >>> torque = lfilter([0.05], [1.0, -0.95], rng.standard_normal(20_000))
-    >>> angle = lfilter([3e-5], [1.0, -1.96, 0.963], torque)
-    >>> fit = identify_impulse_response(angle=angle, torque=torque, rate_hz=1000.0)
-    >>> fit.vaf_pct > 99.5
-    True
     """
     check_choice("input", input, get_args(Input))
     check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))

@@ -43,29 +43,15 @@ _IV_PASSES = 3
 
 @dataclass(frozen=True, slots=True)
 class JointSignals:
-    """Filtered, uniformly sampled signals of one record, edges dropped.
+    """Filtered, uniformly sampled signals of one record, edges dropped."""
 
-    Parameters
-    ----------
-    rate_hz : float
-        Sampling rate.
-    time : (n,) float, s
-        Time.
-    angle, velocity, acceleration : (n,) float, rad, rad/s, rad/s^2
-        Motion, offset of the angle removed.
-    torque : (n,) float, N*m
-        Torque on the joint, offset removed.
-    command : (n,) float or None, N*m
-        Commanded torque.
-    """
-
-    rate_hz: float
+    rate_hz: float  # sampling rate
     time: np.ndarray
-    angle: np.ndarray
+    angle: np.ndarray  # motion, offset of the angle removed
     velocity: np.ndarray
     acceleration: np.ndarray
-    torque: np.ndarray
-    command: np.ndarray | None = None
+    torque: np.ndarray  # torque on the joint, offset removed
+    command: np.ndarray | None = None  # commanded torque
 
     def regressors(self) -> np.ndarray:
         """Return (n, 4): angle, velocity, acceleration, one."""
@@ -81,58 +67,24 @@ class JointSignals:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What an estimator found, with all that an interval needs.
+    """What an estimator found, with all that an interval needs."""
 
-    Parameters
-    ----------
-    kbj : (3,) float
-        K, B, J.
-    instruments : (n, p) float
-        Estimating equations: the sum of instrument times residual is zero;
-        p >= 3, the first three belong to K, B, J.
-    bread : (p, p) float
-        Sum of instrument times regressor.
-    residual : (n,) float
-        Measured minus modelled, N*m or rad.
-    measured : (n,) float
-        The signal that was fitted.
-    fitted_signal : str
-        ``torque`` or ``angle``.
-    condition_number : float
-        Of the scaled regressors.
-    at_bound : (3,) bool
-        Which parameters stand at zero, their bound.
-    unbounded : (3,) float or None
-        The values without bounds, where known.
-    doubt : str
-        Why the values decide nothing; ``""`` where they do.
-    """
-
-    kbj: np.ndarray
+    kbj: np.ndarray  # K, B, J
+    # estimating equations: the sum of instrument times residual is zero; p >= 3, the first three
+    # belong to K, B, J
     instruments: np.ndarray
-    bread: np.ndarray
-    residual: np.ndarray
-    measured: np.ndarray
-    fitted_signal: str
-    condition_number: float
-    at_bound: np.ndarray
-    unbounded: np.ndarray | None = None
-    doubt: str = ""
+    bread: np.ndarray  # sum of instrument times regressor
+    residual: np.ndarray  # measured minus modelled, N*m or rad
+    measured: np.ndarray  # the signal that was fitted
+    fitted_signal: str  # ``torque`` or ``angle``
+    condition_number: float  # of the scaled regressors
+    at_bound: np.ndarray  # which parameters stand at zero, their bound
+    unbounded: np.ndarray | None = None  # the values without bounds, where known
+    doubt: str = ""  # why the values decide nothing; ``""`` where they do
 
 
 def least_squares(signals: JointSignals) -> Solution:
-    """Regress torque on angle, velocity and acceleration.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
-    """
+    """Regress torque on angle, velocity and acceleration."""
     X = signals.regressors()
     condition = _checked_condition(X[:, :3])
     size = np.linalg.norm(X, axis=0)
@@ -141,18 +93,7 @@ def least_squares(signals: JointSignals) -> Solution:
 
 
 def bounded_least_squares(signals: JointSignals) -> Solution:
-    """Regress torque on motion with K, B, J >= 0, as the dissertation does (4.2.3).
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
-    """
+    """Regress torque on motion with K, B, J >= 0, as the dissertation does (4.2.3)."""
     free = least_squares(signals)
     X = free.instruments
     size = np.linalg.norm(X, axis=0)
@@ -182,18 +123,6 @@ def instrumental_variable(signals: JointSignals) -> Solution:
     2011, Recursive Estimation, chapter 8). What arises inside the joint, or
     comes back through the device, is uncorrelated with them. Instruments of the
     joint alone would be right too, but weak beside a stiff device.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record, with its command.
-
-    Raises
-    ------
-    DataError
-        When there is no command, or it is constant.
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
     """
     command = signals.command
     if command is None:
@@ -224,16 +153,6 @@ def admittance(signals: JointSignals) -> Solution:
     1975, doi:10.1007/BF01932995). Torque arising inside the joint is error of
     the output and leaves no bias, so long as the measured torque does not react
     to the angle.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
     """
     drive = _compensated_for_hold(signals.torque)
     unit = float(np.std(signals.angle))

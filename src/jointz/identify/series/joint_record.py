@@ -21,43 +21,16 @@ Samples = xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame
 
 @dataclass(frozen=True, slots=True)
 class JointRecord:
-    """Checked samples on a uniform grid, SI, as given.
+    """Checked samples on a uniform grid, SI, as given."""
 
-    Parameters
-    ----------
-    channels : dict of (n,) float
-        By canonical name.
-    rate_hz : float
-        Sampling rate.
-    time : (n,) float, s
-        Time.
-    sha256 : str
-        Hash of the file, where known.
-    """
-
-    channels: dict[str, np.ndarray]
-    rate_hz: float
+    channels: dict[str, np.ndarray]  # by canonical name
+    rate_hz: float  # sampling rate
     time: np.ndarray
-    sha256: str = ""
+    sha256: str = ""  # hash of the file, where known
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Raise ValueError when a setting is not one of its choices.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument.
-    value : str
-        What was given.
-    choices : tuple of str
-        What may be given.
-
-    Raises
-    ------
-    ValueError
-        The message lists the choices.
-    """
+    """Raise ValueError when a setting is not one of its choices."""
     if value not in choices:
         raise ValueError(f"{name}: expected one of {', '.join(choices)}; got {value!r}")
 
@@ -70,35 +43,7 @@ def gather_record(
     where: str,
     required: tuple[str, ...] = ("angle", "torque"),
 ) -> JointRecord:
-    """Read channels out of whatever was given and put them on a uniform grid.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels by canonical name.
-    given : mapping
-        The arrays given one by one, ``time`` among them, None where absent.
-        Its keys are the channels looked for in ``recording``.
-    rate_hz : float, optional
-        Sampling rate where there are no time stamps.
-    where : str
-        Name of the calling function, for messages.
-    required : tuple of str
-        Channels that must be there.
-
-    Returns
-    -------
-    JointRecord
-        Jittered stamps are resampled linearly.
-
-    Raises
-    ------
-    DataError
-        Missing channel, unequal lengths, NaN, time that does not increase, a
-        gap, a rate that changes inside the record, no rate at all.
-    ValueError
-        Both a recording and arrays.
-    """
+    """Read channels out of whatever was given and put them on a uniform grid."""
     arrays = {name: values for name, values in given.items() if values is not None}
     first_row, sha256 = 1, ""
     if recording is not None:
@@ -131,18 +76,7 @@ def gather_record(
 
 
 def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
-    """Say what negative values of stiffness, damping and inertia may come of.
-
-    Parameters
-    ----------
-    kbj : (3,) float
-        K, B, J.
-
-    Examples
-    --------
-    >>> sign_warnings([-3.0, 0.5, 0.01])
-    ['stiffness is negative: gravity or body weight may act so']
-    """
+    """Say what negative values of stiffness, damping and inertia may come of."""
     values = np.asarray(kbj, dtype=float)
     if np.all(values < 0.0):
         return [
@@ -217,18 +151,7 @@ def _check_one_rate(time: np.ndarray) -> None:
 
 
 def refuse_constant(record: JointRecord) -> None:
-    """Refuse a record whose angle or torque never changes.
-
-    Parameters
-    ----------
-    record : JointRecord
-        As given.
-
-    Raises
-    ------
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
+    """Refuse a record whose angle or torque never changes."""
     for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
         values = record.channels[name]
         if np.ptp(values) <= 1e-12 * np.abs(values).max():

@@ -65,53 +65,6 @@ def identify_reflex(  # noqa: PLR0913 - the fixed public signature of identify
     low-pass of unit steady gain. Which direction of the angle stretches is found by the
     fit; the reflex resists it.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels ``angle``, ``torque`` and, where there is, ``time``, in SI. Either this or
-        the arrays.
-    angle : (n,) float, rad, optional
-        Joint angle.
-    torque : (n,) float, N*m, optional
-        Measured torque.
-    command : (n,) float, N*m, optional
-        Not used; a note says so.
-    time : (n,) float, s, optional
-        Time stamps. Jitter is resampled linearly; a gap is an error.
-    rate_hz : float, optional
-        Sampling rate, where there are no time stamps.
-    input : str
-        What was perturbed. The angle is the regressor in either case; with ``torque`` a
-        note tells of the bias.
-    torque_acts_on : str
-        ``joint``, or ``device``: the sign of the torque is turned.
-    cutoff_hz : float, optional
-        Low-pass of all signals, 20 Hz by default; the record is thinned to at least five
-        samples a period of it.
-    ci_level : float
-        Level of the intervals. The reflex stands where its p-value is below
-        ``1 - ci_level``.
-
-    Returns
-    -------
-    ReflexFit
-        Both paths. ``reflex_gain`` is steady torque per velocity above the threshold.
-        Where no reflex can be told from zero, gain and delay are ``undecided`` and K, B, J
-        are those of the fit without.
-
-    Raises
-    ------
-    DataError
-        When the samples cannot be trusted: missing channel, unequal lengths, NaN, gap, a
-        record shorter than 20 s, a cutoff below 5 Hz or above half the rate.
-    EstimationError
-        ``constant_angle``, ``constant_torque`` (also where all of the motion lies in the
-        first second) or ``ill_conditioned``.
-    ValueError
-        Unknown input or side; the message lists the choices.
-
-    Notes
-    -----
     Kearney, Stein and Parameswaran 1997, doi:10.1109/10.581944, with a parametric reflex
     path instead of an iterated impulse response: gain, K, B and J are eliminated by least
     squares for each delay (20 to 100 ms), threshold and filter, so nothing iterates
@@ -128,21 +81,6 @@ def identify_reflex(  # noqa: PLR0913 - the fixed public signature of identify
     response); when one direction is intrinsically stiffer (short-range stiffness), which
     reads as a fast reflex; when stretches are all alike, so that threshold and gain are
     one, and the gain is that at these stretches; and with a lag between the sensors.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> steps = np.repeat(rng.choice([-0.02, 0.0, 0.02], 150), 200)
-    >>> angle = np.convolve(steps, np.hanning(60) / np.hanning(60).sum(), "same")
-    >>> velocity = np.gradient(angle, 1e-3)
-    >>> late = np.roll(np.maximum(velocity, 0.0), 45)
-    >>> twitch = np.arange(400) * np.exp(-np.arange(400) / 50.0)
-    >>> torque = 60 * angle + velocity + 0.01 * np.gradient(velocity, 1e-3)
-    >>> torque += 5.0 * np.convolve(late, twitch / twitch.sum())[: angle.size]
-    >>> noise = 0.02 * rng.standard_normal(angle.size)
-    >>> fit = identify_reflex(angle=angle, torque=torque + noise, rate_hz=1000.0, input="angle")
-    >>> round(fit.parameter("stiffness").value), round(fit.parameter("reflex_gain").value)
-    (60, 5)
     """
     check_choice("input", input, get_args(Input))
     check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))

@@ -47,90 +47,36 @@ _DELAY_COLUMN = 4
 
 @dataclass(frozen=True, slots=True)
 class ReflexSignals:
-    """Low-passed and thinned signals, slow torque removed, and the velocity at full rate.
+    """Low-passed and thinned signals, slow torque removed, and the velocity at full rate."""
 
-    Parameters
-    ----------
-    rate_hz : float
-        Of the thinned record.
-    time : (n,) float, s
-        Time of the thinned samples that enter the fit.
-    motion : (n, 3) float
-        Angle, velocity, acceleration.
-    torque : (n,) float, N*m
-        On the joint.
-    paths : dict of RectifiedPath
-        By the direction that stretches, ``positive`` and ``negative``.
-    drift_share : float
-        Share of the torque's power that was slower than ``DRIFT_S``.
-    """
-
-    rate_hz: float
-    time: np.ndarray
-    motion: np.ndarray
-    torque: np.ndarray
+    rate_hz: float  # of the thinned record
+    time: np.ndarray  # time of the thinned samples that enter the fit
+    motion: np.ndarray  # angle, velocity, acceleration
+    torque: np.ndarray  # on the joint
+    # by the direction that stretches, ``positive`` and ``negative``
     paths: dict[str, RectifiedPath]
-    drift_share: float
+    drift_share: float  # share of the torque's power that was slower than ``DRIFT_S``
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What the search found.
+    """What the search found."""
 
-    Parameters
-    ----------
-    linear : (3,) float
-        K, B, J without a reflex.
-    linear_residual : (n,) float
-        Of that fit.
-    fit : CascadeFit or None
-        Both paths, where a reflex stands out.
-    stretch : str
-        Direction that stretches.
-    p_value : float
-        Of the reflex.
-    covariance : (p, p) float
-        Of K, B, J, and where there is a fit gain and delay; empty where the record is too
-        short.
-    n_blocks, n_fitted : int
-        Blocks, and numbers fitted.
-    condition_number : float
-        Of the scaled sensitivities.
-    doubt : str
-        Why there is no interval.
-    """
-
-    linear: np.ndarray
-    linear_residual: np.ndarray
-    fit: CascadeFit | None
-    stretch: str
-    p_value: float
+    linear: np.ndarray  # K, B, J without a reflex
+    linear_residual: np.ndarray  # of that fit
+    fit: CascadeFit | None  # both paths, where a reflex stands out
+    stretch: str  # direction that stretches
+    p_value: float  # of the reflex
+    # of K, B, J, and where there is a fit gain and delay; empty where the record is too short
     covariance: np.ndarray
-    n_blocks: int
+    n_blocks: int  # blocks, and numbers fitted
     n_fitted: int
-    condition_number: float
-    doubt: str = ""
+    condition_number: float  # of the scaled sensitivities
+    doubt: str = ""  # why there is no interval
 
 
 def prepare(record: JointRecord, *, cutoff_hz: float, torque_sign: float) -> ReflexSignals:
-    """Low-pass, differentiate, thin and take off what is slow.
-
-    Parameters
-    ----------
-    record : JointRecord
-        Angle and torque as given.
-    cutoff_hz : float
-        Of the fourth-order Butterworth, forward and backward, on every signal.
-    torque_sign : float
-        -1 where the torque acts on the device.
-
-    Raises
-    ------
-    DataError
-        When the cutoff does not fit the rate, or the record is too short.
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
+    """Low-pass, differentiate, thin and take off what is slow."""
     rate = record.rate_hz
     _check(record, cutoff_hz)
     step = max(1, int(rate / (_SAMPLES_PER_PERIOD * cutoff_hz)))
@@ -213,20 +159,7 @@ def _slow_functions(n: int, rate_hz: float) -> np.ndarray:
 
 
 def search(signals: ReflexSignals, *, ci_level: float) -> Found:
-    """Fit K, B, J without and with a reflex in either direction.
-
-    Parameters
-    ----------
-    signals : ReflexSignals
-        The record.
-    ci_level : float
-        The reflex stands where its p-value is below one minus this.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell K, B and J apart.
-    """
+    """Fit K, B, J without and with a reflex in either direction."""
     linear, condition = linear_fit(signals.motion, signals.torque)
     if condition > _LARGEST_CONDITION:
         raise EstimationError(
@@ -296,13 +229,6 @@ def fast_inertia(found: Found, signals: ReflexSignals) -> tuple[float, float]:
     """Return J and its sd from the differenced record, which weighs the fast motion more.
 
     In a second-order joint it is the same J.
-
-    Parameters
-    ----------
-    found : Found
-        Fit with intervals; its reflex is taken off.
-    signals : ReflexSignals
-        The record.
     """
     torque = signals.motion @ found.linear + found.linear_residual
     if found.fit is not None:

@@ -60,19 +60,6 @@ def check_second_order(
     number of candidates matters. Paths of the reflex are also freed of all linear dynamics of
     the angle: a lag is no reflex. The check fails where a p-value is small and a path moves K, B
     or J out of their 95 % intervals, whatever the level of those that are shown.
-
-    Parameters
-    ----------
-    estimate : callable
-        The estimator.
-    solution : Solution
-        What it made of the signals.
-    signals : JointSignals
-        The record.
-    cutoff_hz : float
-        Low-pass on the signals.
-    covariance : (3, 3) float
-        Of K, B, J.
     """
     reach = np.fmax(REACH_95 * np.sqrt(np.diag(covariance)), _SMALLEST_SHIFT * np.abs(solution.kbj))
     equations = _Equations.of(solution, signals, cutoff_hz)
@@ -115,17 +102,7 @@ def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
 def withhold_parameters(
     parameters: Sequence[ParameterEstimate], check: SecondOrderCheck, model: str
 ) -> tuple[tuple[ParameterEstimate, ...], str]:
-    """Return K, B, J without values, which stay as ``unbounded``, and the note that says why.
-
-    Parameters
-    ----------
-    parameters : sequence of ParameterEstimate
-        Of the second-order joint.
-    check : SecondOrderCheck
-        That refutes it.
-    model : str
-        The model of the fit.
-    """
+    """Return K, B, J without values, which stay as ``unbounded``, and the note that says why."""
     kept = tuple(
         ParameterEstimate(
             p.name,
