@@ -8,10 +8,10 @@ import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.core.protocol import LoadSpec
+from jointz.core.protocols.protocol import LoadSpec
 from jointz.core.study import Calibrated
 from jointz.devices.interface import Devices, Lifecycle
-from jointz.sim.bench_rig import simulated_bench
+from jointz.sim.benches.bench_rig import simulated_bench
 from jointz.sim.rig import simulated_rig
 from jointz.testing import (
     ActuatorContract,

@@ -23,23 +23,43 @@ from scipy.signal import butter, sosfiltfilt
 
 import jointz
 import jointz.core
-from jointz.core.analysis import PopulationEstimate, StudyAnalysis
-from jointz.core.bench_fits import FullRecordFit, PulseFit
-from jointz.core.calibration_fit import (
+from jointz.calibration.report import Calibration
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.catalog_query import CatalogFilter, QueryResult
+from jointz.collections.checking.findings import CatalogBuild, CollectionCheck, Finding
+from jointz.collections.pool_result import DEFAULT_BY, CollectionPool, pooled_table, study_table
+from jointz.comparison.comparison_result import Comparison
+from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.core.plain_tables import typed_table
+from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
+from jointz.reproduction.reproduction_result import Reproduction
+from jointz.reproduction.reproduction_tables import (
+    Claim,
+    ClaimTable,
+    Compared,
+    ComparedTable,
+    GridBlock,
+    ParticipantGrid,
+)
+from jointz.results.bench.bench_fits import FullRecordFit, PulseFit
+from jointz.results.bench.calibration_fit import (
     CalibrationFailure,
     CalibrationFit,
     CalibrationSeries,
     decided,
     failed,
 )
-from jointz.core.calibration_report import Calibration
-from jointz.core.catalog_query import CatalogFilter, QueryResult
-from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
-from jointz.core.collection_findings import CatalogBuild, CollectionCheck, Finding
-from jointz.core.collection_pool import DEFAULT_BY, CollectionPool, pooled_table, study_table
-from jointz.core.collection_tables import CATALOG_COLUMNS
-from jointz.core.comparison import Comparison
-from jointz.core.comparison_rows import (
+from jointz.results.bench.paired_runs_fit import PairedRunsFit
+from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
+from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.run_report import RunReport, StudyRun
+from jointz.results.series.cycle_curve import CurvePoint, ParameterBand, PhaseCurve
+from jointz.results.series.joint_fit import FitSeries, JointFit
+from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
+from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
+from jointz.results.statistics.comparison_rows import (
     Difference,
     FactorTest,
     PersonValue,
@@ -48,29 +68,13 @@ from jointz.core.comparison_rows import (
     Source,
     SourceMean,
 )
-from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
-from jointz.core.events import GapRecord, PulseRecord, StrideRecord
-from jointz.core.inspection import Inspection, SeenChannel, SeenClock
-from jointz.core.joint_fit import FitSeries, JointFit
-from jointz.core.paired_runs_fit import PairedRunsFit
-from jointz.core.phase_curve import CurvePoint, ParameterBand, PhaseCurve
-from jointz.core.plain_tables import typed_table
-from jointz.core.pulse_effects import PulseEffects, PulseMeans, PulseTest
-from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
-from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
-from jointz.core.reproduction import Reproduction
-from jointz.core.reproduction_tables import (
-    Claim,
-    ClaimTable,
-    Compared,
-    ComparedTable,
-    GridBlock,
-    ParticipantGrid,
+from jointz.results.statistics.pulse_effect_tests import PulseEffects, PulseMeans, PulseTest
+from jointz.results.statistics.random_effects_fit import (
+    JointRandomEffects,
+    RandomEffects,
+    StudyMean,
 )
-from jointz.core.run_report import RunReport, StudyRun
-from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
-from jointz.kernels.multivariate_random_effects import multivariate_random_effects
-from jointz.kernels.random_effects import random_effects
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 # --- examples ------------------------------------------------------------------------------------
 
@@ -744,7 +748,7 @@ def test_a_schema_belongs_to_one_class():
 
 def test_results_load_no_matplotlib_until_they_draw():
     code = (
-        "import sys, jointz.core.analysis, jointz.core.joint_fit, jointz.core.run_report;"
+        "import sys, jointz.results.study_analysis, jointz.results.series.joint_fit, jointz.results.run_report;"
         "sys.exit('matplotlib' in sys.modules)"
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.workflows.task_store import TaskStore
+from jointz.tasks.task_store import TaskStore
 
 PERTURBED = "S01_perturbed.csv"
 UNPERTURBED = "S01_unperturbed.csv"

@@ -2,12 +2,12 @@
 
 import pytest
 
-from jointz.core.reproduction import Reproduction
 from jointz.io.protocols import load_protocol
-from jointz.report.chapter4_figures import DRAWINGS, draw_chapter4
-from jointz.workflows.chapter4_pilot import pilot_results, pilot_study
-from jointz.workflows.chapter4_simulated import simulated_chapter
-from jointz.workflows.chapter4_walking import walking_study
+from jointz.reproduction.chapter4.figures import DRAWINGS, draw_chapter4
+from jointz.reproduction.chapter4.pilot import pilot_results, pilot_study
+from jointz.reproduction.chapter4.simulated import simulated_chapter
+from jointz.reproduction.chapter4.walking import walking_study
+from jointz.reproduction.reproduction_result import Reproduction
 
 PEOPLE, PULSES, STRIDES = 3, 3, 15
 

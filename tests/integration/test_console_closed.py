@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 
-from jointz.app.desk import Desk
-from jointz.experiment.journal import read_journal
-from jointz.workflows.live_session import holder_of, is_held
+from jointz.console.desk import Desk
+from jointz.experiment.files.journal import read_journal
+from jointz.session.live.live_session import holder_of, is_held
 
 pytestmark = [
     pytest.mark.alone,

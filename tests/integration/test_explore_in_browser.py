@@ -10,9 +10,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
 from jointz.report.wording import DASH
-from jointz.workflows.analysis import analyze
-from jointz.workflows.results_folder import write_results
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

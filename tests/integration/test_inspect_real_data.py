@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from jointz.analysis.analyze import analyze
 from jointz.core.errors import DataError
+from jointz.inspection.inspect_file import inspect_file
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.analysis import analyze
-from jointz.workflows.inspection import inspect_file
+from jointz.io.study_reader import open_study
 
 pytestmark = pytest.mark.real_data
 

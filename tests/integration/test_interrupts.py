@@ -203,7 +203,7 @@ finally:
 PROGRAM = """
 import ctypes, os, signal, sys, time
 from jointz.cli.main import run
-from jointz.workflows import demo
+from jointz.demo import demo_study as demo
 
 
 def press():

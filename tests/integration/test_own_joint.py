@@ -12,11 +12,11 @@ import pandas as pd
 import pytest
 from scipy.signal import lsim
 
+from jointz.analysis.analyze import analyze
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.devices.interface import Stretch
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.rig import simulated_rig
-from jointz.workflows.analysis import analyze
 
 RATE_HZ = 500.0
 PARAMETERS = ("stiffness", "damping", "inertia")

@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 
 import jointz
+from jointz.analysis.page.event_figures import draw_onset_accuracy
+from jointz.analysis.paper.methods_text import methods_text
 from jointz.core.errors import SafetyStop
-from jointz.core.run_report import RunReport
 from jointz.core.session_log import WALKING
-from jointz.io.netcdf import read_recording
+from jointz.io.formats.netcdf_recording import read_recording
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol, protocol_text
-from jointz.io.session_log import read_log
-from jointz.report.event_figures import draw_onset_accuracy
-from jointz.report.methods_text import methods_text
+from jointz.results.run_report import RunReport
 
 HOST_FIELDS = {"host_time_ns", "busy_us", "crc"}
 

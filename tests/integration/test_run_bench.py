@@ -13,15 +13,15 @@ import jointz
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DeviceError, SafetyStop
 from jointz.core.session_log import Flag
-from jointz.experiment.journal import read_journal
+from jointz.experiment.files.journal import read_journal
+from jointz.experiment.files.session_files import bench_plan_of
 from jointz.experiment.session import Session, SessionPlan
-from jointz.experiment.session_files import bench_plan_of
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
-from jointz.io.session_log import read_log
-from jointz.io.study import open_study
-from jointz.workflows.rigs import open_rig, rig_settings
-from jointz.workflows.worker_pool import NoOperator
+from jointz.io.study_reader import open_study
+from jointz.session.rigs.registry import open_rig, rig_settings
+from jointz.session.worker_pool import NoOperator
 
 PERIOD_S = 1.0 / 900.0
 

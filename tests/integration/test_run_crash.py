@@ -12,11 +12,11 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.experiment.journal import read_journal
-from jointz.experiment.recorder import Recorder
+from jointz.experiment.files.journal import read_journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.io.session_log import read_log
-from jointz.sim.devices import SimulatedActuator
+from jointz.sim.simulated_devices import SimulatedActuator
 
 KILLS = 20
 

@@ -12,13 +12,13 @@ import pytest
 import jointz
 from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolError, WriteError
 from jointz.core.limits import LimitsOverride
-from jointz.experiment import file_lock
-from jointz.experiment.journal import read_journal
-from jointz.experiment.recorder import Recorder
-from jointz.io.netcdf import read_recording
+from jointz.experiment.files import file_lock
+from jointz.experiment.files.journal import read_journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
-from jointz.sim.devices import SimulatedActuator
-from jointz.workflows.session_check import write_down_losses
+from jointz.session.session_check import write_down_losses
+from jointz.sim.simulated_devices import SimulatedActuator
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +244,7 @@ def test_a_study_that_lacks_a_recording_is_not_called_complete(protocol, finishe
 
 def test_no_device_is_opened_while_another_process_runs_the_study(protocol, out, monkeypatch):
     opened = []
-    monkeypatch.setattr("jointz.workflows.run.open_rig", lambda *_: opened.append("rig"))
+    monkeypatch.setattr("jointz.session.run.open_rig", lambda *_: opened.append("rig"))
     with (out / "run.json").open("a") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(OutputError, match="another process is running this"):

@@ -14,15 +14,15 @@ from jointz.core.limits import LimitsOverride, tightened
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Lifecycle
 from jointz.experiment import trial
-from jointz.experiment.journal import read_journal
+from jointz.experiment.files.journal import read_journal
 from jointz.experiment.session import Session, SessionPlan
 from jointz.experiment.timing import timing_report
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.io.session_log import read_log
-from jointz.sim.devices import SimulatedActuator, SimulatedSensor
-from jointz.workflows.participant_run import _stopped_by_signals
-from jointz.workflows.rigs import RigSettings, open_rig
-from jointz.workflows.worker_pool import NoOperator
+from jointz.session.participant_run import _stopped_by_signals
+from jointz.session.rigs.registry import RigSettings, open_rig
+from jointz.session.worker_pool import NoOperator
+from jointz.sim.simulated_devices import SimulatedActuator, SimulatedSensor
 
 PERIOD_S = 0.002
 #: The first pulse of the plan fires after the warm-up; by then gait has long been steady.

@@ -8,14 +8,14 @@ import pytest
 import jointz
 from jointz.core.errors import DataError
 from jointz.core.recording import damage_of
-from jointz.experiment.journal import decode_event, is_completed, pulses_done, read_journal
-from jointz.experiment.session_files import keep_plan, plan_of
-from jointz.io.netcdf import read_recording
+from jointz.experiment.files.journal import decode_event, is_completed, pulses_done, read_journal
+from jointz.experiment.files.session_files import keep_plan, plan_of
+from jointz.io.formats.netcdf_recording import read_recording
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.io.session_log import read_log
-from jointz.workflows.salvage import salvage_advice, salvage_recordings
-from jointz.workflows.session_check import missing_events, write_down_losses
-from jointz.workflows.session_recordings import condition_record
+from jointz.session.salvage import salvage_advice, salvage_recordings
+from jointz.session.session_check import missing_events, write_down_losses
+from jointz.session.session_recordings import condition_record
 
 TRIES = 100
 CONDITION = "perturbed"

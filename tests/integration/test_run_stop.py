@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from jointz.experiment.journal import read_journal
+from jointz.experiment.files.journal import read_journal
 from jointz.io.protocols import protocol_text
 
 pytestmark = [pytest.mark.alone, pytest.mark.usefixtures("terminal_signals")]

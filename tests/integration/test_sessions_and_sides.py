@@ -6,19 +6,19 @@ import pandas as pd
 import pytest
 
 import jointz
+from jointz.analysis.analyze import analyze
+from jointz.analysis.page.details_tables import details_frame, models_frame
+from jointz.analysis.page.report_page import render_report
+from jointz.analysis.paper.methods_text import methods_text
+from jointz.analysis.paper.paper_tables import paper_tables
+from jointz.analysis.results_folder import write_results
+from jointz.analysis.simulate_study import simulate_study
+from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
-from jointz.io.study import open_study
-from jointz.report.details import details_frame, models_frame
-from jointz.report.methods_text import methods_text
-from jointz.report.page import render_report
-from jointz.report.tables import paper_tables
+from jointz.explorer.reestimation import Wanted, estimate_again, with_again
+from jointz.explorer.results_files import open_results
+from jointz.io.study_reader import open_study
 from jointz.sim.direct_walk import WalkPlan
-from jointz.workflows.analysis import analyze
-from jointz.workflows.comparison import compare_results
-from jointz.workflows.exploration import open_results
-from jointz.workflows.exploration_estimates import Wanted, estimate_again, with_again
-from jointz.workflows.results_folder import write_results
-from jointz.workflows.simulated_study import simulate_study
 
 KEYS = ["participant", "session", "side"]
 VALUES = ["timing_point", "parameter", "value", "ci_low", "ci_high", "vaf_pct", "n_used", "status"]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from jointz import phase_curve
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.results.study_analysis import StudyAnalysis
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.people import draw_person

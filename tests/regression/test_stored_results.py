@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.joint_fit import JointFit
+from jointz.results.series.joint_fit import JointFit
+from jointz.results.study_analysis import StudyAnalysis
 
 HERE = Path(__file__).parent
 TRUTH = {

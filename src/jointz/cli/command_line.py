@@ -8,28 +8,13 @@ from typing import Annotated, Any
 import typer
 
 from jointz import __version__
-from jointz.cli.analyze import analyze
-from jointz.cli.calibrate import calibrate
-from jointz.cli.collect import collect
-from jointz.cli.compare import compare
-from jointz.cli.console import (
-    EXIT_BAD_INPUT,
-    EXIT_DEVICE,
-    EXIT_NOTHING_STANDS,
-    emit,
-    emit_error,
-)
-from jointz.cli.console_page import console
-from jointz.cli.convert import convert
-from jointz.cli.demo import demo
-from jointz.cli.explore import explore
-from jointz.cli.identify import identify
-from jointz.cli.inspect import inspect
+from jointz.analysis.command import analyze
+from jointz.calibration.command import calibrate
 from jointz.cli.main import EXIT_STOPPED
-from jointz.cli.protocols import protocols
-from jointz.cli.reproduce import reproduce
-from jointz.cli.run import run as run_experiment
-from jointz.cli.stream import stream as stream_session
+from jointz.collections.command import collect
+from jointz.comparison.command import compare
+from jointz.console.command import console
+from jointz.conversion.command import convert
 from jointz.core.errors import (
     DeviceError,
     EngineError,
@@ -37,8 +22,23 @@ from jointz.core.errors import (
     WorkerLostError,
     WriteError,
 )
+from jointz.demo.command import demo
 from jointz.experiment.stop_signals import is_stop_noted
-from jointz.io.memory_limit import VARIABLE
+from jointz.explorer.command import explore
+from jointz.identification.command import identify
+from jointz.inspection.command import inspect
+from jointz.io.formats.memory_limit import VARIABLE
+from jointz.reproduction.command import reproduce
+from jointz.session.command import run as run_experiment
+from jointz.session.protocols_command import protocols
+from jointz.session.stream_command import stream as stream_session
+from jointz.terminal.output import (
+    EXIT_BAD_INPUT,
+    EXIT_DEVICE,
+    EXIT_NOTHING_STANDS,
+    emit,
+    emit_error,
+)
 
 _EXIT_BUG = 70
 

@@ -43,7 +43,7 @@ def run() -> None:
 
 def _report_stop(message: str) -> None:
     if "--json" in sys.argv:
-        from jointz.cli.console import emit_error
+        from jointz.terminal.output import emit_error
 
         emit_error("KeyboardInterrupt", message)
     sys.stderr.write(f"jointz: {message}\n")

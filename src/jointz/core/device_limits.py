@@ -3,8 +3,11 @@
 from jointz.core.checked_model import place_of
 from jointz.core.errors import ProtocolError
 from jointz.core.limits import LimitsOverride, SafetyLimits, tightened
-from jointz.core.protocol import Protocol
-from jointz.core.protocol_limit_checks import CONDITION_LIMIT_CHECKS, PROTOCOL_LIMIT_CHECKS
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_limit_checks import (
+    CONDITION_LIMIT_CHECKS,
+    PROTOCOL_LIMIT_CHECKS,
+)
 
 
 def limits_on_device(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from jointz.core.person_estimates import row_label
+from jointz.results.person_estimates import row_label
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The study as people write it: the models behind ``study.toml``.
 
 Only shape and vocabulary are checked here; units, files and columns are
-checked where they are read (:mod:`jointz.io.study`).
+checked where they are read (:mod:`jointz.io.study_reader`).
 """
 
 import re

@@ -7,9 +7,9 @@ Neither asks anything of the loop.
 import time
 from collections.abc import Callable
 
-from jointz.core.protocol import WithoutConsole
+from jointz.core.protocols.protocol import WithoutConsole
 from jointz.experiment.control_box import Command, ControlBox, Order
-from jointz.experiment.journal import Journal
+from jointz.experiment.files.journal import Journal
 from jointz.experiment.trial_setup import AnyTrial
 
 #: A page that gives no sign of life for so long is lost.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.protocol import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
 
 
 @dataclass(frozen=True, slots=True)

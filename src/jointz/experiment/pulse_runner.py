@@ -1,10 +1,10 @@
 """Fires the pulses of the plan and writes down what became of each."""
 
 from jointz.core.errors import SafetyStop
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.core.trips import Trip
-from jointz.experiment.gait_watch import GaitWatch
-from jointz.experiment.journal import Journal
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
 from jointz.experiment.torque import Trapezoid

@@ -27,16 +27,16 @@ import numpy as np
 from jointz.core.clock import Clock
 from jointz.core.device_limits import limits_on_device
 from jointz.core.errors import DeviceError, SafetyStop, WriteError
-from jointz.core.protocol import ConditionSpec
-from jointz.core.protocol import Protocol as ProtocolSpec
+from jointz.core.protocols.protocol import ConditionSpec
+from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
 from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Device, Devices, Rig
-from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
+from jointz.experiment.bench.bench_plan import TimedPulse, make_bench_plan
 from jointz.experiment.console_link import ConsoleLink
 from jointz.experiment.control_box import ControlBox
 from jointz.experiment.driver_errors import drivers_answer_for
-from jointz.experiment.journal import (
+from jointz.experiment.files.journal import (
     Event,
     Journal,
     is_completed,
@@ -46,11 +46,8 @@ from jointz.experiment.journal import (
     segments_begun,
     write_salvaged,
 )
-from jointz.experiment.loop import ControlLoop, undisturbed
-from jointz.experiment.plan import PlannedPulse, make_plan
-from jointz.experiment.recorder import Recorder
-from jointz.experiment.safety import SafetyGate
-from jointz.experiment.session_files import (
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.files.session_files import (
     CONTROL_FILE,
     JOURNAL_FILE,
     bench_plan_of,
@@ -59,9 +56,12 @@ from jointz.experiment.session_files import (
     log_path,
     plan_of,
 )
+from jointz.experiment.files.whole_files import make_folder
+from jointz.experiment.loop import ControlLoop, undisturbed
+from jointz.experiment.plan import PlannedPulse, make_plan
+from jointz.experiment.safety import SafetyGate
 from jointz.experiment.stop_signals import signals_held
 from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
-from jointz.experiment.whole_files import make_folder
 
 #: Called with the trial and how far it is: of walking accepted strides, completed pulses and
 #: planned pulses; of a bench trial seconds done, the same again and seconds in all.

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from jointz.core.clock import Clock
 from jointz.core.errors import SafetyStop
-from jointz.core.protocol import GaitSpec
+from jointz.core.protocols.protocol import GaitSpec
 from jointz.core.session_log import Flag
 from jointz.core.trips import Trip
 from jointz.devices.interface import Devices
-from jointz.experiment.gait_watch import CONTACT_LEVELS, GaitWatch
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.gait.gait_watch import CONTACT_LEVELS, GaitWatch
 from jointz.experiment.pulse_runner import PulseRunner
-from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
 from jointz.experiment.torque import AppliedTorque, ZeroTorque

@@ -8,17 +8,17 @@ import numpy as np
 
 from jointz.core.clock import Clock
 from jointz.core.errors import ProtocolError
-from jointz.core.protocol import ConditionSpec
-from jointz.core.protocol import Protocol as ProtocolSpec
-from jointz.core.protocol_checks import trial_duration_s
+from jointz.core.protocols.protocol import ConditionSpec
+from jointz.core.protocols.protocol import Protocol as ProtocolSpec
+from jointz.core.protocols.protocol_checks import trial_duration_s
 from jointz.devices.interface import Devices
-from jointz.experiment.bench_plan import TimedPulse, bench_course
-from jointz.experiment.bench_trial import BenchProgress, BenchTrial
-from jointz.experiment.gait_watch import CONTACT_LEVELS
-from jointz.experiment.journal import Journal
+from jointz.experiment.bench.bench_plan import TimedPulse, bench_course
+from jointz.experiment.bench.bench_trial import BenchProgress, BenchTrial
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.gait.gait_watch import CONTACT_LEVELS
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
-from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.scheduler import LATE_PCT, Scheduler
 from jointz.experiment.trial import Course, Motor, Trial, TrialProgress

@@ -4,7 +4,6 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jointz.core.codes import Exclusion
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import (
     GapRecord,
     PulseEstimate,
@@ -12,7 +11,6 @@ from jointz.core.events import (
     SamplingRecord,
     StrideRecord,
 )
-from jointz.core.participant_model import ParticipantModel
 from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
@@ -32,6 +30,8 @@ from jointz.identify.preparation.sources import (
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.results.estimates import CellEstimate
+from jointz.results.participant_model import ParticipantModel
 
 
 @dataclass(frozen=True, slots=True)

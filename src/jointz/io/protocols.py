@@ -12,7 +12,7 @@ from types import MappingProxyType
 from pydantic import ValidationError
 
 from jointz.core.errors import DataError, ProtocolError
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.toml_problems import all_problems, parse_toml
 
 _SUFFIX = ".toml"

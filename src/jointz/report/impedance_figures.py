@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from jointz.core.analysis import PopulationEstimate, StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
     BLUE,
@@ -25,6 +23,8 @@ from jointz.report.style import (
 )
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_count, parameter_label, parameter_name
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,11 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, Final
 
-from jointz.core.analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
 from jointz.core.codes import Exclusion
 from jointz.core.events import StrideRecord
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.pooled_estimates import POOLED_METHOD
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     format_count,
@@ -20,6 +18,8 @@ from jointz.report.wording import (
     parameter_name,
     pretty_unit,
 )
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD
+from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
 
 _PHASE_NAMES: Final = (
     "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "

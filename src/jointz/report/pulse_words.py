@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.identify.preparation.sources import usual_source
+from jointz.results.study_analysis import StudyAnalysis
 
 #: Letters of the units of an angle; no unit of a torque has them.
 _OF_ANGLES: Final = ("rad", "deg", "°", "turn", "rev")

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.report.wording import format_count
+from jointz.results.study_analysis import StudyAnalysis
 
 
 @dataclass(frozen=True, slots=True)

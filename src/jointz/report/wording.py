@@ -7,8 +7,8 @@ from typing import Final
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.results.estimates import ParameterEstimate
 
 DASH: Final = "\N{EN DASH}"
 MINUS: Final = "\N{MINUS SIGN}"

@@ -14,9 +14,9 @@ from numba import njit
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.sim import plant
-from jointz.sim.footswitch import ContactMaker
+from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.plant_build import Grid, PlantBuild
@@ -180,7 +180,7 @@ def walk_directly(
     -----
     A pulse fires at the first sample at or after its timing point in the true phase of its
     stride. Sample for sample the signals are those of
-    :class:`jointz.sim.running_plant.RunningPlant` for the same command. Misleads about onsets:
+    :class:`jointz.sim.benches.running_plant.RunningPlant` for the same command. Misleads about onsets:
     in an experiment they scatter with the stride times (docs/run.md), and heel strikes are known
     from the footswitch only.
 

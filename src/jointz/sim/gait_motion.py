@@ -13,7 +13,7 @@ from math import exp, pi, sqrt
 import numpy as np
 
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S
-from jointz.sim.joint import knee_angle
+from jointz.sim.knee_joint import knee_angle
 from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
 from jointz.sim.presets import GaitSettings
 

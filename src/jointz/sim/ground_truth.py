@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.devices.interface import Stretch
-from jointz.sim.curves import impedance_over_cycle, leg_of
 from jointz.sim.gait_motion import GaitMotion, Stride
-from jointz.sim.joint import knee_angle, respond
+from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
+from jointz.sim.knee_joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
 from jointz.sim.plant_build import PlantBuild
 

@@ -6,7 +6,7 @@ from math import exp, pi, sqrt
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.sim.curves import frame_gravity, leg_of, packed_curves
+from jointz.sim.impedance_curves import frame_gravity, leg_of, packed_curves
 from jointz.sim.layout import COMMANDS, HISTORY, INTEGRATED, Param, State
 from jointz.sim.people import Instruments, Person, draw_instruments
 from jointz.sim.presets import Preset

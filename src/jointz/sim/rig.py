@@ -7,14 +7,14 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.clock import Clock
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S, stride_time_ratio
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
-from jointz.sim.calibration_instruments import OffsetSensor, draw_angle_zero
+from jointz.sim.benches.running_plant import RunningPlant
+from jointz.sim.calibration_benches.calibration_instruments import OffsetSensor, draw_angle_zero
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
-from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedSensor, Wiring
-from jointz.sim.footswitch import ContactMaker
+from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
@@ -22,7 +22,12 @@ from jointz.sim.people import Person, draw_person
 from jointz.sim.plant_build import Grid, PlantBuild, build_plant
 from jointz.sim.presets import Preset
 from jointz.sim.presets import preset as preset_named
-from jointz.sim.running_plant import RunningPlant
+from jointz.sim.simulated_devices import (
+    SimulatedActuator,
+    SimulatedFootswitch,
+    SimulatedSensor,
+    Wiring,
+)
 
 #: A lab weighs the frame and measures where its centre is.
 _FRAME_SD = 0.1

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import phase_difference
+from jointz.results.estimates import CellEstimate
 
 
 def onset_errors(pulses: Sequence[PulseRecord]) -> dict[tuple[str, float], np.ndarray]:

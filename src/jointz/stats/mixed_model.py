@@ -9,7 +9,28 @@ from scipy.special import chdtrc, stdtr, stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.mixed_model_fit import (
+from jointz.core.provenance import own_version
+from jointz.kernels.statistics.anova import FTest
+from jointz.kernels.statistics.kenward_roger import kenward_roger_test, single_contrasts
+from jointz.kernels.statistics.mixed_model_components import (
+    CellBlocks,
+    ComponentsFit,
+    cell_blocks,
+    fit_components,
+    fit_participants,
+    likelihood_ratio,
+)
+from jointz.kernels.statistics.mixed_model_groups import (
+    GroupVariance,
+    NoErrorLeftError,
+    group_variance,
+)
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    satterthwaite_test,
+    sequential_contrasts,
+)
+from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.results.statistics.mixed_model_fit import (
     EffectTest,
     IntraclassCorrelation,
     LevelMean,
@@ -19,20 +40,6 @@ from jointz.core.mixed_model_fit import (
     RepeatedMeasuresTest,
     Variances,
 )
-from jointz.core.provenance import own_version
-from jointz.kernels.anova import FTest
-from jointz.kernels.kenward_roger import kenward_roger_test, single_contrasts
-from jointz.kernels.mixed_model import satterthwaite_test, sequential_contrasts
-from jointz.kernels.mixed_model_components import (
-    CellBlocks,
-    ComponentsFit,
-    cell_blocks,
-    fit_components,
-    fit_participants,
-    likelihood_ratio,
-)
-from jointz.kernels.mixed_model_groups import GroupVariance, NoErrorLeftError, group_variance
-from jointz.kernels.repeated_measures import paired_t_test, repeated_measures_anova
 from jointz.stats.mixed_model_rows import Rows, table_rows
 
 DF_METHODS = ("kenward-roger", "satterthwaite")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jointz.core.comparison_labels import alike_labels
 from jointz.core.errors import DataError
+from jointz.results.statistics.comparison_labels import alike_labels
 
 #: Beyond these the squares of values are no numbers any more.
 _LARGEST, _SMALLEST = 1e100, 1e-100

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jointz.core.estimates import CellEstimate
 from jointz.kernels.robust_spread import robust_sd
+from jointz.results.estimates import CellEstimate
 
 #: Robust sd beyond which somebody is out of line, and people needed to say so (Iglewicz and
 #: Hoaglin 1993, How to detect and handle outliers).

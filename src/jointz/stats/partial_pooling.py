@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.pooled_estimates import POOLED_METHOD, estimate_without_priors
 from jointz.kernels.bounded_normal import bounded_interval
-from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
+from jointz.kernels.statistics.pooling_posterior import PartialPooling, partial_pooling
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD, estimate_without_priors
+from jointz.results.study_analysis import PopulationEstimate
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
@@ -64,7 +64,7 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     Notes
     -----
     Every timing point by itself: an estimate y with standard error s of a person whose true
-    value comes from a normal population (:mod:`jointz.kernels.partial_pooling`). The priors of
+    value comes from a normal population (:mod:`jointz.kernels.statistics.pooling_posterior`). The priors of
     each person's K, B and J are taken out of y and s, so that they do not count once per person.
     J is pooled in its logarithm (its mean is the geometric one), K, B and values per kg as they
     are. Undecided cells count by their unbounded estimate and its standard error. Errors that a

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.pooled_estimates import has_budget
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.results.statistics.pooled_estimates import has_budget
+from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.partial_pooling import pool_people
 
 _LEVEL = 0.95

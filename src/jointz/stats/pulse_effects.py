@@ -13,18 +13,18 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from jointz.core.errors import DataError
-from jointz.core.pulse_effects import (
+from jointz.kernels.statistics.anova import FTest, holm, one_way_anova
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    RandomInterceptFit,
+    fit_random_intercept,
+    satterthwaite_test,
+)
+from jointz.results.statistics.pulse_effect_tests import (
     PulseEffects,
     PulseMeans,
     PulseTest,
     Undecided,
     finite_or_none,
-)
-from jointz.kernels.anova import FTest, holm, one_way_anova
-from jointz.kernels.mixed_model import (
-    RandomInterceptFit,
-    fit_random_intercept,
-    satterthwaite_test,
 )
 
 #: Correlation of type and direction from which on they are not told apart: a variance

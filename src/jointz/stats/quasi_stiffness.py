@@ -14,7 +14,7 @@ from scipy.special import stdtr, stdtrit
 from jointz.core import provenance
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
-from jointz.core.quasi_stiffness_fit import (
+from jointz.results.statistics.quasi_stiffness_fit import (
     ComparedPoint,
     Doubt,
     QuasiStiffness,

@@ -5,9 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
-from jointz.kernels.multivariate_random_effects import multivariate_random_effects
-from jointz.kernels.random_effects import random_effects
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
+from jointz.results.statistics.random_effects_fit import (
+    JointRandomEffects,
+    RandomEffects,
+    StudyMean,
+)
 
 _FEWEST: Final = 2
 

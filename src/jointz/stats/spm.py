@@ -6,8 +6,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from jointz.core.errors import DataError
-from jointz.core.waveform_test import WaveformCluster, WaveformTest
-from jointz.kernels.random_field import (
+from jointz.kernels.statistics.random_field import (
     SearchRegion,
     cluster_probability,
     critical_height,
@@ -15,7 +14,8 @@ from jointz.kernels.random_field import (
     search_region,
     set_probability,
 )
-from jointz.kernels.threshold_clusters import ThresholdCluster, threshold_clusters
+from jointz.kernels.statistics.threshold_clusters import ThresholdCluster, threshold_clusters
+from jointz.results.statistics.waveform_test import WaveformCluster, WaveformTest
 from jointz.stats.waveform_curves import (
     ComparedCurves,
     checked_level,

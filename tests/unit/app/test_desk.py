@@ -5,11 +5,11 @@ import random
 
 import pytest
 
-from jointz.app import desk
-from jointz.app.desk import Beat, Desk
+from jointz.console import desk
+from jointz.console.desk import Beat, Desk
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import ControlBox, Order
-from jointz.experiment.journal import Journal
+from jointz.experiment.files.journal import Journal
 
 
 class Process:

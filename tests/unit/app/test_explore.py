@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.app.explore import Explorer
-from jointz.app.explore_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
-from jointz.app.explore_figures import plain
-from jointz.app.explore_plots import Overlaid, overlay_figure, pulse_figure
-from jointz.app.explore_view import View
-from jointz.workflows.analysis import analyze
-from jointz.workflows.exploration import open_results
-from jointz.workflows.exploration_exclusions import FILE, decide
-from jointz.workflows.exploration_references import reference_curves
-from jointz.workflows.results_folder import write_results
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
+from jointz.explorer.estimate_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
+from jointz.explorer.exclusions import FILE, decide
+from jointz.explorer.explorer_app import Explorer
+from jointz.explorer.figures import plain
+from jointz.explorer.literature_curves import reference_curves
+from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
+from jointz.explorer.results_files import open_results
+from jointz.explorer.view import View
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_what_goes_wrong_is_told_and_not_tried_without_end(explorer, made, monke
     def fail(*_):
         raise RuntimeError("no luck")
 
-    monkeypatch.setattr("jointz.app.explore.estimate_again", fail)
+    monkeypatch.setattr("jointz.explorer.explorer_app.estimate_again", fail)
 
     async def work():
         explorer.want(person)

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from jointz.app import live_feed
-from jointz.app.live_feed import LiveFeed
+from jointz.console import live_feed
+from jointz.console.live_feed import LiveFeed
 from jointz.core.errors import DataError
 
 

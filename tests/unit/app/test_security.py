@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from jointz.app.security import Access, Guard, Strangers, is_loopback
+from jointz.web.security import Access, Guard, Strangers, is_loopback
 
 PORT = 8700
 

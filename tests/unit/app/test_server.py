@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from jointz.app.console import _left
-from jointz.app.server import _address, _listen, require_app
+from jointz.console.console_app import _left
 from jointz.core.errors import DataError
 from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.web.server import _address, _listen, require_app
 
 
 def test_a_missing_extra_is_named(monkeypatch):

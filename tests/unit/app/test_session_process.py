@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from jointz.app import session_process
-from jointz.app.session_process import SessionProcess
+from jointz.console import session_process
+from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError
 
 pytestmark = pytest.mark.alone

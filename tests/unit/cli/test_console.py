@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from jointz.cli.console import emit, emit_json, emit_table, experiment_bars, progress_bar
 from jointz.core.errors import OutputError
+from jointz.terminal.output import emit, emit_json, emit_table, experiment_bars, progress_bar
 
 
 class Terminal(io.StringIO):

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.inspection import Inspection
-from jointz.io.study import open_study
+from jointz.inspection.inspection_result import Inspection
+from jointz.io.study_reader import open_study
 
 
 @pytest.fixture

@@ -11,12 +11,15 @@ import pytest
 import typer
 
 from jointz import __version__
+from jointz.analysis import analyze as analysis
+from jointz.analysis import participant_jobs as participants
+from jointz.analysis import results_folder
 from jointz.cli import main
 from jointz.cli.command_line import app
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
-from jointz.experiment import file_lock
-from jointz.workflows import analysis, participants, results_folder, run
-from jointz.workflows.task_store import TaskStore
+from jointz.experiment.files import file_lock
+from jointz.session import run
+from jointz.tasks.task_store import TaskStore
 
 FEW = ("--resamples", 20)
 

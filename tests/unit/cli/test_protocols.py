@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol, protocol_text
 
 

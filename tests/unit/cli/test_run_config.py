@@ -7,11 +7,11 @@ from contextlib import nullcontext
 
 import pytest
 
-from jointz.cli.console_page import _arguments
-from jointz.cli.run import Device, Preset
+from jointz.console.command import _arguments
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceFileError, StudyError
 from jointz.io.protocols import protocol_text
+from jointz.session.command import Device, Preset
 from jointz.sim.rig import simulated_rig
 
 pytestmark = pytest.mark.alone
@@ -74,7 +74,7 @@ def laboratory(monkeypatch):
         rig = simulated_rig(0, seed=2)
         return rig.open("lab", worn=file.actuator is not None, segment=0, clock=clock)
 
-    monkeypatch.setattr("jointz.workflows.hardware_rig.open_devices", open_devices)
+    monkeypatch.setattr("jointz.session.rigs.hardware_rig.open_devices", open_devices)
     for home in ("run", "participant_run"):
         monkeypatch.setattr(f"jointz.workflows.{home}.RealClock", VirtualClock)
     monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import pytest
 import typer
 
-from jointz.cli import run as command
+from jointz.session import command
 
 
 @pytest.fixture

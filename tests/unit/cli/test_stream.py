@@ -9,8 +9,8 @@ import pytest
 
 from jointz.core.clock import VirtualClock
 from jointz.core.session_log import WALKING
-from jointz.experiment.journal import Journal
-from jointz.experiment.recorder import Recorder
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.files.recorder import Recorder
 
 pytestmark = pytest.mark.alone
 
@@ -46,7 +46,7 @@ def pylsl(monkeypatch):
     module.StreamInfo, module.StreamOutlet, module.IRREGULAR_RATE = Info, streams.outlet, 0.0
     module.local_clock = lambda: 700.0
     monkeypatch.setitem(sys.modules, "pylsl", module)
-    monkeypatch.setattr("jointz.workflows.session_stream.RealClock", lambda **_: VirtualClock())
+    monkeypatch.setattr("jointz.session.live.lab_stream.RealClock", lambda **_: VirtualClock())
     return streams
 
 

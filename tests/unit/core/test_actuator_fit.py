@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from jointz.core.actuator_fit import ActuatorFit, ActuatorSeries
-from jointz.core.estimates import ParameterEstimate
+from jointz.results.bench.actuator_fit import ActuatorFit, ActuatorSeries
+from jointz.results.estimates import ParameterEstimate
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 import matplotlib as mpl
 import pytest
 
-from jointz.core.analysis import EXCLUDED_COLUMNS, PopulationEstimate, StudyAnalysis
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import EXCLUDED_COLUMNS, PopulationEstimate, StudyAnalysis
 
 
 def cell(person, point, onset, value, status="ok", *, name="stiffness"):

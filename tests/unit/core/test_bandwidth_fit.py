@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from jointz.core.bandwidth_fit import BandwidthFit
-from jointz.core.frequency_response_curve import ResponseCurve
+from jointz.results.bench.bandwidth_fit import BandwidthFit
+from jointz.results.series.frequency_response_curve import ResponseCurve
 
 
 def example() -> BandwidthFit:

@@ -5,8 +5,9 @@ from math import hypot
 
 import pytest
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import (
     ENTRY_UNITS,
     CalibrationEntry,
     CalibrationFit,
@@ -14,7 +15,6 @@ from jointz.core.calibration_fit import (
     decided,
     failed,
 )
-from jointz.core.study import Calibrated, CalibrationSpec
 
 
 def example() -> CalibrationFit:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
+from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
 
 
 def injected(truth, value, *, half=5.0, point="LRE", person="S01", replicate=0, **more):

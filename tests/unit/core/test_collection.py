@@ -9,10 +9,10 @@ import pytest
 from benchmarks.collection_entries import write_entry
 from pydantic import ValidationError
 
-from jointz.core.catalog_query import CatalogFilter, QueryResult
-from jointz.core.collection import Entry
-from jointz.core.collection_findings import CatalogBuild, CollectionCheck, Finding
-from jointz.core.collection_tables import CATALOG_COLUMNS
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.catalog_query import CatalogFilter, QueryResult
+from jointz.collections.checking.findings import CatalogBuild, CollectionCheck, Finding
+from jointz.collections.entry_model import Entry
 
 
 @pytest.fixture

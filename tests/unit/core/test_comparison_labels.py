@@ -2,7 +2,7 @@
 
 import pytest
 
-from jointz.core.comparison_labels import alike_labels, label_key
+from jointz.results.statistics.comparison_labels import alike_labels, label_key
 
 
 @pytest.mark.parametrize(

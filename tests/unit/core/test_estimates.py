@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate, Response
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate, Response
 
 
 def response(n: int = 3, **changes) -> Response:

@@ -2,9 +2,9 @@ import json
 
 import pytest
 
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.frequency_response_curve import ResponseCurve
-from jointz.core.frequency_response_fit import FrequencyResponseFit
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.frequency_response_curve import ResponseCurve
+from jointz.results.series.frequency_response_fit import FrequencyResponseFit
 
 
 def example() -> FrequencyResponseFit:

@@ -3,8 +3,8 @@ import json
 
 import pytest
 
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.impulse_response_fit import ImpulseCurve, ImpulseResponseFit
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.impulse_response_fit import ImpulseCurve, ImpulseResponseFit
 
 
 def example() -> ImpulseResponseFit:

@@ -5,8 +5,8 @@ import dataclasses
 import matplotlib as mpl
 import pytest
 
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.joint_fit import FitSeries, JointFit
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.joint_fit import FitSeries, JointFit
 
 FIT = JointFit(
     model="kbj",

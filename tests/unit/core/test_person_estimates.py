@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.core.person_estimates import person_cells
-from jointz.core.pooled_estimates import estimate_without_priors
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.person_estimates import person_cells
+from jointz.results.statistics.pooled_estimates import estimate_without_priors
 
 
 def cell(side, *estimates, budget=None, covariance=None, effects=None):

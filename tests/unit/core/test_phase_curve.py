@@ -3,7 +3,7 @@
 import matplotlib as mpl
 import pytest
 
-from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
+from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
 
 mpl.use("Agg")
 

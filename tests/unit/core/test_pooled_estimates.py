@@ -2,8 +2,8 @@
 
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.core.pooled_estimates import has_budget, unbounded_estimate
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.statistics.pooled_estimates import has_budget, unbounded_estimate
 
 STIFFNESS = ParameterEstimate("stiffness", None, None, None, "undecided", unbounded=-4.0)
 PER_KG = ParameterEstimate("stiffness_per_mass", None, None, None, "undecided", unbounded=-0.05)

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 import jointz.io
-from jointz.core.protocol import (
+from jointz.core.protocols.protocol import (
     ConditionSpec,
     GaitSpec,
     PerturbationPlan,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from jointz.core.references import Reference
+from jointz.core.protocols.reference_signal_models import Reference
 
 
 def reference(kind, **fields):

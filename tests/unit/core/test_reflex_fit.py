@@ -5,8 +5,8 @@ import dataclasses
 import matplotlib as mpl
 import pytest
 
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 
 FIT = ReflexFit(
     model="reflex",

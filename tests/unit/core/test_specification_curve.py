@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.core.specification_curve import SpecificationCurve, SpecificationEstimate
+from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
 
 
 def estimate(value, *, window_s=0.1, cutoff_hz=None, status="ok", parameter="stiffness"):

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jointz.core.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
+from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
 
 
 def curve(name: str, size: float) -> ParameterCurve:

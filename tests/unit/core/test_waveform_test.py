@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from jointz.core.waveform_test import WaveformCluster, WaveformTest
+from jointz.results.statistics.waveform_test import WaveformCluster, WaveformTest
 
 
 def made(**changes) -> WaveformTest:

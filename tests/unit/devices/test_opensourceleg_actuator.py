@@ -16,10 +16,10 @@ from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator
 from jointz.devices.opensourceleg_actuator import as_opensourceleg
 from jointz.devices.opensourceleg_setup import ActuatorSetup
+from jointz.session.rigs.opensourceleg_rig import simulated_opensourceleg_actuator
 from jointz.sim.rig import simulated_rig
 from jointz.testing import ActuatorContract, Deviation, ScriptedActuator
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
-from jointz.workflows.opensourceleg_rig import simulated_opensourceleg_actuator
 
 needs_library = pytest.mark.skipif(
     find_spec("opensourceleg") is None,

@@ -15,20 +15,20 @@ import pytest
 import typer
 from pydantic import BaseModel
 
+from jointz.analysis.page.details_tables import details_frame, models_frame
+from jointz.analysis.quasi_stiffness_rows import quasi_stiffness_rows
 from jointz.cli.command_line import app
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.certificate import Certificate
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure
-from jointz.core.quasi_stiffness_fit import Doubt as SlopeDoubt
 from jointz.core.study import StudySpec
+from jointz.demo.demo_study import run_demo
 from jointz.devices.config import device_file
 from jointz.identify.methods.cells import METHODS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 from jointz.identify.series.joint_estimators import ESTIMATORS
-from jointz.report.details import details_frame, models_frame
-from jointz.workflows.demo import run_demo
-from jointz.workflows.quasi_stiffness_rows import quasi_stiffness_rows
+from jointz.results.certificate_result import Certificate
+from jointz.results.statistics.quasi_stiffness_fit import Doubt as SlopeDoubt
+from jointz.results.study_analysis import StudyAnalysis
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

@@ -27,7 +27,7 @@ ROOMS = ("reference", "stats", "testing")
 #: What no script can run here: opensourceleg wants an older numpy. docs/devices.md shows these.
 ON_A_PAGE = {
     "jointz.devices.opensourceleg_actuator.as_opensourceleg",
-    "jointz.workflows.opensourceleg_rig.simulated_opensourceleg_actuator",
+    "jointz.session.rigs.opensourceleg_rig.simulated_opensourceleg_actuator",
 }
 _FENCE = re.compile(r"^```python[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 import typer
 
+from jointz.analysis.paper.citations import CITATIONS
 from jointz.cli.command_line import app
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.experiment import loop
 from jointz.identify.methods.cells import BENCH_ONLY, METHODS
-from jointz.report.citations import CITATIONS
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

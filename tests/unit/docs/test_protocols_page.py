@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import Calibrated
 from jointz.io.protocols import builtin_protocols
 

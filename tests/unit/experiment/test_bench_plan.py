@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jointz.core.protocol import ConditionSpec, PulseSpec
-from jointz.experiment.bench_plan import TimedPulse, bench_course, make_bench_plan
+from jointz.core.protocols.protocol import ConditionSpec, PulseSpec
+from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 
 PULSE = PulseSpec(
     amplitude_nm=7.0,

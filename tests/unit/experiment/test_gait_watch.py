@@ -4,9 +4,9 @@ from math import isnan, nan
 
 import pytest
 
-from jointz.core.protocol import GaitSpec
+from jointz.core.protocols.protocol import GaitSpec
 from jointz.devices.interface import SensorSample
-from jointz.experiment.gait_watch import GaitWatch
+from jointz.experiment.gait.gait_watch import GaitWatch
 
 GAIT = GaitSpec(speed_m_s=1.2)
 MS = 1_000_000

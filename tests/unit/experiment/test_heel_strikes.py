@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.experiment.heel_strikes import HeelStrikeDetector
+from jointz.experiment.gait.heel_strike_detector import HeelStrikeDetector
 
 MS = 1_000_000
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.experiment.journal import (
+from jointz.experiment.files.journal import (
     Journal,
     is_completed,
     pulses_done,

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.experiment.onset_accuracy import onset_accuracy
+from jointz.experiment.gait.onset_errors import onset_accuracy
 from jointz.gait.strides import find_strides
 
 NO_GAPS = np.empty((0, 2))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocol import GaitSpec
-from jointz.experiment.phase import KneePhase, StridePhase
+from jointz.core.protocols.protocol import GaitSpec
+from jointz.experiment.gait.phase_predictor import KneePhase, StridePhase
 
 GAIT = GaitSpec(speed_m_s=1.2)  # mean of 5, band 0.75 to 1.33, steady after 3
 STRIDE_NS = 1_100_000_000

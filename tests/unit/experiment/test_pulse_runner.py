@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointz.core.errors import SafetyStop
-from jointz.core.protocol import PulseSpec
-from jointz.experiment.journal import Journal, pulses_done, read_journal
+from jointz.core.protocols.protocol import PulseSpec
+from jointz.experiment.files.journal import Journal, pulses_done, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
 from jointz.experiment.scheduler import Scheduler

@@ -7,8 +7,8 @@ import pytest
 
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.session_log import WALKING
-from jointz.experiment.recorder import Recorder
-from jointz.io.session_log import read_log
+from jointz.experiment.files.recorder import Recorder
+from jointz.io.log_reader import read_log
 
 HEADER = {"participant": "S01", "segment": 0}
 

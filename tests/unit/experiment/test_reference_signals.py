@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, welch
 
-from jointz.core.references import Chirps, Noise, Sine, Steps, SumOfSines, Sweep, Trajectory
-from jointz.experiment.reference_signals import reference_samples
+from jointz.core.protocols.reference_signal_models import (
+    Chirps,
+    Noise,
+    Sine,
+    Steps,
+    SumOfSines,
+    Sweep,
+    Trajectory,
+)
+from jointz.experiment.bench.reference_signals import reference_samples
 
 RATE = 900.0
 TIME = np.arange(9000) / RATE

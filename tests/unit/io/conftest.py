@@ -13,9 +13,9 @@ import pytest
 from jointz.core.acquisition import Acquisition
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import Study
-from jointz.io.formats import read_acquisition
+from jointz.io.formats.registry import read_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
+from jointz.io.study_reader import open_study
 
 # The example of the study format, letter by letter.
 EXAMPLE = """\

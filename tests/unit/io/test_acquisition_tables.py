@@ -9,9 +9,9 @@ import jointz
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import FilesSpec
-from jointz.io.formats import write_acquisition
+from jointz.io.column_readers import RawTable, list_columns, read_table
+from jointz.io.formats.registry import write_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.registry import RawTable, list_columns, read_table
 
 PLAIN = FilesSpec()
 N = 40

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
-from jointz.io.bids import read_bids
-from jointz.io.bids_write import MotionChannel, MotionRecording, even_clock, write_motion
+from jointz.io.bids.bids_read import read_bids
+from jointz.io.bids.bids_write import MotionChannel, MotionRecording, even_clock, write_motion
 
 STEM = "sub-01_task-walking_tracksys-imu"
 

@@ -8,7 +8,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 # Files made here by hand, so that they do not come out of the writer that is tested.
 

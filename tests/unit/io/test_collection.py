@@ -9,17 +9,17 @@ from benchmarks.collection_entries import write_entry
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.catalog_query import CatalogFilter
-from jointz.core.collection_tables import CATALOG_COLUMNS
-from jointz.core.errors import DataError, EntryError
-from jointz.io.collection import entry_folders, read_condition, read_entry, written_entry
-from jointz.io.collection_catalog import (
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.catalog_file import (
     catalog_about,
     check_filter,
     count_rows,
     read_catalog,
     write_catalog,
 )
+from jointz.collections.catalog_query import CatalogFilter
+from jointz.collections.entry_reader import entry_folders, read_condition, read_entry, written_entry
+from jointz.core.errors import DataError, EntryError
 
 
 def test_an_entry_is_read_with_its_tables_and_their_hashes(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx"]
 #: What has no checksum: a digit that was changed is a digit, a byte of a number one too.

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.column_names import is_time, name_with_unit
-from jointz.io.formats import format_of, read_acquisition, write_acquisition
+from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
+from jointz.io.text.column_names import is_time, name_with_unit
 
 WHOLE = ["a.nc", "a.mat", "a.xlsx"]  # formats of several groups
 ALONE = ["a.parquet", "a.sto", "a.mot", "a.csv", "a.csv.gz", "a.tsv", "a.txt"]

@@ -10,8 +10,8 @@ import scipy.io
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
-from jointz.io.matlab_names import LONGEST_NAME, field_names
+from jointz.io.formats.matlab_names import LONGEST_NAME, field_names
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 
 def content() -> Acquisition:

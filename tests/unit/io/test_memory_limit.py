@@ -15,9 +15,9 @@ from scipy.io import savemat
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats import read_acquisition
-from jointz.io.memory_limit import memory_limit
-from jointz.io.registry import read_table
+from jointz.io.column_readers import read_table
+from jointz.io.formats.memory_limit import memory_limit
+from jointz.io.formats.registry import read_acquisition
 
 MB = 1_000_000
 N = 4 * MB
@@ -233,17 +233,17 @@ def test_a_raised_limit_takes_the_file(name, make, tmp_path, monkeypatch):
 @pytest.mark.parametrize(("stated", "share"), [("1000000\n", 250_000), ("max\n", None)])
 def test_the_limit_of_a_container_is_taken_where_it_is_less(stated, share, tmp_path, monkeypatch):
     monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", ())
     whole, file = memory_limit(), tmp_path / "memory.max"
     file.write_text(stated)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", (tmp_path / "none", file))
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", (tmp_path / "none", file))
 
     assert memory_limit() == (share or whole)
 
 
 def test_the_limit_is_a_quarter_of_memory_unless_another_is_given(jointz, tmp_path, monkeypatch):
     monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", ())
     assert memory_limit() == os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 4
 
     monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "1kB")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import history_of
 from jointz.io.recordings import read_pulse_table, read_recording
-from jointz.io.study import open_study
+from jointz.io.study_reader import open_study
 
 DEG = np.pi / 180.0
 CONDITIONS = """\

@@ -8,8 +8,14 @@ import pytest
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io import registry
-from jointz.io.registry import RawTable, label_column, list_columns, read_table, register_reader
+from jointz.io import column_readers as registry
+from jointz.io.column_readers import (
+    RawTable,
+    label_column,
+    list_columns,
+    read_table,
+    register_reader,
+)
 
 PLAIN = FilesSpec()
 
@@ -36,8 +42,12 @@ class Locked:
 
 def test_importing_the_registry_loads_no_reader():
     # pyarrow is not among them: pandas itself loads it where it is installed.
-    heavy = "{'h5netcdf', 'h5py', 'pymatreader', 'pint', 'matplotlib', 'jointz.io.columnar'}"
-    code = f"import sys, jointz.io.registry; raise SystemExit(bool({heavy} & set(sys.modules)))"
+    heavy = (
+        "{'h5netcdf', 'h5py', 'pymatreader', 'pint', 'matplotlib', 'jointz.io.formats.columnar'}"
+    )
+    code = (
+        f"import sys, jointz.io.column_readers; raise SystemExit(bool({heavy} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError
 from jointz.core.session_log import VERSION, WALKING
-from jointz.experiment.recorder import Recorder
-from jointz.io.session_log import read_log
+from jointz.experiment.files.recorder import Recorder
+from jointz.io.log_reader import read_log
 
 HEADER = {"participant": "S01", "condition": "perturbed", "segment": 3}
 #: Records that a crash may leave bad at the end.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.io.side_information import filled, first_other_time, read_beside, written_beside
+from jointz.io.text.side_information import filled, first_other_time, read_beside, written_beside
 
 A, B = np.arange(3.0), np.arange(3.0) * 9
 GROUP = SignalGroup("g", (Signal("a", A, "deg"), Signal("b", B, "N", "of the plate")), rate_hz=50.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
 from jointz.core.study import Study
-from jointz.io.study import open_study
+from jointz.io.study_reader import open_study
 
 fuzz = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150

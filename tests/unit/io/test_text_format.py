@@ -9,7 +9,7 @@ import pytest
 from jointz.core.acquisition import Acquisition, Signal
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 
 def read(tmp_path: Path, text: str, name: str = "a.csv", **layout: object) -> Acquisition:

@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from jointz.core.errors import ProtocolError, StudyError
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.toml_problems import all_problems, parse_toml, shape_problems
 
 CONDITION = {"name": "a", "condition": "perturbed", "prompt": "", "duration_s": 5.0}

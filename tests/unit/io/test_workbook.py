@@ -12,7 +12,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 openpyxl = pytest.importorskip("openpyxl")
 Rows = list[list[Any]]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import format_of, read_acquisition, write_acquisition
+from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
 
 pyxdf = pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
 

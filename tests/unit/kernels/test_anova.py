@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from jointz.kernels.anova import holm, one_way_anova
+from jointz.kernels.statistics.anova import holm, one_way_anova
 
 
 @pytest.mark.parametrize("sizes", [(28, 28), (3, 11), (5, 6, 9), (1, 2)])

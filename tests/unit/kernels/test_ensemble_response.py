@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from jointz.kernels.ensemble_response import (
+from jointz.kernels.resampling import resample_weights
+from jointz.kernels.series.ensemble_response import (
     cross_predicted,
     ensemble_response,
     fit_segments,
     without_mean,
 )
-from jointz.kernels.resampling import resample_weights
 
 TRUE = np.array([0.0, 1.0, 0.6, 0.2])
 COEFFICIENTS = np.array([80.0, 1.0, 0.05])

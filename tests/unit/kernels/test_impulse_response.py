@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jointz.kernels.impulse_response import estimate_response
+from jointz.kernels.series.impulse_response_estimate import estimate_response
 
 TRUE = np.array([0.0, 1.0, 0.6, 0.2, -0.1, 0.0])
 

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.kernels.kenward_roger import adjusted_covariance, kenward_roger_test, single_contrasts
-from jointz.kernels.mixed_model import satterthwaite_test
-from jointz.kernels.mixed_model_components import fit_participants
-from jointz.kernels.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.kernels.statistics.kenward_roger import (
+    adjusted_covariance,
+    kenward_roger_test,
+    single_contrasts,
+)
+from jointz.kernels.statistics.mixed_model_components import fit_participants
+from jointz.kernels.statistics.mixed_model_likelihood import satterthwaite_test
+from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
 
 
 def complete(seed, people=6, levels=4, person_sd=2.0):

@@ -8,8 +8,11 @@ import pandas as pd
 import pytest
 from scipy.optimize import minimize_scalar
 
-from jointz.kernels.anova import one_way_anova
-from jointz.kernels.mixed_model import fit_random_intercept, satterthwaite_test
+from jointz.kernels.statistics.anova import one_way_anova
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
 
 HERE = Path(__file__).parent
 ORACLE = json.loads((HERE / "mixed_model_oracle.json").read_text(encoding="utf-8"))

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from jointz.kernels.mixed_model import fit_random_intercept
-from jointz.kernels.mixed_model_components import (
+from jointz.kernels.statistics.mixed_model_components import (
     cell_blocks,
     evaluate_components,
     fit_components,
     fit_participants,
     likelihood_ratio,
 )
+from jointz.kernels.statistics.mixed_model_likelihood import fit_random_intercept
 
 
 def layout(seed, *, people=5, levels=3, cell_sd=1.0, person_sd=1.0, most=4, drop=0.2):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.kernels.mixed_model_groups import group_variance
+from jointz.kernels.statistics.mixed_model_groups import group_variance
 
 
 def complete(seed, people=6, levels=4, sd=1.0):

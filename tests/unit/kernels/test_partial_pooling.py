@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, norm
 from scipy.stats import t as student_t
 
-from jointz.kernels.partial_pooling import mixture_quantile, partial_pooling
+from jointz.kernels.statistics.pooling_posterior import mixture_quantile, partial_pooling
 
 TAUS = (0.0, 0.3, 1.0, 3.0)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jointz.kernels import periodic_process
-from jointz.kernels.periodic_process import periodic_curve
+from jointz.kernels.series import periodic_process
+from jointz.kernels.series.periodic_process import periodic_curve
 
 PHASES = np.array([0.05, 0.2, 0.4, 0.55, 0.7, 0.85])
 FINE = np.linspace(0.0, 1.0, 51)

@@ -6,8 +6,8 @@ from scipy.optimize import minimize_scalar
 from scipy.special import stdtrit
 from scipy.stats import multivariate_normal
 
-from jointz.kernels.multivariate_random_effects import multivariate_random_effects
-from jointz.kernels.random_effects import random_effects
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
 
 
 def slow_log_likelihood(values: np.ndarray, covariances: np.ndarray, between: np.ndarray) -> float:

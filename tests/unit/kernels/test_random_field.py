@@ -6,7 +6,7 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import gamma
 
-from jointz.kernels.random_field import (
+from jointz.kernels.statistics.random_field import (
     SearchRegion,
     cluster_probability,
     critical_height,

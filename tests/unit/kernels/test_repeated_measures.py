@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.kernels.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
 
 
 def test_the_test_is_that_of_the_sums_of_squares():

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.kernels.second_order import PulseRecord, _residual, maximise_likelihood
-from jointz.kernels.second_order_recursion import transfer_coefficients
+from jointz.kernels.series.second_order import PulseRecord, _residual, maximise_likelihood
+from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
 STEP = 1 / 900
 LOADS = {

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import StateSpace, lsim
 
-from jointz.kernels.second_order import PulseRecord, maximise_likelihood
-from jointz.kernels.second_order_averages import Drive, fit_driven, refit, whitened_errors
+from jointz.kernels.series.second_order import PulseRecord, maximise_likelihood
+from jointz.kernels.series.second_order_averages import Drive, fit_driven, refit, whitened_errors
 
 STEP_S = 1e-3
 N, LEAD = 100, 20

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.kernels.sign_flip import (
+from jointz.kernels.statistics.sign_flip_distribution import (
     all_signs,
     cosine_to_t,
     cosines,

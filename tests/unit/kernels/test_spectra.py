@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jointz.kernels.spectra import blackman_tukey, coherence_threshold, welch
+from jointz.kernels.series.spectra import blackman_tukey, coherence_threshold, welch
 
 
 def make_pair(seed: int = 0, n: int = 20_000) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jointz.kernels.spectra_second_order import fit_second_order, record_spectra
+from jointz.kernels.series.spectra_second_order import fit_second_order, record_spectra
 
 RATE = 500.0
 KBJ = np.array([80.0, 1.2, 0.03])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.kernels.threshold_clusters import threshold_clusters
+from jointz.kernels.statistics.threshold_clusters import threshold_clusters
 
 
 def test_ends_are_where_the_line_crosses():

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from jointz.app.console import open_console
+from jointz.console.console_app import open_console
 from jointz.core.errors import DataError
 from jointz.experiment.loop import undisturbed
-from jointz.workflows import live_session
-from jointz.workflows.hardware_rig import refuse_with_devices
-from jointz.workflows.live_session import refuse_where_unseen
+from jointz.session.live import live_session
+from jointz.session.live.live_session import refuse_where_unseen
+from jointz.session.rigs.hardware_rig import refuse_with_devices
 
 SYSTEMS = ("as_on_windows", "as_on_a_mac")
 #: Imports every module but those that need an extra; the public names come with the first.
@@ -43,8 +43,8 @@ import os
 from pathlib import Path
 import jointz
 from jointz.core.errors import DataError, OutputError
-from jointz.experiment import file_lock
-from jointz.experiment.whole_files import open_to_append
+from jointz.experiment.files import file_lock
+from jointz.experiment.files.whole_files import open_to_append
 from jointz.io.protocols import load_protocol
 
 whole = load_protocol("walking")
@@ -115,7 +115,9 @@ def ran(system: str | None, code: str, folder: Path) -> dict:
 
 def test_everything_can_be_imported_on_windows_which_lacks_all_that_a_mac_does(tmp_path):
     told = ran("as_on_windows", IMPORTS, tmp_path)
-    assert {"jointz.workflows.run", "jointz.cli.demo", "jointz.io.c3d"} <= set(told["names"])
+    assert {"jointz.session.run", "jointz.demo.command", "jointz.io.c3d.c3d_format"} <= set(
+        told["names"]
+    )
     assert told["failed"] == {}
 
 

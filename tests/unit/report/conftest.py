@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.analysis import PopulationEstimate, StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.analysis.page.details_tables import SOURCES
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.participant_model import ParticipantModel
-from jointz.report.details import SOURCES
+from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.participant_model import ParticipantModel
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 # Per kg, as in the dissertation's table 4.1: stiff in early stance, compliant in swing.
 STIFFNESS_PER_KG = dict(zip(TIMING_POINTS, (3.0, 2.1, 1.5, 0.9, 0.40, 0.35), strict=True))

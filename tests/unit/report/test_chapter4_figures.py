@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.report.chapter4_figures import DRAWINGS, draw_chapter4
 from jointz.report.style import figure_style
+from jointz.reproduction.chapter4.figures import DRAWINGS, draw_chapter4
 
 PARAMETERS = {"stiffness_per_mass": 1.0, "damping_per_mass": 0.04, "inertia": 0.05}
 GAIT = np.linspace(0.0, 100.0, 101)

@@ -2,10 +2,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from jointz.report.chapter4_statistics_figures import DRAWINGS
-from jointz.report.chapter_figures import draw_given
 from jointz.report.style import figure_style
-from jointz.workflows.chapter4_statistics import published_statistics
+from jointz.reproduction.chapter4.statistics_claims import published_statistics
+from jointz.reproduction.chapter4.statistics_figures import DRAWINGS
+from jointz.reproduction.chapter_figures import draw_given
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from jointz.core.reproduction import Reproduction
-from jointz.core.reproduction_tables import (
+from jointz.reproduction.chapter2.figures import draw_chapter2
+from jointz.reproduction.chapter_page import render_chapter, render_validation
+from jointz.reproduction.chapter_text import chapter_text
+from jointz.reproduction.reproduction_result import Reproduction
+from jointz.reproduction.reproduction_tables import (
     Claim,
     ClaimTable,
     Compared,
@@ -13,9 +16,6 @@ from jointz.core.reproduction_tables import (
     GridBlock,
     ParticipantGrid,
 )
-from jointz.report.chapter2_figures import draw_chapter2
-from jointz.report.chapter_page import render_chapter, render_validation
-from jointz.report.chapter_text import chapter_text
 
 VOID = {"meta", "br"}
 MINUS = "\N{MINUS SIGN}"

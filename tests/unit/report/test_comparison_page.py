@@ -6,12 +6,12 @@ from html.parser import HTMLParser
 
 import pytest
 
-from jointz.core.comparison import Comparison
-from jointz.core.comparison_rows import Difference, PersonValue, Source, SourceMean
-from jointz.report.comparison_figures import draw_comparison
-from jointz.report.comparison_page import render_comparison
-from jointz.report.comparison_text import comparison_tables, equivalence_text, p_text
-from jointz.workflows.comparison import compare_results
+from jointz.comparison.compare import compare_results
+from jointz.comparison.comparison_result import Comparison
+from jointz.comparison.comparison_text import comparison_tables, equivalence_text, p_text
+from jointz.comparison.figures import draw_comparison
+from jointz.comparison.page import render_comparison
+from jointz.results.statistics.comparison_rows import Difference, PersonValue, Source, SourceMean
 
 UNIT = "N*m/rad/kg"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.report.coverage_page import CoverageTables, render_coverage
+from jointz.collections.coverage_page import CoverageTables, render_coverage
 
 BY = ("joint", "timing_point", "condition", "speed")
 CITATIONS = [

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
-from jointz.report.details import (
+from jointz.analysis.page.details_tables import (
     DETAIL_COLUMNS,
     SOURCES,
     details_frame,
     models_frame,
     variance_shares,
 )
+from jointz.results.study_analysis import StudyAnalysis
 
 
 def test_there_is_one_row_a_participant_timing_point_and_parameter(recommended):

@@ -9,23 +9,34 @@ import matplotlib
 import numpy as np
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import ParameterEstimate
+from jointz.analysis.page import figure_files as figures
+from jointz.analysis.page.budget_figure import _LOOKS, _OTHERS, draw_budget, mean_shares
+from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
+from jointz.analysis.page.figure_files import (
+    FIGURES,
+    draw_figure,
+    draw_figures,
+    draw_picture,
+    to_picture,
+)
+from jointz.analysis.page.method_figures import (
+    _method_looks,
+    draw_methods,
+    draw_truth,
+    truth_figure,
+)
+from jointz.analysis.page.response_figures import draw_responses
 from jointz.core.events import PulseRecord
-from jointz.core.pooled_estimates import POOLED_METHOD
-from jointz.report import figures
-from jointz.report.budget_figure import _LOOKS, _OTHERS, draw_budget, mean_shares
-from jointz.report.event_figures import draw_onset_accuracy, draw_strides
-from jointz.report.figures import FIGURES, draw_figure, draw_figures, draw_picture, to_picture
 from jointz.report.impedance_figures import (
     draw_impedance_column,
     draw_impedance_over_gait,
     timing_points,
 )
-from jointz.report.method_figures import _method_looks, draw_methods, draw_truth, truth_figure
 from jointz.report.prose import captions
-from jointz.report.response_figures import draw_responses
 from jointz.report.style import figure_style, new_figure, to_svg
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD
+from jointz.results.study_analysis import StudyAnalysis
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from jointz.core.estimates import Response
+from jointz.analysis.page.lag_effect import fit_with_lag
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.report.lag_effect import fit_with_lag
+from jointz.results.estimates import Response
 
 JOINT = (50.0, 1.5, 0.05)
 TIME = np.arange(131) * 1e-3

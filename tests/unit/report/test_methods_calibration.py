@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.report.methods_text import methods_text
+from jointz.analysis.paper.methods_text import methods_text
 
 
 def calibrated(analysis, study=None, *, person=None, method="recommended", **more):

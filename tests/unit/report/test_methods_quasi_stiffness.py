@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.report.citations import CITATIONS
-from jointz.report.methods_text import methods_text
+from jointz.analysis.paper.citations import CITATIONS
+from jointz.analysis.paper.methods_text import methods_text
 
 
 def test_where_nobody_was_perturbed_no_impedance_estimate_is_told_of(unperturbed):

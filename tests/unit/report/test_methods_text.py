@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import ParameterEstimate
+from jointz.analysis.paper.citations import CITATIONS, cite, cited
+from jointz.analysis.paper.methods_text import methods_latex, methods_paragraphs, methods_text
 from jointz.core.events import PulseRecord
-from jointz.report.citations import CITATIONS, cite, cited
-from jointz.report.methods_text import methods_latex, methods_paragraphs, methods_text
 from jointz.report.prose import pulse_counts
 from jointz.report.wording import MINUS, TIMES
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.study_analysis import StudyAnalysis
 
 CALIBRATION = {
     "torque_gain": {"value": 1.0, "sd": 0.02},
@@ -227,8 +227,8 @@ def test_sentences_have_one_comma_and_one_stop(walking, method, window_s):
 
 
 def test_every_method_says_how_it_fits():
+    from jointz.analysis.paper.methods_fit import _FITS, FULL_RECORD, RECOMMENDED
     from jointz.identify.methods.cells import METHODS
-    from jointz.report.methods_fit import _FITS, FULL_RECORD, RECOMMENDED
 
     assert set(METHODS) - set(_FITS) <= {RECOMMENDED, FULL_RECORD}
 

@@ -7,10 +7,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from jointz.report.figures import draw_figures
-from jointz.report.method_figures import draw_truth
-from jointz.report.methods_text import methods_text
-from jointz.report.page import inline_svg, render_report
+from jointz.analysis.page.figure_files import draw_figures
+from jointz.analysis.page.method_figures import draw_truth
+from jointz.analysis.page.report_page import inline_svg, render_report
+from jointz.analysis.paper.methods_text import methods_text
 from jointz.report.subjects import report_title
 from jointz.report.wording import DASH
 

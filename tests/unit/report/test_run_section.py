@@ -2,8 +2,8 @@
 
 import pytest
 
-from jointz.core.run_report import RunReport
-from jointz.report.run_section import run_section
+from jointz.analysis.page.run_section import run_section
+from jointz.results.run_report import RunReport
 
 
 @pytest.mark.parametrize(

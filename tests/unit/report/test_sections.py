@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.core.certificate import Certificate, VirtualEstimate, expected_errors
-from jointz.report.behind_section import behind_section, likely
-from jointz.report.certificate_section import certificate_section
-from jointz.report.figures import draw_figures
-from jointz.report.method_differences import differences_section
-from jointz.report.page import render_report
+from jointz.analysis.page.behind_section import behind_section, likely
+from jointz.analysis.page.certificate_section import certificate_section
+from jointz.analysis.page.figure_files import draw_figures
+from jointz.analysis.page.method_differences import differences_section
+from jointz.analysis.page.report_page import render_report
+from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
 
 from .test_page import Page, words
 

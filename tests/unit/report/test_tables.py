@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
+from jointz.analysis.page.method_means import cells_by_method
+from jointz.analysis.paper.methods_text import methods_latex
+from jointz.analysis.paper.paper_tables import captions_text, paper_tables
 from jointz.report.latex import MOST_ROWS, latex_table, to_latex
-from jointz.report.method_means import cells_by_method
-from jointz.report.methods_text import methods_latex
 from jointz.report.table import NO_VALUE, Table
-from jointz.report.tables import captions_text, paper_tables
 from jointz.report.wording import DASH, MINUS, TIMES, format_interval, format_number
+from jointz.results.study_analysis import StudyAnalysis
 
 NUMBER = re.compile(rf"[{MINUS}\d.]+")
 
@@ -154,7 +154,7 @@ def test_a_case_that_needed_another_method_counts_once(bench):
 
 
 def test_the_figure_of_the_methods_counts_a_case_once_too(bench):
-    from jointz.report.method_figures import draw_methods
+    from jointz.analysis.page.method_figures import draw_methods
     from jointz.report.style import figure_style
 
     analysis = with_fallback(bench)

@@ -3,8 +3,8 @@
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.core.protocol import LoadSpec
-from jointz.sim.bench_rig import simulated_bench
+from jointz.core.protocols.protocol import LoadSpec
+from jointz.sim.benches.bench_rig import simulated_bench
 
 LOADS = [
     LoadSpec.model_validate({"name": name, "stiffness": {"value": value, "sd": 5.0}})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.sim.footswitch import ContactMaker
+from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.presets import FootswitchSettings, preset
 
 N = 20000

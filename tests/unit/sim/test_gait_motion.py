@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
-from jointz.sim.joint import knee_angle
+from jointz.sim.knee_joint import knee_angle
 from jointz.sim.layout import HARMONICS, Gait
 from jointz.sim.path import path, phase_at
 from jointz.sim.presets import GaitSettings, preset

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.sim.joint import impedance_curve, knee_angle, respond
+from jointz.sim.knee_joint import impedance_curve, knee_angle, respond
 
 RATE_HZ = 1000.0
 PHYSICS_HZ = 4000.0

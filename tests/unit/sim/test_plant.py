@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from jointz.core.clock import VirtualClock
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim import plant
-from jointz.sim.curves import impedance_over_cycle, leg_of
+from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
 from jointz.sim.layout import GAIT_SIZE, HISTORY, STATE_SIZE, Gait, Noise, Param, State
 from jointz.sim.people import draw_instruments, draw_person
 from jointz.sim.plant_build import Grid, build_plant

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.qdd_bench import (
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.qdd_bench import (
     COMMANDS,
     QDD_PRESETS,
     QddErrors,

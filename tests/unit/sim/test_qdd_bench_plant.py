@@ -8,9 +8,15 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 
 from jointz.core.errors import DataError
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.qdd_bench import QDD_PRESETS, QddErrors, QddMachine, draw_mounting, qdd_preset
-from jointz.sim.qdd_bench_plant import QddBenchPlant
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.qdd_bench import (
+    QDD_PRESETS,
+    QddErrors,
+    QddMachine,
+    draw_mounting,
+    qdd_preset,
+)
+from jointz.sim.benches.qdd_bench_plant import QddBenchPlant
 
 SPRING = BenchLoad("springs", stiffness=146.39)
 RATE = 500.0

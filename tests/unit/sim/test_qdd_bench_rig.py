@@ -2,9 +2,9 @@
 
 import pytest
 
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.qdd_bench import qdd_preset
-from jointz.sim.qdd_bench_rig import QddBench
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.qdd_bench import qdd_preset
+from jointz.sim.benches.qdd_bench_rig import QddBench
 
 
 @pytest.mark.parametrize(("preset", "gain_sd"), [("nominal", 0.005), ("hard", 0.051)])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.sea import SEA_PRESETS, SeaErrors, SeaMachine, sea_preset
-from jointz.sim.sea_pack import SeaParam, pack_sea
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.sea import SEA_PRESETS, SeaErrors, SeaMachine, sea_preset
+from jointz.sim.benches.sea_pack import SeaParam, pack_sea
 
 BENDS = {"friction_velocity_rad_s"}  # shapes of a mechanism, not mechanisms
 

@@ -9,9 +9,9 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from jointz.sim import sea_plant
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.sea import (
+from jointz.sim.benches import sea_plant
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.sea import (
     SeaControl,
     SeaErrors,
     SeaMachine,
@@ -19,8 +19,8 @@ from jointz.sim.sea import (
     draw_torque_gain,
     sea_preset,
 )
-from jointz.sim.sea_pack import STATE_SIZE, SeaParam, SeaState, pack_sea
-from jointz.sim.sea_plant import SeaPlant
+from jointz.sim.benches.sea_pack import STATE_SIZE, SeaParam, SeaState, pack_sea
+from jointz.sim.benches.sea_plant import SeaPlant
 
 RATE_HZ = 900.0
 EXACT = 1e-6  # rad

@@ -13,8 +13,11 @@ from scipy.stats import binom
 
 import jointz.stats
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.mixed_model_fit import MixedModelFit
-from jointz.kernels.mixed_model import fit_random_intercept, satterthwaite_test
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
+from jointz.results.statistics.mixed_model_fit import MixedModelFit
 from jointz.stats import mixed_model
 
 HERE = Path(__file__).parent

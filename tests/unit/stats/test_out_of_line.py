@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.stats.out_of_line import inertias_out_of_line
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.kernels.partial_pooling import partial_pooling
+from jointz.kernels.statistics.pooling_posterior import partial_pooling
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 

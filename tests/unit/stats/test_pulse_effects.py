@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from jointz.core.errors import DataError
-from jointz.core.pulse_effects import PulseEffects, Undecided
+from jointz.results.statistics.pulse_effect_tests import PulseEffects, Undecided
 from jointz.stats.pulse_effects import pulse_effects
 
 # --- tables --------------------------------------------------------------------------------------

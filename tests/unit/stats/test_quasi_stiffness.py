@@ -11,8 +11,12 @@ from scipy import stats
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
-from jointz.core.quasi_stiffness_fit import Doubt, QuasiStiffness, QuasiStiffnessComparison
 from jointz.reference import chapter4, row_mean
+from jointz.results.statistics.quasi_stiffness_fit import (
+    Doubt,
+    QuasiStiffness,
+    QuasiStiffnessComparison,
+)
 from jointz.stats.quasi_stiffness import compare_quasi_stiffness, quasi_stiffness
 
 GAIT_PCT = np.linspace(0.0, 100.0, 101)

@@ -8,9 +8,13 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
-from jointz.kernels.multivariate_random_effects import multivariate_random_effects
-from jointz.kernels.random_effects import random_effects
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
+from jointz.results.statistics.random_effects_fit import (
+    JointRandomEffects,
+    RandomEffects,
+    StudyMean,
+)
 from jointz.stats.random_effects import mean_over_people, pool_studies, pool_studies_jointly
 
 mpl.use("Agg")

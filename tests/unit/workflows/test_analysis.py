@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.core.analysis import StudyAnalysis
+from jointz.analysis import participant_jobs as participants
+from jointz.analysis.analyze import analyze, check_method
 from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
-from jointz.io.study import open_study
-from jointz.workflows import participants
-from jointz.workflows.analysis import analyze, check_method
-from jointz.workflows.engine import Engine, Serial, open_engine
-from jointz.workflows.task_store import TaskStore
+from jointz.io.study_reader import open_study
+from jointz.results.study_analysis import StudyAnalysis
+from jointz.tasks.engine import Engine, Serial, open_engine
+from jointz.tasks.task_store import TaskStore
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,7 @@ def test_a_method_chosen_by_name_is_the_same_as_in_the_comparison(small_study_so
 
 
 def test_processes_find_what_one_process_finds(small_study_source, whole):
-    with open_engine(workers=2, tasks=2, needs="jointz.workflows.participants") as engine:
+    with open_engine(workers=2, tasks=2, needs="jointz.analysis.participant_jobs") as engine:
         shared = analyze(small_study_source, resamples=50, seed=3, engine=engine)
 
     pd.testing.assert_frame_equal(shared.to_frame(), whole.to_frame(), check_exact=True)
@@ -68,7 +68,7 @@ def test_problems_of_recordings_come_out_of_processes(small_study):
     for entry in small_study.root.glob("*perturbed.csv"):
         entry.write_text("spoiled")
     with (
-        open_engine(workers=2, tasks=2, needs="jointz.workflows.participants") as engine,
+        open_engine(workers=2, tasks=2, needs="jointz.analysis.participant_jobs") as engine,
         pytest.raises(StudyError) as shared,
     ):
         analyze(opened, resamples=2, engine=engine)

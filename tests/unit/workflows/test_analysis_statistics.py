@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from jointz.analysis.population_step import _doubt_notes, _model_notes, _session_notes
 from jointz.core.codes import Doubt
 from jointz.core.events import PulseRecord, StrideRecord
-from jointz.core.participant_model import ParticipantModel
 from jointz.core.study import Study, StudySpec
 from jointz.identify.participant import ParticipantResult
-from jointz.workflows.analysis_statistics import _doubt_notes, _model_notes, _session_notes
+from jointz.results.participant_model import ParticipantModel
 
 
 def model(name, *, lag_s=0.006, resonance=0.02, inertia=0.95, curve=0.0, strides=900):

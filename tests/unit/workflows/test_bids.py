@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.conversion.bids_study import MARKER, write_bids
 from jointz.core.errors import DataError, OutputError
-from jointz.io.bids import read_bids
+from jointz.io.bids.bids_read import read_bids
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.bids import MARKER, write_bids
+from jointz.io.study_reader import open_study
 
 HEAD = """\
 jointz = 1
@@ -382,6 +382,6 @@ def test_the_validator_looks_at_the_rules_of_motion(study, tmp_path):
 
 
 def test_writing_bids_loads_no_figures():
-    code = "import sys, jointz.workflows.bids; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, jointz.conversion.bids_study; sys.exit('matplotlib.pyplot' in sys.modules)"
 
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

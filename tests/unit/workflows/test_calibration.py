@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.calibration.calibrate import calibrate
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.io.calibration_file import read_calibration
-from jointz.io.study import open_study
-from jointz.workflows.calibration import calibrate
-from jointz.workflows.run import run
+from jointz.io.study_reader import open_study
+from jointz.session.run import run
 
 RATE_HZ = 400.0
 LAG_S, GAIN, ZERO_RAD = 0.0071, 1.023, -0.12

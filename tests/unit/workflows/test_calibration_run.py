@@ -7,11 +7,11 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError, SafetyStop
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
+from jointz.session.run import run
 from jointz.sim.rig import simulated_rig
-from jointz.workflows.run import run
 
 STEPS = {
     "zero": ("straight",),

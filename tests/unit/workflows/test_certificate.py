@@ -2,8 +2,8 @@
 
 import pytest
 
+from jointz.analysis.certify import certify, checked_injection
 from jointz.identify.appraisal.certificate_study import replicates_for
-from jointz.workflows.certificate import certify, checked_injection
 
 
 @pytest.fixture(scope="module")

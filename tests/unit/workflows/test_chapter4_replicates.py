@@ -5,12 +5,15 @@ import pytest
 from scipy.stats import binom, f_oneway
 from scipy.stats import f as f_distribution
 
-from jointz.kernels.mixed_model import fit_random_intercept, satterthwaite_test
-from jointz.kernels.repeated_measures import repeated_measures_anova
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
+from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.reference import chapter4
 from jointz.reference.audit_chapter4 import PARTICIPANT_P, POINT_P
-from jointz.workflows.chapter4_replicates import replicates_as_people, replicates_published
-from jointz.workflows.chapter4_rows import (
+from jointz.reproduction.chapter4.replicates import replicates_as_people, replicates_published
+from jointz.reproduction.chapter4.rows import (
     PARAMETERS,
     critical_difference,
     fitting_scatter,

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.core.reproduction import Reproduction
-from jointz.core.reproduction_tables import ClaimTable, ComparedTable
 from jointz.reference import chapter3, chapter4
 from jointz.reference.audit import audit
-from jointz.workflows import chapter4_pairs, chapter4_statistics
-from jointz.workflows.audit_claims import audit_claims
-from jointz.workflows.chapter4_comparisons import implied_fwhm, spm_threshold
-from jointz.workflows.chapter4_pairs import fitted_models, pairs_table
-from jointz.workflows.chapter4_statistics import published_statistics
+from jointz.reproduction.audit_claims import audit_claims
+from jointz.reproduction.chapter4 import pairs as chapter4_pairs
+from jointz.reproduction.chapter4 import statistics_claims as chapter4_statistics
+from jointz.reproduction.chapter4.comparisons import implied_fwhm, spm_threshold
+from jointz.reproduction.chapter4.pairs import fitted_models, pairs_table
+from jointz.reproduction.chapter4.statistics_claims import published_statistics
+from jointz.reproduction.reproduction_result import Reproduction
+from jointz.reproduction.reproduction_tables import ClaimTable, ComparedTable
 
 NAMES = {"stiffness": "K", "damping": "B", "inertia": "J"}
 

@@ -6,22 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.reproduction_tables import table_from_dict, table_to_dict
-from jointz.core.waveform_test import WaveformTest
 from jointz.reference import chapter4
-from jointz.workflows.chapter4_gait import PersonGait
-from jointz.workflows.chapter4_grids import accuracy_table, means_table, participant_grids
-from jointz.workflows.chapter4_literature import impedance_figure, literature_figure
-from jointz.workflows.chapter4_simulated import simulated_chapter, simulated_statistics
-from jointz.workflows.chapter4_walking import (
+from jointz.reproduction.chapter4.gait_claims import PersonGait
+from jointz.reproduction.chapter4.grids import accuracy_table, means_table, participant_grids
+from jointz.reproduction.chapter4.literature_claims import impedance_figure, literature_figure
+from jointz.reproduction.chapter4.simulated import simulated_chapter, simulated_statistics
+from jointz.reproduction.chapter4.walking import (
     COLUMNS,
     PARAMETERS,
     WalkedStudy,
     estimated,
     true_values,
 )
+from jointz.reproduction.reproduction_tables import table_from_dict, table_to_dict
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.statistics.waveform_test import WaveformTest
 
 PEOPLE = tuple(f"S{k:02d}" for k in range(1, 11))
 TRUTH = {"stiffness_per_mass": 1.0, "damping_per_mass": 0.04, "inertia": 0.05}
@@ -287,7 +287,7 @@ def test_the_truth_is_per_kg_where_the_tables_are(tmp_path):
 def test_both_tests_of_the_device_are_of_the_same_curves():
     tables, _ = simulated_chapter(study())
     assert isinstance(tables[-1].rows[0].ours, str)
-    from jointz.workflows.chapter4_gait import device_effect
+    from jointz.reproduction.chapter4.gait_claims import device_effect
 
     field, flips = device_effect(gait())
     assert isinstance(field, WaveformTest)

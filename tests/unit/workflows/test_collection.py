@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from benchmarks.collection_entries import write_entry
 
-from jointz.core.catalog_query import CatalogFilter, QueryResult
-from jointz.core.collection_tables import CATALOG_COLUMNS
+from jointz.collections.catalog import build_catalog, query_catalog
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.catalog_file import catalog_about
+from jointz.collections.catalog_query import CatalogFilter, QueryResult
+from jointz.collections.dissertation_entry import printed_values, write_dissertation_entry
 from jointz.core.errors import WriteError
-from jointz.io.collection_catalog import catalog_about
-from jointz.workflows.collection import build_catalog, query_catalog
-from jointz.workflows.collection_dissertation import printed_values, write_dissertation_entry
 
 pytest.importorskip("duckdb")
 pytest.importorskip("pyarrow")

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from benchmarks.collection_entries import JOINTS, write_entry
 
+from jointz.collections.checking.check_collection import check_collection
 from jointz.core.errors import DataError
-from jointz.workflows.collection_check import check_collection
 
 ESTIMATES, COVARIANCE = "estimates.csv", "covariance.csv"
 
@@ -229,7 +229,7 @@ def test_a_planted_error_is_caught_with_its_code(slip, tmp_path):
 
 
 def test_a_table_of_printed_values_is_no_table_of_estimates(tmp_path):
-    from jointz.workflows.collection_dissertation import printed_values
+    from jointz.collections.dissertation_entry import printed_values
 
     def print_only(spec, tables):
         tables[ESTIMATES] = printed_values()
@@ -554,7 +554,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, monkeypatch, error):
 
     write_entry(tmp_path / "lab", seed=3, change=vouch)
     (tmp_path / "lab" / "recordings.zip").write_bytes(b"PK")
-    monkeypatch.setattr("jointz.workflows.collection_entry_checks.file_sha256", refuse)
+    monkeypatch.setattr("jointz.collections.checking.entry_checks.file_sha256", refuse)
 
     told = check_collection(tmp_path).summary()
 
@@ -567,7 +567,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, monkeypatch, error):
     [("sd", np.inf, "infinite"), ("n", 7.5, "count"), ("value", -np.inf, "infinite")],
 )
 def test_printed_numbers_are_numbers(tmp_path, column, value, code):
-    from jointz.workflows.collection_dissertation import printed_values, write_dissertation_entry
+    from jointz.collections.dissertation_entry import printed_values, write_dissertation_entry
 
     folder = write_dissertation_entry(tmp_path / "dissertation").parent
     assert check_collection(tmp_path).clean

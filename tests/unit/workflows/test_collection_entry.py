@@ -6,9 +6,9 @@ import tomllib
 import pytest
 from benchmarks.collection_entries import write_entry
 
+from jointz.collections.checking.check_collection import check_entry
+from jointz.collections.entry import make_entry
 from jointz.core.errors import DataError, OutputError
-from jointz.workflows.collection_check import check_entry
-from jointz.workflows.collection_entry import make_entry
 
 FILLED = {
     "title": '"The knees of fictional people"', "licence": '"CC0-1.0"', "cite": '"A. Fictional"',

@@ -8,9 +8,9 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from jointz.core.collection import CalibrationSpec, Entry
-from jointz.core.collection_tables import CATALOG_COLUMNS, PRINTED_COLUMNS
-from jointz.core.estimates import COVARIANCE_COLUMNS
+from jointz.collections.catalog_columns import CATALOG_COLUMNS, PRINTED_COLUMNS
+from jointz.collections.entry_model import CalibrationSpec, Entry
+from jointz.results.estimates import COVARIANCE_COLUMNS
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "collections.md").read_text(encoding="utf-8")

@@ -12,18 +12,18 @@ import pandas as pd
 import pytest
 from benchmarks.collection_entries import write_entry
 
-from jointz.core.catalog_query import CatalogFilter
-from jointz.core.collection_pool import BY, DEFAULT_BY, CollectionPool
-from jointz.core.collection_tables import CATALOG_COLUMNS
+from jointz.analysis.analyze import analyze
+from jointz.collections.catalog import build_catalog, query_catalog
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.catalog_query import CatalogFilter
+from jointz.collections.coverage import PoolRules, pool_collection, write_pool
+from jointz.collections.pool import pool_catalog
+from jointz.collections.pool_result import BY, DEFAULT_BY, CollectionPool
+from jointz.collections.reanalysis import RawStudy, reanalysed
 from jointz.core.errors import DataError
-from jointz.core.estimates import COVARIANCE_COLUMNS
-from jointz.io.study import open_study
-from jointz.kernels.random_effects import random_effects
-from jointz.workflows.analysis import analyze
-from jointz.workflows.collection import build_catalog, query_catalog
-from jointz.workflows.collection_coverage import PoolRules, pool_collection, write_pool
-from jointz.workflows.collection_pool import pool_catalog
-from jointz.workflows.collection_reanalysis import RawStudy, reanalysed
+from jointz.io.study_reader import open_study
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.results.estimates import COVARIANCE_COLUMNS
 
 mpl.use("Agg")
 
@@ -410,8 +410,8 @@ def analysed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, str, int]]:
         made = own[[*names, "method", "status"]].assign(onset_gait_pct=[21.5, 98.0, np.nan])
         return Analysed(made.assign(participant=["P0", "P2", "a person who is not in the entry"]))
 
-    monkeypatch.setattr("jointz.io.study.open_study", open_study)
-    monkeypatch.setattr("jointz.workflows.analysis.analyze", analyze)
+    monkeypatch.setattr("jointz.io.study_reader.open_study", open_study)
+    monkeypatch.setattr("jointz.analysis.analyze.analyze", analyze)
     return asked
 
 

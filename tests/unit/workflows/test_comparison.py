@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from jointz.core.comparison import Comparison
+from jointz.comparison.compare import compare_results, write_comparison
+from jointz.comparison.comparison_result import Comparison
+from jointz.comparison.comparison_text import comparison_tables
+from jointz.comparison.page import render_comparison
 from jointz.core.errors import DataError, OutputError
-from jointz.core.estimates import ESTIMATE_COLUMNS
 from jointz.reference.chapter4 import participant_table
-from jointz.report.comparison_page import render_comparison
-from jointz.report.comparison_text import comparison_tables
 from jointz.report.wording import format_interval
-from jointz.workflows.comparison import compare_results, write_comparison
+from jointz.results.estimates import ESTIMATE_COLUMNS
 
 POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5}
 UNITS = {

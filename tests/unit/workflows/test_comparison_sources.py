@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.comparison.compare import check_out, compare_results, write_comparison
 from jointz.core.errors import DataError, OutputError
-from jointz.core.estimates import ESTIMATE_COLUMNS
-from jointz.workflows.comparison import check_out, compare_results, write_comparison
+from jointz.results.estimates import ESTIMATE_COLUMNS
 
 POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5}
 UNITS = {

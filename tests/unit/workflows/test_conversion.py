@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 import scipy.io
 
+from jointz.conversion.convert import convert
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.conversion import convert
+from jointz.io.study_reader import open_study
 
 
 @pytest.fixture

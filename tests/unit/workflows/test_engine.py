@@ -17,10 +17,10 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from jointz.core.errors import DataError, EngineError, OutputError, WorkerLostError, WriteError
-from jointz.workflows import engine as engine_module
-from jointz.workflows.engine import Engine, Serial, Task, done_in_turn, open_engine
-from jointz.workflows.engine_shared import shared_out
-from jointz.workflows.task_store import TaskStore, task_key
+from jointz.tasks import engine as engine_module
+from jointz.tasks.engine import Engine, Serial, Task, done_in_turn, open_engine
+from jointz.tasks.shared_memory import shared_out
+from jointz.tasks.task_store import TaskStore, task_key
 
 
 def square(k):

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from jointz.core.errors import DataError, EngineError, WorkerLostError
-from jointz.workflows import engine_dask
-from jointz.workflows.engine import Task, done_in_turn, open_engine
-from jointz.workflows.engine_shared import shared_out
+from jointz.tasks import dask_cluster as engine_dask
+from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.shared_memory import shared_out
 
 distributed = pytest.importorskip("distributed", reason="dask is not installed")
 pytestmark = pytest.mark.filterwarnings("default")  # its own, about loops and sockets
@@ -167,7 +167,7 @@ def late_workers(folder, *many):
 
 #: Tells which worker made it; the workers cannot import this module.
 WHO = Task("who", partial(eval, "__import__('distributed').get_worker().address"))
-OLDER = "import jointz.workflows.engine_dask as it; it._calculating = lambda: {'numpy': '1.0'}"
+OLDER = "import jointz.tasks.dask_cluster as it; it._calculating = lambda: {'numpy': '1.0'}"
 WITHOUT = "import sys; sys.modules['jointz'] = None"
 
 

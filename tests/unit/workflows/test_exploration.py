@@ -10,23 +10,23 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
-from jointz.io.study import open_study
-from jointz.workflows.analysis import analyze
-from jointz.workflows.exploration import cell_of, open_results, pulses_of
-from jointz.workflows.exploration_downloads import (
+from jointz.explorer.downloads import (
     TABLES,
     figure_svg,
     file_name,
     table_csv,
     traces_netcdf,
 )
-from jointz.workflows.exploration_estimates import Wanted, estimate_again, estimate_otherwise
-from jointz.workflows.exploration_exclusions import FILE, decide, is_excluded
-from jointz.workflows.exploration_references import reference_curves
-from jointz.workflows.exploration_traces import PulseKey
-from jointz.workflows.results_folder import write_results
+from jointz.explorer.exclusions import FILE, decide, is_excluded
+from jointz.explorer.literature_curves import reference_curves
+from jointz.explorer.reestimation import Wanted, estimate_again, estimate_otherwise
+from jointz.explorer.results_files import cell_of, open_results, pulses_of
+from jointz.explorer.traces import PulseKey
+from jointz.io.study_reader import open_study
 
 RESAMPLES = 50
 

@@ -12,10 +12,10 @@ import jointz
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError, ProtocolError
 from jointz.devices.interface import Lifecycle
-from jointz.io.netcdf import read_recording
+from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
+from jointz.session.rigs.hardware_rig import HardwareRig, read_hardware
 from jointz.sim.rig import simulated_rig
-from jointz.workflows.hardware_rig import HardwareRig, read_hardware
 
 pytestmark = pytest.mark.alone
 
@@ -115,7 +115,7 @@ class Laboratory:
 @pytest.fixture
 def laboratory(monkeypatch):
     made = Laboratory()
-    monkeypatch.setattr("jointz.workflows.hardware_rig.open_devices", made.open_devices)
+    monkeypatch.setattr("jointz.session.rigs.hardware_rig.open_devices", made.open_devices)
     for home in ("run", "participant_run"):
         monkeypatch.setattr(f"jointz.workflows.{home}.RealClock", VirtualClock)
     monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)

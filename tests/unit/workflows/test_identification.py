@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, UnitError
-from jointz.workflows.identification import (
+from jointz.identification.identify_file import (
     Column,
     identify_actuator_file,
     identify_bandwidth_file,

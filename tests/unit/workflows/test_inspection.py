@@ -8,11 +8,11 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
-from jointz.core.inspection import SeenClock
-from jointz.io.formats import write_acquisition
+from jointz.inspection.inspect_file import inspect_file
+from jointz.inspection.inspection_result import SeenClock
+from jointz.io.formats.registry import write_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.inspection import inspect_file
+from jointz.io.study_reader import open_study
 
 RATE_HZ = 200.0
 

@@ -9,12 +9,12 @@ import pytest
 import scipy.io
 import xarray as xr
 
+from jointz.conversion.convert import convert
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
-from jointz.io.formats import _HOMES, read_acquisition, write_acquisition
+from jointz.inspection.inspect_file import inspect_file
+from jointz.io.formats.registry import _HOMES, read_acquisition, write_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.conversion import convert
-from jointz.workflows.inspection import inspect_file
+from jointz.io.study_reader import open_study
 
 N, RATE_HZ = 400, 200.0
 S = np.arange(N) / RATE_HZ

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.analysis.likelihood_pulses import METHOD, likelihood_pulses
+from jointz.analysis.population_step import study_statistics
 from jointz.core.events import PulseEstimate
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import RecordingInput
-from jointz.workflows.analysis_statistics import study_statistics
-from jointz.workflows.likelihood_pulses import METHOD, likelihood_pulses
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 
 K, B, J, LAG_S = 168.0, 0.3, 0.0374, 0.002
 TIME = np.arange(1800) / 900.0

@@ -11,12 +11,12 @@ import pytest
 import jointz
 from jointz.core.errors import DataError
 from jointz.core.session_log import NO_SAMPLE, WALKING, Flag
-from jointz.experiment.journal import Journal
-from jointz.workflows import live_session
-from jointz.workflows.live_motion import Motion
-from jointz.workflows.live_progress import SessionProgress
-from jointz.workflows.live_session import LiveSession, holder_of, is_held
-from jointz.workflows.live_tail import JournalTail, LogTail
+from jointz.experiment.files.journal import Journal
+from jointz.session.live import live_session
+from jointz.session.live.live_motion import Motion
+from jointz.session.live.live_progress import SessionProgress
+from jointz.session.live.live_session import LiveSession, holder_of, is_held
+from jointz.session.live.live_tail import JournalTail, LogTail
 
 pytestmark = pytest.mark.alone
 

@@ -8,19 +8,19 @@ import time
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.workflows import process_pool as process_pool_module
-from jointz.workflows.process_pool import process_pool, workers_for
+from jointz.tasks import process_pool as process_pool_module
+from jointz.tasks.process_pool import process_pool, workers_for
 
 _HOLD = """
 import time
-from jointz.workflows.process_pool import process_pool
+from jointz.tasks.process_pool import process_pool
 if __name__ == "__main__":
     with process_pool(2, needs="json") as pool:
         print(pool.submit(__import__("os").getpid).result(), flush=True)
         time.sleep(60)
 """
 _UNGUARDED = """
-from jointz.workflows.process_pool import process_pool
+from jointz.tasks.process_pool import process_pool
 with process_pool(2, needs="json") as pool:
     print(pool.submit(abs, -1).result())
 """

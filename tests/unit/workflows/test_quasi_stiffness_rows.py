@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from jointz.analysis.quasi_stiffness_rows import quasi_stiffness_rows
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
-from jointz.workflows.quasi_stiffness_rows import quasi_stiffness_rows
 
 TRUTH = 120.0
 

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.analysis.participant_jobs import read_participant
 from jointz.core.errors import StudyError
 from jointz.identify.preparation.pulses import pulses_from_command
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
-from jointz.workflows.participants import read_participant
+from jointz.io.study_reader import open_study
 
 TIME = '[channels.time]\ncolumn = "time"\nunit = "s"\n'
 

@@ -8,12 +8,13 @@ import pytest
 
 from jointz.core.errors import OutputError
 from jointz.core.events import PulseEstimate
-from jointz.core.reproduction import Reproduction
-from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.reference import chapter2
-from jointz.workflows import chapter2_claims, chapter2_loads, reproduce
-from jointz.workflows.chapter2_loads import Pair
-from jointz.workflows.mechanisms import mechanism_table
+from jointz.reproduction import reproduce
+from jointz.reproduction.chapter2 import chapter2_claims, chapter2_loads
+from jointz.reproduction.chapter2.chapter2_loads import Pair
+from jointz.reproduction.chapter2.mechanisms import mechanism_table
+from jointz.reproduction.reproduction_result import Reproduction
+from jointz.reproduction.reproduction_tables import Compared, ComparedTable
 
 TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
 

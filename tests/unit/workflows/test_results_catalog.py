@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.core.catalog_query import CatalogFilter
+from jointz.analysis.results_folder import write_results
+from jointz.collections.catalog import query_catalog
+from jointz.collections.catalog_query import CatalogFilter
+from jointz.collections.coverage import PoolRules, pool_collection
+from jointz.collections.results_catalog import build_results_catalog
 from jointz.core.errors import DataError
-from jointz.workflows.collection import query_catalog
-from jointz.workflows.collection_coverage import PoolRules, pool_collection
-from jointz.workflows.results_catalog import build_results_catalog
-from jointz.workflows.results_folder import write_results
 
 pytest.importorskip("duckdb")
 

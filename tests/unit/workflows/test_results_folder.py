@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.errors import OutputError
-from jointz.workflows import results_folder
-from jointz.workflows.results_folder import (
+from jointz.analysis import results_folder
+from jointz.analysis.results_folder import (
     ANALYSIS,
     COMPARISON,
     MARKER,
@@ -21,6 +19,8 @@ from jointz.workflows.results_folder import (
     write_marker,
     write_results,
 )
+from jointz.core.errors import OutputError
+from jointz.results.study_analysis import StudyAnalysis
 
 
 def names(folder):

@@ -6,12 +6,12 @@ from io import BytesIO
 import numpy as np
 import pandas as pd
 
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.analysis.page.details_tables import details_frame
+from jointz.analysis.results_folder import csv_bytes, write_results
 from jointz.core.events import PulseRecord, StrideRecord
-from jointz.core.participant_model import ParticipantModel
-from jointz.report.details import details_frame
-from jointz.workflows.results_folder import csv_bytes, write_results
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.participant_model import ParticipantModel
+from jointz.results.study_analysis import StudyAnalysis
 
 
 def analysis(*, models=()):

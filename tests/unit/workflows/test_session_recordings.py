@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from jointz.core.protocol import ConditionSpec
+from jointz.core.protocols.protocol import ConditionSpec
 from jointz.core.recording import history_of
 from jointz.core.session_log import NO_SAMPLE, WALKING, Flag
-from jointz.experiment.journal import Journal, read_journal
+from jointz.experiment.files.journal import Journal, read_journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.files.session_files import log_path
 from jointz.experiment.plan import PlannedPulse
-from jointz.experiment.recorder import Recorder
-from jointz.experiment.session_files import log_path
 from jointz.gait.timestamps import find_gaps
 from jointz.io.protocols import load_protocol
-from jointz.workflows.session_recordings import condition_record
+from jointz.session.session_recordings import condition_record
 
 MS = 1_000_000
 PERIOD = 2 * MS

@@ -8,10 +8,10 @@ import pytest
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError
 from jointz.core.session_log import WALKING, Flag
-from jointz.experiment.journal import Journal
-from jointz.experiment.recorder import Recorder
-from jointz.workflows import session_stream
-from jointz.workflows.session_stream import Following, Sending, found_session, replay
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.session.live import lab_stream as session_stream
+from jointz.session.live.lab_stream import Following, Sending, found_session, replay
 
 pytestmark = pytest.mark.alone
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.core.errors import DataError, OutputError
+from jointz.demo.demo_study import truth_table
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.sim.direct_walk import WalkPlan, walk_directly
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
-from jointz.workflows.demo import truth_table
-from jointz.workflows.simulated_study import simulate_study
 
 FEW = WalkPlan(per_point=1)
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jointz.workflows.analysis import analyze
-from jointz.workflows.specification import specification_curve
+from jointz.analysis.analyze import analyze
+from jointz.analysis.specification_job import specification_curve
 
 
 @pytest.fixture(scope="module")

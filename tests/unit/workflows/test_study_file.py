@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import jointz
-from jointz.core.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
+from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
 from jointz.core.recording import build_recording
 from jointz.core.study import (
     Calibrated,
@@ -20,11 +20,11 @@ from jointz.core.study import (
     name_problem,
 )
 from jointz.devices.interface import Wearer
-from jointz.io.netcdf import write_recording
+from jointz.io.formats.netcdf_recording import write_recording
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
-from jointz.workflows.run_settings import pulses_name, recording_name
-from jointz.workflows.study_file import exclusions_csv, study_toml
+from jointz.session.run_settings import pulses_name, recording_name
+from jointz.session.study_file import exclusions_csv, study_toml
 
 WALKING = load_protocol("walking")
 MOTOR = TorqueModelSpec(

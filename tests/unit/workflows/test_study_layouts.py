@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.core.analysis import NO_MEANS_ON_A_BENCH
+from jointz.analysis.analyze import analyze
+from jointz.analysis.page.report_page import render_report
 from jointz.core.errors import StudyError
-from jointz.report.page import render_report
-from jointz.workflows.analysis import analyze
+from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 
 RATE_HZ = 500.0
 TRUTH = np.array([50.0, 1.5, 0.05])

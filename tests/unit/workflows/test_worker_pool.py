@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 
 from jointz.core.errors import DeviceError, EngineError
-from jointz.workflows import worker_pool
-from jointz.workflows.engine import Serial
-from jointz.workflows.run_settings import RunSettings
-from jointz.workflows.worker_pool import run_people
+from jointz.session import worker_pool
+from jointz.session.run_settings import RunSettings
+from jointz.session.worker_pool import run_people
+from jointz.tasks.engine import Serial
 
 
 @dataclass(frozen=True)

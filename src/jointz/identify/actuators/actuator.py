@@ -9,15 +9,15 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core import provenance
-from jointz.core.actuator_fit import ActuatorFit, ActuatorSeries
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.actuators.actuator_notes import explains_nothing, notes
 from jointz.identify.actuators.actuator_record import ActuatorRecord, gather_actuator
 from jointz.identify.actuators.actuator_regression import Regression, regress
 from jointz.identify.actuators.actuator_terms import MODEL_TERMS, Terms, find_terms, is_constant
 from jointz.identify.series.joint_record import check_choice
+from jointz.results.bench.actuator_fit import ActuatorFit, ActuatorSeries
+from jointz.results.estimates import ParameterEstimate
 
 Model = Literal["current", "motor", "friction"]
 

@@ -11,10 +11,8 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.bandwidth_fit import BandwidthFit
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.frequency_response_curve import ResponseCurve
 from jointz.identify.actuators.bandwidth_crossing import (
     Crossing,
     check_coherent,
@@ -23,7 +21,9 @@ from jointz.identify.actuators.bandwidth_crossing import (
     rough_crossing_hz,
 )
 from jointz.identify.series.joint_record import JointRecord, check_choice, gather_record
-from jointz.kernels.spectra import CrossSpectra, blackman_tukey, welch
+from jointz.kernels.series.spectra import CrossSpectra, blackman_tukey, welch
+from jointz.results.bench.bandwidth_fit import BandwidthFit
+from jointz.results.series.frequency_response_curve import ResponseCurve
 
 Method = Literal["welch", "blackman_tukey"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.kernels.spectra import CrossSpectra, coherence_threshold
+from jointz.kernels.series.spectra import CrossSpectra, coherence_threshold
 
 #: The gain at zero frequency is read off up to this share of the bandwidth.
 _REFERENCE_SHARE = 0.3

@@ -10,8 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.certificate import PARAMETERS, VirtualEstimate
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.appraisal.certificate_draws import Injection, Truth, drawn_truth
 from jointz.identify.appraisal.certificate_joint import InjectedResponse, injected_response
 from jointz.identify.recommended.response_decision import Decision, NaturalSize, decided_parameters
@@ -26,6 +24,8 @@ from jointz.identify.recommended.walking_responses import (
     unlike_from,
 )
 from jointz.kernels.robust_spread import robust_moments
+from jointz.results.certificate_result import PARAMETERS, VirtualEstimate
+from jointz.results.estimates import ParameterEstimate
 
 
 def virtual_estimates(

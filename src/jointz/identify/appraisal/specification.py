@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.estimates import CellEstimate
-from jointz.core.specification_curve import SpecificationEstimate
 from jointz.identify.appraisal.specification_baselines import with_baseline
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cells import METHODS
@@ -29,6 +27,8 @@ from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, PredictedCell, priors_of
+from jointz.results.estimates import CellEstimate
+from jointz.results.specification_curve import SpecificationEstimate
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 PREDICTED = "predicted"

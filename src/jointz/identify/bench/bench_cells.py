@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.bench_fits import FullRecordFit
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.recording import damage_near, damage_of, deflection
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -26,6 +24,8 @@ from jointz.identify.preparation.calibration import (
     value_of,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.results.bench.bench_fits import FullRecordFit
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 
 METHOD = "full_record"
 #: A torque that one linear load explains less of is not that of one: a joint moves by itself,

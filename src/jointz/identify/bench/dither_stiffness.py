@@ -7,15 +7,15 @@ import numpy.typing as npt
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.stiffness_fit import LoopSeries, StiffnessFit
 from jointz.identify.actuators.actuator_regression import BlockPlan
 from jointz.identify.bench.static_stiffness import check_excited, check_level
 from jointz.identify.series.joint_record import JointRecord, Samples, gather_record
 from jointz.kernels.block_sandwich import block_sandwich
+from jointz.results.bench.bench_fits import estimate
+from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
+from jointz.results.estimates import ParameterEstimate
 
 _WHERE = "identify_dither_stiffness"
 _FEWEST_CYCLES = 3

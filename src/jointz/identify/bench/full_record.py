@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.bench_fits import FullRecordFit, estimate
 from jointz.core.errors import DataError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.joint_fit import FitSeries
 from jointz.identify.bench.bench_band import BandRecord, band_hz, band_record
 from jointz.identify.bench.bench_lag import LARGEST_CONDITION, LagChoice, LagModel, choose_lag
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
 from jointz.identify.bench.bench_regression import Regression
+from jointz.results.bench.bench_fits import FullRecordFit, estimate
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.joint_fit import FitSeries
 
 #: Below this share of samples with known friction, a note is made.
 _FEW_KEPT = 0.3

@@ -7,11 +7,8 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
 from jointz.identify.bench.paired_responses import PairResponses, check_same_rate, pair_responses
 from jointz.identify.bench.static_stiffness import check_level
 from jointz.identify.methods.cells import PARAMETERS
@@ -20,6 +17,9 @@ from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.series.joint_record import Samples
 from jointz.kernels.block_sandwich import block_sandwich
 from jointz.kernels.bounded_lsq import condition_numbers, least_squares, normal_equations
+from jointz.results.bench.bench_fits import estimate
+from jointz.results.bench.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
+from jointz.results.estimates import ParameterEstimate
 
 _WHERE = "identify_paired_runs"
 _FEWEST_PULSES = 2

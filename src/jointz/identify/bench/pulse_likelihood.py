@@ -7,12 +7,12 @@ import numpy as np
 from scipy.signal import savgol_filter
 from scipy.stats import t as student_t
 
-from jointz.core.bench_fits import PulseFit, estimate
 from jointz.core.errors import DataError
-from jointz.core.joint_fit import FitSeries
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.kernels.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
-from jointz.kernels.second_order_recursion import REACH
+from jointz.kernels.series.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
+from jointz.kernels.series.second_order_recursion import REACH
+from jointz.results.bench.bench_fits import PulseFit, estimate
+from jointz.results.series.joint_fit import FitSeries
 
 Signal = Literal["response", "raw"]
 
@@ -89,7 +89,7 @@ def fit_pulse(
     Notes
     -----
     The true torque at every sample is unknown and profiled out, with torque linear
-    between samples; see :mod:`jointz.kernels.second_order`. With noise of the encoder
+    between samples; see :mod:`jointz.kernels.series.second_order`. With noise of the encoder
     only, the RMSE is within 5 % of the Cramer-Rao bound. A lag between samples
     is a windowed sinc, which leaves white noise white wherever a load can move.
     Where the residuals are larger than the noise says, intervals are widened by them.

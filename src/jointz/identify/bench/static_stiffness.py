@@ -8,16 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.stiffness_fit import LoopSeries, StiffnessFit
 from jointz.identify.actuators.actuator_regression import Regression, regress
 from jointz.identify.actuators.actuator_terms import is_constant
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, white_noise_sd
 from jointz.identify.series.joint_record import JointRecord, Samples, gather_record
 from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.bench.bench_fits import estimate
+from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
+from jointz.results.estimates import ParameterEstimate
 
 _WHERE = "identify_static_stiffness"
 #: What the low-pass spoils at both ends of a record, in periods of its cut-off.

@@ -8,20 +8,20 @@ out, and which is told from pulse to pulse.
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecord, average_pulses
+from jointz.identify.calibration.steady_fit import RefusedError, thinned
+from jointz.kernels.derivatives import derivative
+from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import (
     CalibrationEntry,
     CalibrationFit,
     CalibrationSeries,
     decided,
     failed,
 )
-from jointz.core.estimates import REACH_95
-from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecord, average_pulses
-from jointz.identify.calibration.steady_fit import RefusedError, thinned
-from jointz.kernels.derivatives import derivative
-from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.estimates import REACH_95
 
 _NAMES = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
 _LEAD_S, _LENGTH_S = 0.15, 0.6

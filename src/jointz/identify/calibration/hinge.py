@@ -10,14 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.calibration.hinge_checks import check_rigid, check_swing
 from jointz.identify.calibration.steady_fit import (
@@ -28,6 +20,14 @@ from jointz.identify.calibration.steady_fit import (
 )
 from jointz.kernels.block_sandwich import correlation_time
 from jointz.kernels.joint_response import sensed
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import (
+    CalibrationEntry,
+    CalibrationFit,
+    CalibrationSeries,
+    decided,
+    failed,
+)
 
 _NAMES = ("angle_lag_s", "angle_gain")
 #: Shares of the filter that are tried, first over all, then where the weight is: steps wider than

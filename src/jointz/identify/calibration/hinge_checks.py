@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
 from jointz.identify.calibration.steady_fit import RefusedError, linear_fit
+from jointz.results.bench.calibration_failure import CalibrationFailure
 
 _LEAST_SWING_RAD = float(np.radians(3.0))
 #: Samples at the end of the range, share of all, and what the encoder does meanwhile, share of

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.estimates import REACH_95
 from jointz.identify.calibration.steady_fit import blocks_for
+from jointz.results.estimates import REACH_95
 
 #: Added to the moments' covariance before it is inverted, share of its trace.
 _EVEN_SHARE = 1e-9

@@ -5,14 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
 from jointz.core.errors import DataError
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.calibration.hanging_model import (
@@ -37,6 +29,14 @@ from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecor
 from jointz.identify.calibration.steady_fit import RefusedError, thinned
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.noise_covariance import shrunk_covariance
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import (
+    CalibrationEntry,
+    CalibrationFit,
+    CalibrationSeries,
+    decided,
+    failed,
+)
 
 _NAMES = ("angle_lag_s", "torque_gain")
 _LEAD_S, _LENGTH_S = 0.05, 0.4

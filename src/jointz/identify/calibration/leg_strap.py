@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jointz.core.calibration_fit import CalibrationEntry, decided
 from jointz.core.study import CalibrationSpec
 from jointz.identify.calibration.hanging_model import FRICTION_GAIN, HangingCell, HangingPosterior
 from jointz.identify.calibration.pulse_averages import PulseAverage
+from jointz.results.bench.calibration_fit import CalibrationEntry, decided
 
 
 def strap_entry(

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
+from jointz.results.bench.calibration_failure import CalibrationFailure
 
 #: Rest before a pulse, s: its mean is the zero of a response.
 _REST_S = 0.2

@@ -15,18 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
+from jointz.core.study import Calibrated, TorqueModelSpec
+from jointz.identify.calibration.driven_motion import driven_velocity
+from jointz.identify.calibration.instrumented_fit import InstrumentedFit, Instruments
+from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import (
     CalibrationEntry,
     CalibrationFit,
     CalibrationSeries,
     decided,
     failed,
 )
-from jointz.core.study import Calibrated, TorqueModelSpec
-from jointz.identify.calibration.driven_motion import driven_velocity
-from jointz.identify.calibration.instrumented_fit import InstrumentedFit, Instruments
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
 
 _NAMES = ("torque_gain", "friction_gain")
 #: Velocities at which friction is taken to have grown to three quarters, rad/s.

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_failure import CalibrationFailure
 from jointz.core.errors import DataError
-from jointz.core.estimates import REACH_95
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     block_sandwich,
     correlation_time,
     count_blocks,
 )
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.estimates import REACH_95
 
 #: More samples without a number than this share, and the record is refused.
 _MOST_LOST = 0.1

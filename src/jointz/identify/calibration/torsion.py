@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 from jointz.core.study import Calibrated
 from jointz.identify.calibration.steady_fit import (
     RefusedError,
@@ -12,6 +10,8 @@ from jointz.identify.calibration.steady_fit import (
     linear_fit,
     thinned,
 )
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 
 _NAMES = ("angle_per_torque",)
 _KNOWN_GAIN = Calibrated(value=1.0, sd=0.0)

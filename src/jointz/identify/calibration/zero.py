@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 from jointz.identify.calibration.steady_fit import (
     RefusedError,
     checked_channels,
     linear_fit,
     thinned,
 )
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
 
 _NAMES = ("angle_zero_rad",)
 #: The angle may move so much over the record before it counts as drift, rad.

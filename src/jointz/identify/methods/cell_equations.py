@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.methods.cell_parameters import (
     BootstrapSpread,
     Point,
@@ -29,6 +28,7 @@ from jointz.kernels.bounded_lsq import (
     least_squares,
     nonnegative_least_squares,
 )
+from jointz.results.estimates import ParameterEstimate
 
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 

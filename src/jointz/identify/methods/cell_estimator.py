@@ -7,7 +7,6 @@ import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.identify.bench.pulse_estimates import pulse_estimates
@@ -19,6 +18,7 @@ from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows, dead_signals
 from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.results.estimates import CellEstimate
 
 #: Unfiltered windows begin so much before the onset and end so much behind the window: torque
 #: that a lag may need, and rest that the weak form sees the onset against.

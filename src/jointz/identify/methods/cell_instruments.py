@@ -16,7 +16,7 @@ from jointz.identify.preparation.cell_data import (
 from jointz.identify.preparation.conditioning import TORQUE
 from jointz.kernels.bounded_lsq import condition_numbers, normal_equations
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.kernels.second_order_recursion import transfer_coefficients
+from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
 #: Passes of the refined instruments; they change little after the second.
 _PASSES = 3

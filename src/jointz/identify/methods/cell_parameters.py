@@ -9,10 +9,10 @@ from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import Calibrated
 from jointz.identify.preparation.calibration import relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, calibration_sd
+from jointz.results.estimates import ParameterEstimate
 
 _PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
 _LEVEL = 0.95

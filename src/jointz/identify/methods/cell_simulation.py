@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.methods.cell_equations import fitted_by_equations, undecided, white_noise_sd
 from jointz.identify.preparation.cell_data import (
     RAW_ANGLE,
@@ -20,7 +19,8 @@ from jointz.kernels.bounded_lsq import (
     nonnegative_least_squares,
     normal_equations,
 )
-from jointz.kernels.second_order_averages import Drive, DrivenFit, fit_driven, refit
+from jointz.kernels.series.second_order_averages import Drive, DrivenFit, fit_driven, refit
+from jointz.results.estimates import ParameterEstimate
 
 #: A free lag is looked for from these, s.
 _START_LAGS_S = (0.0, -0.008, 0.008)
@@ -42,7 +42,7 @@ def output_error(cell: CellData, settings: FitSettings) -> CellFit:
 def errors_in_variables(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the average response with noise in angle and torque, and a lag between them.
 
-    The criterion of :mod:`jointz.kernels.second_order`. The lag is free, within 20 ms or what
+    The criterion of :mod:`jointz.kernels.series.second_order`. The lag is free, within 20 ms or what
     the windows' margin holds; a lag under ``[calibration]`` is shifted out before, and its sd
     is the prior of what is left over. A lag at the end of its range is ``undecided``.
     """

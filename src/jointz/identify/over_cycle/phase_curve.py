@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import REACH_95, CellEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.person_estimates import person_cells
-from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
-from jointz.core.pooled_estimates import (
+from jointz.core.provenance import software
+from jointz.identify.recommended.steep_change import Widened, widen_steep
+from jointz.kernels.series.periodic_process import periodic_curve
+from jointz.kernels.statistics.pooling_posterior import partial_pooling
+from jointz.results.estimates import REACH_95, CellEstimate, decides
+from jointz.results.person_estimates import person_cells
+from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
+from jointz.results.statistics.pooled_estimates import (
     UnboundedEstimate,
     estimate_without_priors,
     unbounded_estimate,
 )
-from jointz.core.provenance import software
-from jointz.identify.recommended.steep_change import Widened, widen_steep
-from jointz.kernels.partial_pooling import partial_pooling
-from jointz.kernels.periodic_process import periodic_curve
+from jointz.results.study_analysis import StudyAnalysis
 
 _LEVEL = 0.95
 _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
@@ -95,7 +95,7 @@ def phase_curve(
     Errors other than noise - lag, gains, drift inside the window, model - are alike at
     neighbouring phases: their variance is added whole to the band instead of averaging out
     along the curve. The curve of the mean goes through the means over people, their intervals
-    over people (:mod:`jointz.kernels.partial_pooling`) added whole, so that what lies between
+    over people (:mod:`jointz.kernels.statistics.pooling_posterior`) added whole, so that what lies between
     the timing points is as uncertain for many people as for one.
 
     An estimate whose window lies on a rise or fall of K that both neighbours vouch for, and that

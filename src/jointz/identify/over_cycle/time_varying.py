@@ -9,7 +9,6 @@ import numpy.typing as npt
 from jointz.core import provenance
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.core.time_varying_fit import TimeVaryingFit
 from jointz.identify.over_cycle.time_varying_curves import (
     curve_warnings,
     parameter_curves,
@@ -33,6 +32,7 @@ from jointz.identify.over_cycle.time_varying_strides import (
 from jointz.identify.series.frequency_response_spectra import Input, TorqueSide, prepare_record
 from jointz.identify.series.joint_record import JointRecord, Samples, check_choice, gather_record
 from jointz.kernels.resampling import resample_weights
+from jointz.results.series.time_varying_fit import TimeVaryingFit
 
 _WHERE = "identify_time_varying"
 #: Share of the input's power that must be left without what all strides have in common.
@@ -124,7 +124,7 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
     Ensemble and short-segment method: at every phase, the segments of all strides
     are taken in real time about it, their mean over strides is removed, and the
     rest is one sample of a joint whose stiffness is K + K'(t - centre):
-    :mod:`jointz.kernels.ensemble_response` has the sources. Samples are weighed
+    :mod:`jointz.kernels.series.ensemble_response` has the sources. Samples are weighed
     by the inverse covariance of the residual over a segment, so the slow
     variation of the movement from stride to stride hardly counts. Bands
     resample strides and hold noise only: not the lag between sensors (T reads as B +

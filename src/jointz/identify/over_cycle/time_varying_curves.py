@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from jointz.core.codes import Failure
-from jointz.core.time_varying_fit import ParameterCurve, PhaseResponses
 from jointz.identify.over_cycle.time_varying_segments import PhaseEstimate
 from jointz.identify.series.joint_record import sign_warnings
+from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses
 
 _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Undecided: half the interval is more than this share of the parameter's size over the cycle.

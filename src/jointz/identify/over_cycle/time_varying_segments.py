@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.ensemble_response import (
+from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.kernels.series.ensemble_response import (
     EnsembleResponse,
     SegmentFit,
     cross_predicted,
@@ -13,7 +14,6 @@ from jointz.kernels.ensemble_response import (
     fit_segments,
     without_mean,
 )
-from jointz.kernels.filtering import lowpass_zero_phase
 
 
 @dataclass(frozen=True, slots=True)

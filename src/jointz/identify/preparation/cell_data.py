@@ -7,10 +7,10 @@ import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import ParameterEstimate, Response
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE
+from jointz.results.estimates import ParameterEstimate, Response
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 #: Rows of the windows that methods for unfiltered signals take.

@@ -6,9 +6,9 @@ from math import cos, exp, hypot, isfinite, radians, sin, tau
 from statistics import NormalDist
 from types import MappingProxyType
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.gait_phases import PHASES
 from jointz.core.study import DeviceSpec, ParticipantSpec
+from jointz.results.estimates import ParameterEstimate
 
 #: Name of the estimate that :func:`corrected_stiffness` returns.
 CORRECTED_STIFFNESS = "stiffness_gravity_corrected"

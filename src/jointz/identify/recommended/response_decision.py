@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.codes import Failure
-from jointz.core.estimates import REACH_95, ParameterEstimate, decides
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import relative_sd
@@ -14,6 +13,7 @@ from jointz.identify.recommended.instrument_knowledge import removed_variances
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior, Moments
 from jointz.kernels.bounded_normal import bounded_interval
+from jointz.results.estimates import REACH_95, ParameterEstimate, decides
 
 _LEVEL = 0.95
 #: Share of the variance that the prior's is of an estimate it has twice the sd of: more is not

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.stats import norm
 
 from jointz.core.codes import Doubt
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S, moved_by, reflex_shape
 from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
 from jointz.identify.recommended.response_posterior import JointPosterior
 from jointz.identify.recommended.walking_responses import PredictedCell
 from jointz.kernels.response_search import J_DEVIATION, LOG_J, PER_POINT, SHARED, B, K
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 
 #: Chance that a linear joint is called another, a participant and a kind of pulses.
 LEVEL = 1e-3

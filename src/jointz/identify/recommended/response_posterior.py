@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.estimates import FIT_SOURCES
 from jointz.identify.recommended.reflex_hypothesis import with_reflexes
 from jointz.identify.recommended.response_model import (
     CellResponse,
@@ -30,6 +29,7 @@ from jointz.kernels.response_search import (
     B,
     K,
 )
+from jointz.results.estimates import FIT_SOURCES
 
 #: Inertia as good as one for all points, or a value of each.
 CONSTANT_INERTIA_SD = 0.01
@@ -54,7 +54,9 @@ class Moments:
     """An estimate with the variances that make its uncertainty."""
 
     mean: float  # the estimate
-    sources: dict[str, float]  # source -> variance; see :data:`~jointz.core.estimates.FIT_SOURCES`
+    sources: dict[
+        str, float
+    ]  # source -> variance; see :data:`~jointz.results.estimates.FIT_SOURCES`
 
     @property
     def variance(self) -> float:

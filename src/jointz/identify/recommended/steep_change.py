@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.gait_phases import phase_difference
-from jointz.core.pooled_estimates import unbounded_estimate
 from jointz.kernels.joint_response import (
     DAMPING,
     INERTIA,
@@ -20,6 +18,8 @@ from jointz.kernels.joint_response import (
     joint_motion,
 )
 from jointz.kernels.response_search import K_FLOOR
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.statistics.pooled_estimates import unbounded_estimate
 
 #: Drift of K over the window, share of its value, that is steep.
 _STEEP = 0.15

@@ -13,10 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from jointz.core.codes import Doubt, Exclusion, Failure
-from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.gait_phases import mean_phase
-from jointz.core.participant_model import ParticipantModel
 from jointz.identify.methods.cells import failed_parameters
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.calibration import pooled_calibration
@@ -71,6 +69,8 @@ from jointz.identify.recommended.walking_responses import (
     known_together,
     priors_of,
 )
+from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.participant_model import ParticipantModel
 
 METHOD = "recommended"
 BASELINE = "predicted"

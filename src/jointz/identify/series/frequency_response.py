@@ -10,8 +10,6 @@ import xarray as xr
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.frequency_response_curve import ResponseCurve
-from jointz.core.frequency_response_fit import FrequencyResponseFit
 from jointz.identify.series.frequency_response_second_order import estimate_second_order
 from jointz.identify.series.frequency_response_spectra import (
     Input,
@@ -21,6 +19,8 @@ from jointz.identify.series.frequency_response_spectra import (
     prepare_record,
 )
 from jointz.identify.series.joint_record import check_choice, gather_record
+from jointz.results.series.frequency_response_curve import ResponseCurve
+from jointz.results.series.frequency_response_fit import FrequencyResponseFit
 
 _WHERE = "identify_frequency_response"
 #: Where nothing is coherent the band is cut off here, so that files hold no infinities.
@@ -45,7 +45,7 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
     The curve is Welch's with 16 Hann segments, half overlapping, of 4 s at most: a
     resonance narrower than ``resolution_hz`` reads too flat. K, B, J are not read
     off the curve: they are fitted to the spectra of the whole record, which have
-    no such bias (:func:`jointz.kernels.spectra_second_order.fit_second_order`),
+    no such bias (:func:`jointz.kernels.series.spectra_second_order.fit_second_order`),
     weighted by the error. White noise of the input is taken off where the top
     of its spectrum shows it.
 

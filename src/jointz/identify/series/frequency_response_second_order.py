@@ -6,19 +6,19 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.frequency_response_spectra import JointSpectra
 from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.identify.series.joint_record import JointRecord, sign_warnings
 from jointz.identify.series.joint_signals import default_estimator, prepare_signals
 from jointz.identify.series.second_order_check import check_second_order, withhold_parameters
-from jointz.kernels.spectra_second_order import (
+from jointz.kernels.series.spectra_second_order import (
     RecordSpectra,
     SpectrumFit,
     fit_second_order,
     record_spectra,
 )
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 ILL_CONDITIONED = "ill_conditioned"

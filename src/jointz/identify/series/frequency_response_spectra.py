@@ -8,7 +8,7 @@ import numpy as np
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.identify.series.joint_record import JointRecord
-from jointz.kernels.spectra import CrossSpectra, coherence_threshold, welch
+from jointz.kernels.series.spectra import CrossSpectra, coherence_threshold, welch
 
 Input = Literal["torque", "angle"]
 TorqueSide = Literal["joint", "device"]

@@ -13,7 +13,6 @@ from scipy.stats import norm
 
 from jointz.core import provenance
 from jointz.core.errors import DataError
-from jointz.core.impulse_response_fit import ImpulseCurve, ImpulseResponseFit
 from jointz.identify.series.frequency_response_second_order import (
     SecondOrder,
     estimate_second_order,
@@ -25,7 +24,8 @@ from jointz.identify.series.frequency_response_spectra import (
     prepare_record,
 )
 from jointz.identify.series.joint_record import JointRecord, check_choice, gather_record
-from jointz.kernels.impulse_response import ImpulseEstimate, estimate_response
+from jointz.kernels.series.impulse_response_estimate import ImpulseEstimate, estimate_response
+from jointz.results.series.impulse_response_fit import ImpulseCurve, ImpulseResponseFit
 
 _WHERE = "identify_impulse_response"
 #: Samples of the decimated record in one period of the highest frequency.
@@ -71,7 +71,7 @@ def identify_impulse_response(  # noqa: PLR0913 - the fixed public signature of 
 
     Both signals are decimated to five samples a period of ``cutoff_hz``. The
     response solves Wiener-Hopf (1.4) with a pseudo-inverse
-    (:func:`jointz.kernels.impulse_response.estimate_response`; Westwick and
+    (:func:`jointz.kernels.series.impulse_response_estimate.estimate_response`; Westwick and
     Kearney 1997). Its bounds are of noise, not of what the perturbation did not
     contain. Joining an improper impedance to a sampled response leaves
     wiggles of the band's end; compare with ``fitted``, which has them too.

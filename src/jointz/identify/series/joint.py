@@ -11,12 +11,6 @@ from scipy.stats import t as student_t
 
 from jointz.core import provenance
 from jointz.core.errors import DataError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.frequency_response_fit import FrequencyResponseFit
-from jointz.core.impulse_response_fit import ImpulseResponseFit
-from jointz.core.joint_fit import FitSeries, JointFit
-from jointz.core.reflex_fit import ReflexFit
-from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.frequency_response import identify_frequency_response
 from jointz.identify.series.impulse_response import identify_impulse_response
 from jointz.identify.series.joint_estimators import ESTIMATORS, JointSignals, Solution
@@ -37,6 +31,12 @@ from jointz.kernels.block_sandwich import (
     correlation_time,
     count_blocks,
 )
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.frequency_response_fit import FrequencyResponseFit
+from jointz.results.series.impulse_response_fit import ImpulseResponseFit
+from jointz.results.series.joint_fit import FitSeries, JointFit
+from jointz.results.series.reflex_fit import ReflexFit
+from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 Model = Literal["kbj", "irf", "frf", "reflex"]
 Input = Literal["torque", "angle"]

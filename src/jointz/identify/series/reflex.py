@@ -10,8 +10,6 @@ import xarray as xr
 from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 from jointz.identify.series.joint_record import (
     JointRecord,
     check_choice,
@@ -27,7 +25,9 @@ from jointz.identify.series.reflex_search import (
     prepare,
     search,
 )
-from jointz.kernels.parallel_cascade import DELAY_S, CascadeFit
+from jointz.kernels.series.parallel_cascade import DELAY_S, CascadeFit
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 
 Input = Literal["torque", "angle"]
 TorqueSide = Literal["joint", "device"]
@@ -74,7 +74,7 @@ def identify_reflex(  # noqa: PLR0913 - the fixed public signature of identify
     is left, for the linear model too. The velocity is rectified with twice the band of the
     other signals. The first second is not fitted. The p-value is that of the largest score
     of 240 candidate paths under random signs of blocks of time
-    (:func:`jointz.kernels.parallel_cascade.chance_of_largest_score`). Intervals are a
+    (:func:`jointz.kernels.series.parallel_cascade.chance_of_largest_score`). Intervals are a
     block sandwich over K, B, J, gain and the shape together.
 
     It misleads when the torque was perturbed (torque inside the joint is taken for its

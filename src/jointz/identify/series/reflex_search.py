@@ -11,7 +11,7 @@ from jointz.identify.series.joint_record import JointRecord, refuse_constant
 from jointz.kernels.block_sandwich import block_sandwich, correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.kernels.parallel_cascade import (
+from jointz.kernels.series.parallel_cascade import (
     CascadeFit,
     RectifiedPath,
     chance_of_largest_score,

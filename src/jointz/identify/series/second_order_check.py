@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_toeplitz
 from scipy.signal import bilinear, lfilter
 
-from jointz.core.estimates import REACH_95, ParameterEstimate
-from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.joint_estimators import JointSignals, Solution, simulate_motion
 from jointz.kernels.block_sandwich import autocorrelation, correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
+from jointz.results.estimates import REACH_95, ParameterEstimate
+from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 #: Of each of the two tests: both together refuse one sound record in a hundred.
 _LEVEL = 0.005

@@ -9,12 +9,12 @@ from numba import njit
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from jointz.core.bench_fits import FullRecordFit
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.bench.bench_cells import _lag
 from jointz.identify.bench.bench_records import BenchTrial, even_records
 from jointz.identify.bench.full_record import Impedance, fit_full_record
+from jointz.results.bench.bench_fits import FullRecordFit
 
 LOADS = {1: (168.0, 0.0364), 2: (273.0, 0.0364), 3: (168.0, 0.0700), 4: (273.0, 0.0700)}
 #: Offset in N*m, sines (amplitude N*m, frequency Hz), period of the whole, s.

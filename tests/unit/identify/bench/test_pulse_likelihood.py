@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.core.bench_fits import PulseFit
 from jointz.core.errors import DataError, EstimationError
 from jointz.identify.bench.pulse_likelihood import NoiseLevels, fit_pulse
+from jointz.results.bench.bench_fits import PulseFit
 
 RATE_HZ = 900.0
 STEP = 1 / RATE_HZ

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.identify.calibration.footswitch import fit_footswitch
+from jointz.identify.calibration.footswitch_levels import fit_footswitch
 
 OPEN_V, CONTACT_V = 0.3, 2.7
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from jointz import phase_curve
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.phase_curve import MEAN
 from jointz.identify.over_cycle.phase_curve import timing_points_of_phases
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.series.cycle_curve import MEAN
+from jointz.results.study_analysis import StudyAnalysis
 
 OFFSET_PCT = 5.6  # of the centre behind the onset, as in walking
 

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 import jointz
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.time_varying_fit import TimeVaryingFit
+from jointz.results.series.time_varying_fit import TimeVaryingFit
 
 RATE = 500.0
 STRIDE_S = 1.1

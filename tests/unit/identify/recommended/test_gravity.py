@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import DeviceSpec, ParticipantSpec
 from jointz.identify.recommended.gravity import (
     CORRECTED_STIFFNESS,
@@ -21,6 +20,7 @@ from jointz.identify.recommended.gravity import (
     limb_gravity,
     thigh_angle,
 )
+from jointz.results.estimates import ParameterEstimate
 
 MASS_KG, HEIGHT_M = 73.0, 1.74
 GRAVITY = 9.81

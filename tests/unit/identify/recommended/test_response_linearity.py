@@ -7,12 +7,12 @@ import pytest
 from scipy.stats import binom
 
 from jointz.core.codes import Doubt
-from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.core.participant_model import ParticipantModel
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.recommended.walking_responses import PredictedCell, explain_responses
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.participant_model import ParticipantModel
 
 PERIOD_S, STEP_S, N, WINDOW_S = 0.002, 0.0005, 70, 0.1
 KNOWN = replace(Priors(), lag_s=(0.002, 0.0003), friction_gain=(1.0, 1e-5))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import FIT_SOURCES
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import (
     CONSTANT_INERTIA_SD,
@@ -11,6 +10,7 @@ from jointz.identify.recommended.response_posterior import (
     estimate_responses,
     inertia_evidence,
 )
+from jointz.results.estimates import FIT_SOURCES
 
 PERIOD_S, WINDOW_S = 0.002, 0.1
 TIME_S = np.arange(56) * PERIOD_S

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from jointz import phase_curve
-from jointz.core.analysis import StudyAnalysis
-from jointz.core.estimates import CellEstimate, ParameterEstimate, Response
-from jointz.core.pooled_estimates import unbounded_estimate
 from jointz.identify.recommended.steep_change import drift_reach, undecided_where_steep, widen_steep
+from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.statistics.pooled_estimates import unbounded_estimate
+from jointz.results.study_analysis import StudyAnalysis
 
 K, B, J, WINDOW_S, RATE_HZ = 80.0, 2.0, 0.06, 0.1, 500.0
 TIMES = np.arange(-3, int(WINDOW_S * RATE_HZ) + 1) / RATE_HZ

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.joint_fit import JointFit
 from jointz.core.recording import build_recording
 from jointz.identify.series.joint import identify_joint
+from jointz.results.series.joint_fit import JointFit
 
 RATE_HZ = 500.0
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, butter, lsim, sosfiltfilt
 
-from jointz.core.joint_fit import JointFit
 from jointz.identify.series.joint import identify_joint
+from jointz.results.series.joint_fit import JointFit
 
 ESTIMATORS = ("least_squares", "bounded_least_squares", "admittance", "instrumental_variable")
 TRUTH = {"stiffness": 60.0, "damping": 1.0, "inertia": 0.03}

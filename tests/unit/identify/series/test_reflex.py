@@ -9,10 +9,10 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter, lsim
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.reflex_fit import ReflexFit
 from jointz.identify.series.joint import identify_joint
 from jointz.identify.series.reflex import identify_reflex
-from jointz.kernels.parallel_cascade import Shape, rectified_path
+from jointz.kernels.series.parallel_cascade import Shape, rectified_path
+from jointz.results.series.reflex_fit import ReflexFit
 
 RATE_HZ = 1000.0
 TRUTH = {

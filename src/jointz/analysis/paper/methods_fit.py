@@ -1,0 +1,210 @@
+"""What a methods section says of estimation and intervals."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from jointz.analysis.paper.citations import cite
+from jointz.analysis.paper.methods_calibration import lag_is_calibrated
+from jointz.analysis.paper.methods_recommended import decision_sentence, recommended_sentences
+from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
+from jointz.report.prose import interval_methods, mean_interval, mean_over_people_note
+from jointz.report.pulse_words import window_start
+from jointz.report.subjects import subjects
+from jointz.report.wording import format_exact, method_name
+from jointz.results.estimates import CellEstimate
+from jointz.results.study_analysis import StudyAnalysis
+
+#: What the dissertation took where its text says no more than "Butterworth".
+_FILTER: Final = "a fourth-order Butterworth filter run forward and backward"
+_BASELINES: Final[Mapping[str, str]] = {
+    "unperturbed_mean": (
+        "The mean unperturbed cycle, aligned in time at heel strike, was subtracted from each "
+        "response."
+    ),
+    "pre_pulse": "The level before each pulse was subtracted from its response.",
+    "matched_strides": (
+        "The mean of the unperturbed strides most like the perturbed one was subtracted from each "
+        "response."
+    ),
+}
+#: On a bench a recording takes the place of the strides, where it has no cycles.
+_UNPERTURBED_TRIAL: Final = (
+    "The unperturbed recording most like it by session, side and trial, or the mean of those, was "
+    "subtracted from each response at the same time since {start}."
+)
+
+_BY_LEAST_SQUARES: Final = "fitted to the average response by least squares {bounds}"
+_FITS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("dissertation", "pre_pulse", "matched_strides", "pilot"), _BY_LEAST_SQUARES),
+    "least_squares": "fitted to the average response by least squares without bounds",
+    "instrumental_variable": (
+        "fitted to the average response with the commanded torque as instrument {instruments}, "
+        "{bounds}"
+    ),
+    "output_error": (
+        "its angle simulated from the measured torque and fitted to the average angle, {driven}"
+    ),
+    "errors_in_variables": (
+        "fitted to the average response with errors of both signals and a lag between them, "
+        "{driven}"
+    ),
+    "weak_form": (
+        "fitted to the average response in its weak form, which takes no derivatives {weak_form}, "
+        "{bounds}"
+    ),
+}
+_AS_SAMPLED: Final = ("output_error", "errors_in_variables", "weak_form")
+#: Methods whose resamples are spread as Student's t is.
+_WIDENED: Final = ("least_squares", "instrumental_variable", *_AS_SAMPLED)
+
+_WHOLE_TRIALS: Final = (
+    "Whole trials were used: nothing was cut out and no unperturbed motion subtracted. The torque "
+    "was modelled as K·angle + B·velocity + J·acceleration {model} with {friction}an offset for "
+    "each trial, recorded with {lag}. All were fitted together by least squares, the noise of the "
+    "angle taken out of the sums of squares {scores}. Angle and torque passed the same Gaussian "
+    "low-pass (standard deviation 40 Hz, or a tenth of the sampling rate where that is less){held}."
+)
+_STICKING: Final = ", and samples where friction may have held it still were left out"
+
+
+def estimation_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say how responses were made and fitted."""
+    used = used_methods(analysis)
+    others = [m for m in used if m != FULL_RECORD]
+    sentences = []
+    if FULL_RECORD in used:
+        sentences.append(_whole_trials(analysis))
+        if others:
+            sentences.append(
+                f"Other cases were estimated by the method “{method_name(others[0])}”."
+            )
+    if used != [FULL_RECORD]:
+        sentences += _response_sentences(analysis, others[0] if others else "")
+    return sentences
+
+
+def interval_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Say how intervals were made, at which level, and what is no value."""
+    settings, used = analysis.settings, set(used_methods(analysis))
+    level = f"{format_exact(100 * settings.get('ci_level', 0.95))} %"
+    made = interval_methods(analysis)
+    one = subjects(analysis).one
+    sentences = [f"{level} intervals of each {one}: {'; '.join(made)}{_basis(made)}."]
+    if not made:
+        sentences = []
+    resampled = used - {FULL_RECORD, RECOMMENDED} and any("bootstrap" in text for text in made)
+    if settings.get("resamples") and resampled:
+        sentences.append(f"Number of resamples: {settings['resamples']}{_seed(settings)}.")
+        if used & set(_WIDENED):
+            sentences.append("Deviations of the pulses were widened to Student's t.")
+    if RECOMMENDED in used:
+        sentences.append(decision_sentence())
+    if any(m.value is not None for m in analysis.population):
+        sentences.append(
+            f"Means over {subjects(analysis).many} carry "
+            f"{mean_interval(analysis, level=f'{level} ')}. {mean_over_people_note(analysis)}"
+        )
+    return sentences
+
+
+def _whole_trials(analysis: StudyAnalysis) -> str:
+    cells = [c for c in analysis.cells if c.method == FULL_RECORD and c.nuisance]
+    sliding = sum(any(p.name == "coulomb_friction" for p in c.nuisance) for c in cells)
+    some = "" if sliding == len(cells) else f" (in {sliding} of {len(cells)} cases)"
+    friction = (
+        f"a friction torque of constant size against the motion{some} and " if sliding else ""
+    )
+    lag = "a lag (a delay, a first-order filter or both)"
+    if cells and lag_is_calibrated(analysis):
+        lag = "a delay about which the calibration was a prior"
+    return _WHOLE_TRIALS.format(
+        model=cite("dissertation"),
+        scores=cite("corrected_scores"),
+        friction=friction,
+        lag=lag,
+        held=_STICKING if sliding else "",
+    )
+
+
+def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
+    """Say how responses to pulses were cut, filtered and fitted."""
+    settings = analysis.settings
+    if method == RECOMMENDED:
+        return recommended_sentences(analysis)
+    cells = [c for c in analysis.cells if c.method == method]
+    window_s = settings.get("window_s")
+    window = (
+        f", over {format_exact(1e3 * window_s)} ms from {window_start(analysis)}"
+        if window_s
+        else ""
+    )
+    sentences = [
+        "The torque response was modelled as K·angle + B·velocity + J·acceleration "
+        f"{cite('dissertation')}{window}{_fit(method, bounded=settings.get('kind') != 'bench')}."
+    ]
+    baseline = _baseline(settings, cells)
+    return [
+        *sentences,
+        *_reported(method, baseline),
+        *_filter_sentences(settings, method),
+        *_baseline_sentences(analysis, baseline),
+    ]
+
+
+def _fit(method: str, *, bounded: bool) -> str:
+    """Return how the model was fitted; what is not on a bench may not be negative."""
+    if method not in _FITS:
+        return ""
+    bounds = "with K, B and J not negative" if bounded else "without bounds"
+    text = _FITS[method].format(
+        bounds=bounds,
+        driven=f"J positive{' and K and B not negative' if bounded else ''}",
+        instruments=cite("instruments"),
+        weak_form=cite("weak_form"),
+    )
+    return f", {text}"
+
+
+def _baseline(settings: Mapping[str, Any], cells: Sequence[CellEstimate]) -> str:
+    """Return what was subtracted: a case that needed another method has that method's own."""
+    return next((c.baseline for c in cells if c.baseline), str(settings.get("baseline") or ""))
+
+
+def _reported(method: str, baseline: str) -> list[str]:
+    """Say which value is reported where that is not the fit to the average."""
+    if method == "dissertation" and baseline == "unperturbed_mean":
+        return ["The mean over the bootstrap resamples is reported."]
+    return []
+
+
+def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
+    cutoff_hz = settings.get("cutoff_hz")
+    if not cutoff_hz:
+        return []
+    cutoff = f"{format_exact(cutoff_hz)} Hz"
+    if method in _AS_SAMPLED:
+        return [
+            "Angle and torque were fitted as sampled; the variance accounted for is that of the "
+            f"response after a low-pass filter ({cutoff})."
+        ]
+    return [f"Angle and torque passed the same low-pass filter ({cutoff}), {_FILTER}."]
+
+
+def _baseline_sentences(analysis: StudyAnalysis, baseline: str) -> list[str]:
+    if not baseline or baseline == "none":
+        return []
+    if baseline == "unperturbed_mean" and subjects(analysis).bench:
+        start = "the beginning of the cycle" if analysis.strides else "the beginning"
+        return [_UNPERTURBED_TRIAL.format(start=start)]
+    return [_BASELINES.get(baseline, f"The baseline “{baseline}” was subtracted.")]
+
+
+def _basis(made: list[str]) -> str:
+    """Return the citation of how intervals were made."""
+    text = " ".join(made)
+    keys = [k for k in ("bootstrap", "sandwich", "jackknife") if k in text]
+    return "".join(f" {cite(key)}" for key in keys)
+
+
+def _seed(settings: Mapping[str, Any]) -> str:
+    return f", seed {settings['seed']}" if settings.get("seed") is not None else ""

@@ -1,0 +1,102 @@
+"""The specification curve of one participant of a study."""
+
+import os
+from collections.abc import Sequence
+
+from jointz.analysis.analyze import Progress
+from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.core.study import Study
+from jointz.identify.appraisal.specification import Choices, specification_estimates
+from jointz.identify.preparation.recording_groups import recording_groups
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.io.study_reader import open_study
+from jointz.results.person_estimates import row_label
+from jointz.results.specification_curve import SpecificationCurve
+
+_STANDARD = Choices()
+
+
+def specification_curve(
+    study: Study | str | os.PathLike[str],
+    *,
+    participant: str | None = None,
+    windows_s: Sequence[float] = _STANDARD.windows_s,
+    cutoffs_hz: Sequence[float] = _STANDARD.cutoffs_hz,
+    baselines: Sequence[str] = _STANDARD.baselines,
+    resamples: int = 200,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> SpecificationCurve:
+    """Analyse a participant of a walking study under every defensible set of choices.
+
+    Parameters
+    ----------
+    study : Study or path
+        An opened study, or its folder.
+    participant : str, optional
+        The id, with session and side where there are several, as tables write it: ``S01, left``.
+        By default the first.
+    windows_s : sequence of float, s
+        From the onset; the recommended method refuses those above 0.12 s.
+    cutoffs_hz : sequence of float, Hz
+        Of the dissertation's method, which filters.
+    baselines : sequence of str
+        ``predicted``, ``matched_strides``, ``unperturbed_mean``.
+    resamples, seed : int
+        Of the bootstrap of the dissertation's method.
+    progress : callable, optional
+        Called with (steps done, of how many, what comes next).
+
+    Returns
+    -------
+    SpecificationCurve
+        K, B and J of every timing point under every set of choices; what cannot be estimated
+        has a status that says why.
+
+    Raises
+    ------
+    StudyError, DataError
+        When recordings cannot be trusted.
+    ValueError
+        When the study does not walk, has no such participant, or a choice makes no sense.
+    """
+    opened = study if isinstance(study, Study) else open_study(study)
+    if opened.spec.kind != "walking":
+        raise ValueError(
+            f'specification_curve: expected a walking study, got kind "{opened.spec.kind}".'
+        )
+    people = [person.id for person in opened.spec.participants]
+    asked = people[0] if participant is None else participant
+    who = next((p for p in people if f"{asked},".startswith(f"{p},")), None)
+    if who is None:
+        raise ValueError(f"participant: expected one of {', '.join(people)}; got {asked!r}.")
+    choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
+    total = len(choices.windows_s) + len(choices.cutoffs_hz)
+    done = iter(range(total))
+
+    def tell(what: str) -> None:
+        if progress:
+            progress(next(done), total, what)
+
+    settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
+    groups = recording_groups(read_participant(opened, who, {}), walking=True)
+    found = {row_label(who, *unit): own for unit, own in groups if unit is not None}
+    alone = asked == who and len(found) == 1
+    label = next(iter(found)) if participant is None or alone else asked
+    if label not in found:
+        raise ValueError(f"participant: expected one of {'; '.join(found)}; got {asked!r}.")
+    estimates = specification_estimates(who, found[label], settings, choices, tell=tell)
+    if progress:
+        progress(total, total, "done")
+    return SpecificationCurve(
+        participant=label,
+        estimates=estimates,
+        settings={
+            "windows_s": list(choices.windows_s),
+            "cutoffs_hz": list(choices.cutoffs_hz),
+            "baselines": list(choices.baselines),
+            "inertia_models": list(choices.inertia_models),
+            "resamples": resamples,
+            "seed": seed,
+        },
+    )

@@ -1,0 +1,187 @@
+"""What ``jointz collect check`` finds in entries, and what ``build`` leaves out because of it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.results.base import checked_values
+from jointz.results.series.frequency_response_curve import INK, MODEL
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CHECK_SCHEMA = "jointz.CollectionCheck/1"
+BUILD_SCHEMA = "jointz.CatalogBuild/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that ``collect check`` found."""
+
+    entry: str  # folder of the entry
+    code: str  # stable; docs/collections.md lists them
+    where: str  # key of ``entry.toml``, or file and column
+    expected: str  # what there should be, and what there is; ``found`` is empty where nothing is
+    found: str = ""
+
+    def __str__(self) -> str:
+        """Return one sentence."""
+        found = f"; found {self.found.rstrip('.')}" if self.found else ""
+        return f"{self.entry}: {self.where}: expected {self.expected}{found}. [{self.code}]"
+
+
+@dataclass(frozen=True, slots=True)
+class CollectionCheck:
+    """What ``collect check`` found in a collection."""
+
+    entries: tuple[str, ...]  # folders that were looked at
+    findings: tuple[Finding, ...]  # everything found, by entry
+    # on plausibility, and accepted by the entry itself with a reason
+    accepted: tuple[Finding, ...] = ()
+    # entries with the joint and parameters whose size nobody looked at, for want of a range
+    not_sized: tuple[str, ...] = ()
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    def of(self, entry: str) -> tuple[Finding, ...]:
+        """Return what was found in an entry."""
+        return tuple(finding for finding in self.findings if finding.entry == entry)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a finding."""
+        rows = [asdict(finding) for finding in self.findings]
+        return pd.DataFrame(rows, columns=list(Finding.__dataclass_fields__), dtype=object)
+
+    def summary(self) -> str:
+        """Return a line for each finding, one of them all, and what was not looked at."""
+        broken = len({finding.entry for finding in self.findings})
+        told = f"{_counted(len(self.findings), 'problem')} in {broken} of them."
+        head = f"{_counted(len(self.entries), 'entry')}: {told if broken else 'no problems.'}"
+        unseen = [f"  size not looked at: {told}" for told in self.not_sized]
+        return "\n".join([head, *_lines(self.findings, self.accepted), *unseen])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw how many problems each entry has."""
+        return _drawn({name: len(self.of(name)) for name in self.entries}, ax)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": CHECK_SCHEMA,
+            "entries": list(self.entries),
+            "findings": [asdict(finding) for finding in self.findings],
+            "accepted": [asdict(finding) for finding in self.accepted],
+            "not_sized": list(self.not_sized),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "CollectionCheck":
+        """Rebuild from :meth:`to_dict`."""
+        held = checked_values(data, CHECK_SCHEMA)
+        findings, accepted = _findings(held["findings"]), _findings(held["accepted"])
+        return cls(tuple(held["entries"]), findings, accepted, tuple(held.get("not_sized", ())))
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogBuild:
+    """A catalog that was written."""
+
+    catalog: str  # the file
+    entries: tuple[str, ...]  # folders of the entries in it
+    skipped: tuple[Finding, ...]  # why other entries are not in it
+    rows: int  # estimates and printed values; participants of all entries
+    people: int
+    # on plausibility, and accepted by the entry itself with a reason
+    accepted: tuple[Finding, ...] = ()
+
+    @property
+    def skipped_entries(self) -> tuple[str, ...]:
+        """Folders of entries that are not in the catalog."""
+        return tuple(dict.fromkeys(finding.entry for finding in self.skipped))
+
+    def _problems(self) -> dict[str, int]:
+        count = dict.fromkeys((*self.entries, *self.skipped_entries), 0)
+        for finding in self.skipped:
+            count[finding.entry] += 1
+        return count
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row an entry: whether it is in the catalog, and how many problems it has."""
+        rows = [(name, name in self.entries, n) for name, n in self._problems().items()]
+        return pd.DataFrame(rows, columns=["entry", "in_catalog", "problems"])
+
+    def summary(self) -> str:
+        """Return what is in the catalog, and every entry that is not, with the reasons."""
+        if not self.entries:
+            head = f"{self.catalog}: not written, no entry stands"
+        else:
+            head = f"{self.catalog}: {_counted(len(self.entries), 'entry')}, {self.people} people, "
+            head += f"{self.rows} rows"
+        head += f"; {_counted(len(self.skipped_entries), 'entry')} skipped."
+        return "\n".join([head, *_lines(self.skipped, self.accepted)])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw how many problems each entry has: those with some are not in the catalog."""
+        return _drawn(self._problems(), ax)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": BUILD_SCHEMA,
+            "catalog": self.catalog,
+            "entries": list(self.entries),
+            "skipped_entries": list(self.skipped_entries),
+            "skipped": [asdict(finding) for finding in self.skipped],
+            "accepted": [asdict(finding) for finding in self.accepted],
+            "rows": self.rows,
+            "people": self.people,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "CatalogBuild":
+        """Rebuild from :meth:`to_dict`."""
+        held = checked_values(data, BUILD_SCHEMA)
+        return cls(
+            held["catalog"],
+            tuple(held["entries"]),
+            _findings(held["skipped"]),
+            held["rows"],
+            held["people"],
+            _findings(held["accepted"]),
+        )
+
+
+def _findings(data: list[Mapping[str, str]]) -> tuple[Finding, ...]:
+    return tuple(Finding(**one) for one in data)
+
+
+def _counted(n: int, noun: str) -> str:
+    if n != 1:
+        noun = f"{noun.removesuffix('y')}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{n} {noun}"
+
+
+def _lines(findings: tuple[Finding, ...], accepted: tuple[Finding, ...]) -> list[str]:
+    told = [f"  {finding}" for finding in findings]
+    return told + [f"  accepted by the entry: {finding}" for finding in accepted]
+
+
+def _drawn(problems: Mapping[str, int], ax: "Axes | None") -> "Axes":
+    import matplotlib.pyplot as plt
+
+    axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    at = np.arange(len(problems))
+    colours = [MODEL if n else INK for n in problems.values()]
+    axes.barh(at, list(problems.values()), color=colours)
+    axes.set_yticks(at, [f"{name}: {n or 'none'}" for name, n in problems.items()])
+    axes.invert_yaxis()
+    axes.set_xlim(0, max([1, *problems.values()]))
+    axes.set_xlabel("problems")
+    axes.set_ylabel("entry")
+    return axes

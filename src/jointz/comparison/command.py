@@ -1,0 +1,234 @@
+"""``jointz compare``: conditions, days, groups, timing points and studies over people."""
+
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from jointz.core.errors import EstimationError
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import EXIT_NOTHING_STANDS, EXIT_OK, emit, emit_json, emit_table
+
+
+class Df(StrEnum):
+    """Choices of ``--df``."""
+
+    KENWARD_ROGER = "kenward-roger"
+    SATTERTHWAITE = "satterthwaite"
+
+
+class Adjust(StrEnum):
+    """Choices of ``--adjust``."""
+
+    BONFERRONI = "bonferroni"
+    HOLM = "holm"
+    NONE = "none"
+
+
+class Error(StrEnum):
+    """Choices of ``--error``."""
+
+    POOLED = "pooled"
+    PAIRED = "paired"
+
+
+def compare(
+    results: Annotated[
+        list[str],
+        typer.Argument(
+            help="Results folders of jointz analyze; published: the dissertation's tables. Or one "
+            "table of your own (csv), with --response, --within and --participant.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for tables, figures and a page.")
+    ] = None,
+    paired: Annotated[
+        bool | None,
+        typer.Option(
+            "--paired/--groups",
+            help="Of several: equal ids are the same people, or (--groups) are not. By default "
+            "they are where all ids of two folders are equal.",
+        ),
+    ] = None,
+    days: Annotated[
+        bool,
+        typer.Option("--days", help="Of several: days of one condition; do people repeat?"),
+    ] = False,
+    margin: Annotated[
+        float | None,
+        typer.Option(
+            "--margin", help="Of several: test equivalence within so many % of the second mean."
+        ),
+    ] = None,
+    response: Annotated[
+        list[str] | None,
+        typer.Option("--response", help="Of a table: column of the values; may be repeated."),
+    ] = None,
+    within: Annotated[
+        str | None, typer.Option("--within", help="Of a table: column of what is compared.")
+    ] = None,
+    participant: Annotated[
+        str | None, typer.Option("--participant", help="Of a table: column of who.")
+    ] = None,
+    nested: Annotated[
+        bool,
+        typer.Option("--nested", help="Of a table: rows are replicates, such as pulses."),
+    ] = False,
+    df: Annotated[
+        Df | None,
+        typer.Option(
+            "--df",
+            help="Of a table or one folder: denominator degrees of freedom; kenward-roger by "
+            "default.",
+        ),
+    ] = None,
+    adjust: Annotated[
+        Adjust | None,
+        typer.Option(
+            "--adjust",
+            help="Of a table or one folder: correction of p over pairs; by default bonferroni of "
+            "a table, holm of a folder.",
+        ),
+    ] = None,
+    error: Annotated[
+        Error | None,
+        typer.Option(
+            "--error",
+            help="Of a table or one folder: error of pairs; by default pooled of a table, paired "
+            "of a folder.",
+        ),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a comparison that exists.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compare results over people: conditions, days, groups, timing points, published values.
+
+    One folder is compared over its timing points. Several folders with the same participants are
+    compared person by person, others as groups; differences are first minus second. A table is
+    given to a mixed model with participants as a random factor.
+    --df, --adjust and --error are of a table or one folder; --paired, --groups, --days and
+    --margin are of several folders. An option that would not be used is refused.
+    Exit status: 0 a number stands (of several folders: a difference), 1 none does, 2 the input
+    cannot be trusted.
+
+    Example: jointz compare results-loaded results-unloaded --margin 20 --out comparison
+    """
+    del debug
+    columns = {"--response": response, "--within": within, "--participant": participant}
+    given = [name for name, value in columns.items() if value]
+    is_table = _is_table(results, given)
+    if not is_table:
+        if nested:
+            raise typer.BadParameter("--nested is of a table, not of results folders.")
+        options = {"paired": paired, "days": days, "margin_pct": margin,
+                   "df": df and df.value, "adjust": adjust and adjust.value,
+                   "error": error and error.value}  # fmt: skip
+        _compare_folders(results, out, options, overwrite=overwrite, as_json=as_json, quiet=quiet)
+        return
+    if len(given) < len(columns):
+        lacking = ", ".join(name for name in columns if name not in given)
+        raise typer.BadParameter(f"a table needs {lacking} too.")
+    if out is not None or paired is not None or days or margin is not None:
+        raise typer.BadParameter(
+            "--out, --paired, --groups, --days and --margin are of results folders."
+        )
+    _fit_table(
+        Path(results[0]),
+        responses=list(dict.fromkeys(response or ())),
+        columns=(str(within), str(participant)),
+        model={"nested": nested, "df": (df or Df.KENWARD_ROGER).value},
+        pairs={
+            "adjust": (adjust or Adjust.BONFERRONI).value,
+            "error": (error or Error.POOLED).value,
+        },
+        form=(as_json, quiet),
+    )
+
+
+def _is_table(results: Sequence[str], given: Sequence[str]) -> bool:
+    """Tell a table from folders; what is neither is refused by who reads it."""
+    if given and (len(results) > 1 or Path(results[0]).is_dir()):
+        raise typer.BadParameter(
+            f"{given[0]} is of one table; results folders say themselves what they hold."
+        )
+    return bool(given) or (len(results) == 1 and Path(results[0]).is_file())
+
+
+# --- a table -------------------------------------------------------------------------------------
+
+
+def _fit_table(
+    file: Path,
+    *,
+    responses: Sequence[str],
+    columns: tuple[str, str],
+    model: Mapping[str, Any],
+    pairs: Mapping[str, str],
+    form: tuple[bool, bool],
+) -> None:
+    from jointz.comparison.comparison_table import read_responses
+    from jointz.comparison.comparison_text import fit_dict, fit_tables
+    from jointz.stats import mixed_model
+
+    (within, who), (as_json, quiet) = columns, form
+    table = read_responses(file, responses=responses, within=within, participant=who)
+    try:
+        fits = [
+            mixed_model(table, response=name, within=within, participant=who, **model)
+            for name in responses
+        ]
+    except EstimationError as exc:
+        if as_json:
+            emit_json({"status": f"failed:{exc.code}", "message": str(exc)})
+        else:
+            typer.echo(f"jointz: {exc}", err=True)
+        raise typer.Exit(EXIT_NOTHING_STANDS) from exc
+    if as_json:
+        made = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
+        many = {"status": "ok", "responses": dict(zip(responses, made, strict=True))}
+        emit_json(made[0] if len(made) == 1 else many)
+        return
+    for fit in fits if not quiet else ():
+        emit(fit.summary())
+        for title, header, rows in fit_tables(fit, **pairs):
+            emit_table(rows, header, title=title)
+        emit()
+
+
+# --- results folders -----------------------------------------------------------------------------
+
+
+def _compare_folders(
+    results: Sequence[str],
+    out: Path | None,
+    options: Mapping[str, Any],
+    *,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    from jointz.comparison.compare import check_out, compare_results, write_comparison
+    from jointz.comparison.comparison_text import comparison_tables
+
+    if out is not None:
+        check_out(out, results, overwrite=overwrite)
+    made = compare_results(results, **options)
+    page = None if out is None else write_comparison(made, out, overwrite=overwrite)
+    if as_json:
+        status = "ok" if made.stands else "nothing_stands"
+        emit_json({"status": status, "page": page and str(page)} | made.to_dict())
+    elif not quiet:
+        for title, header, rows in comparison_tables(made):
+            emit_table(rows, header, title=title)
+        for note in made.notes:
+            emit(f"note: {note}")
+        if page is not None:
+            emit(f"Page: {page}")
+    raise typer.Exit(EXIT_OK if made.stands else EXIT_NOTHING_STANDS)

@@ -1,0 +1,218 @@
+"""Results compared: conditions, groups, days, timing points, the published tables."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.results.base import checked_values
+from jointz.results.statistics.comparison_rows import (
+    Difference,
+    FactorTest,
+    PersonValue,
+    ReferenceRange,
+    Repeatability,
+    Source,
+    SourceMean,
+    difference_text,
+)
+from jointz.results.statistics.mixed_model_fit import MixedModelFit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.Comparison/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Results compared over people; replicates and pulses are no people.
+
+    Parameters
+    ----------
+    sources : tuple of Source
+        What was compared.
+    values : tuple of PersonValue
+        One a source, participant, parameter and timing point, missing ones included.
+    means : tuple of SourceMean
+        Over people.
+    differences : tuple of Difference
+        Between sources; of one source, between its timing points.
+    tests : tuple of FactorTest
+        Mixed models over timing points, or over three and more sources.
+    repeatability : tuple of Repeatability
+        Where the sources are days of the same people.
+    references : tuple of ReferenceRange
+        Published values beside.
+    margin_pct : float or None
+        Margin of equivalence, % of the second mean.
+    adjust : str
+        How p is adjusted over the differences of a parameter: ``holm``, ``bonferroni``, ``none``.
+    ci_level : float
+        Of all intervals.
+    settings : mapping
+        What was chosen.
+    notes : tuple of str
+        What a reader of the numbers must know.
+    provenance : mapping
+        Versions, and hashes of what was read.
+    """
+
+    sources: tuple[Source, ...]
+    values: tuple[PersonValue, ...]
+    means: tuple[SourceMean, ...]
+    differences: tuple[Difference, ...]
+    tests: tuple[FactorTest, ...] = ()
+    repeatability: tuple[Repeatability, ...] = ()
+    references: tuple[ReferenceRange, ...] = ()
+    margin_pct: float | None = None
+    adjust: str = "holm"
+    ci_level: float = 0.95
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def stands(self) -> bool:
+        """Whether at least one difference has numbers; of one source a mean is enough."""
+        if len(self.sources) < 2 and any(m.mean is not None for m in self.means):
+            return True
+        return any(d.stands for d in self.differences)
+
+    @property
+    def adjusted(self) -> str:
+        """How p is adjusted, in words."""
+        return "not adjusted" if self.adjust == "none" else f"adjusted by {self.adjust.title()}"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """What was compared, in the order of the means."""
+        return tuple(dict.fromkeys(m.parameter for m in self.means))
+
+    @property
+    def missing(self) -> tuple[PersonValue, ...]:
+        """Participants without a value, by source, parameter and timing point."""
+        return tuple(v for v in self.values if v.value is None)
+
+    @property
+    def at_bound(self) -> tuple[PersonValue, ...]:
+        """Values that stand at their bound, used as they are, and means that hold such."""
+        return tuple(v for v in self.values if v.at_bound)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a difference."""
+        return _frame(self.differences, Difference)
+
+    def means_frame(self) -> pd.DataFrame:
+        """Return one row a source, parameter and timing point."""
+        return _frame(self.means, SourceMean)
+
+    def repeatability_frame(self) -> pd.DataFrame:
+        """Return one row a parameter and timing point."""
+        return _frame(self.repeatability, Repeatability)
+
+    def summary(self) -> str:
+        """Return a short text: what was compared, what differs, what to know."""
+        named = (f"{s.name} ({len(s.participants)} people)" for s in self.sources)
+        lines = [f"Compared: {', '.join(named) or 'nothing'}"]
+        for parameter in self.parameters:
+            own = [d for d in self.differences if d.parameter == parameter and d.stands]
+            below = [d for d in own if (d.p_adjusted or 0.0) < 1.0 - self.ci_level]
+            lines.append(f"  {parameter}: {len(below)} of {len(own)} differences, {self.adjusted}")
+            lines += [f"    {difference_text(d)}" for d in below]
+        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the mean of every source with its interval, of the first parameter.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+        parameter = next(iter(self.parameters), "")
+        shown = [m for m in self.means if m.parameter == parameter and m.mean is not None]
+        points = list(dict.fromkeys(m.timing_point for m in shown))
+        for k, source in enumerate(self.sources):
+            own = [m for m in shown if m.source == source.name]
+            at = [points.index(m.timing_point) + 0.15 * k for m in own]
+            mean = [float(m.mean or 0.0) for m in own]
+            half = [float(m.ci_high or 0.0) - float(m.mean or 0.0) for m in own]
+            axes.errorbar(at, mean, yerr=half, fmt="o", capsize=4, label=source.name)
+        axes.set_xticks(range(len(points)), points)
+        unit = shown[0].unit if shown else ""
+        axes.set_ylabel(f"{parameter} ({unit}), mean and {100 * self.ci_level:g} % interval")
+        if shown:
+            axes.legend()
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        for name in self.__slots__:
+            value = getattr(self, name)
+            data[name] = dict(value) if isinstance(value, Mapping) else value
+        data["sources"] = [
+            asdict(s) | {"participants": list(s.participants), "methods": list(s.methods)}
+            for s in self.sources
+        ]
+        for name in ("values", "means", "differences", "repeatability", "references"):
+            data[name] = [asdict(row) for row in getattr(self, name)]
+        data["tests"] = [
+            {slot: getattr(t, slot) for slot in FactorTest.__slots__}
+            | {"fit": None if t.fit is None else t.fit.to_dict()}
+            for t in self.tests
+        ]
+        data["notes"] = list(self.notes)
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Comparison":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        values["sources"] = tuple(
+            Source(**s | {k: tuple(s[k]) for k in ("participants", "methods")})
+            for s in values["sources"]
+        )
+        for name, kind in _ROWS.items():
+            values[name] = tuple(kind(**row) for row in values[name])
+        values["tests"] = tuple(
+            FactorTest(**t | {"fit": MixedModelFit.from_dict(t["fit"]) if t["fit"] else None})
+            for t in values["tests"]
+        )
+        values["notes"] = tuple(values["notes"])
+        return cls(**values)
+
+
+_ROWS: Mapping[str, type[Any]] = {
+    "values": PersonValue,
+    "means": SourceMean,
+    "differences": Difference,
+    "repeatability": Repeatability,
+    "references": ReferenceRange,
+}
+
+
+def _frame(rows: Sequence[Any], kind: type[Any]) -> pd.DataFrame:
+    columns = list(kind.__dataclass_fields__)
+    return pd.DataFrame([asdict(row) for row in rows], columns=columns)

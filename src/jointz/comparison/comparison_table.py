@@ -1,0 +1,64 @@
+"""A table of one's own for the mixed model: read as files are read, blanks missing."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.column_readers import RawTable, check_samples, list_columns, read_table
+
+_DELIMITERS = (",", ";", "\t")
+_TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
+
+
+def read_responses(
+    file: Path, *, responses: Sequence[str], within: str, participant: str
+) -> pd.DataFrame:
+    """Read the columns of a mixed model."""
+    names = [*responses, within, participant]
+    if len(set(names)) < len(names):
+        raise DataError(
+            f"{file.name}: expected unlike columns, got {', '.join(names)}. Name every column once."
+        )
+    labels = (within, participant)
+    delimiter = _delimiter(file, names)
+    try:
+        files = FilesSpec(delimiter=delimiter)
+        table = _read(file, responses, labels, files)
+    except DataError as exc:
+        if delimiter != ";":
+            raise
+        try:  # where semicolons stand between columns, commas are decimal signs
+            files = FilesSpec(delimiter=delimiter, decimal=",")
+            table = _read(file, responses, labels, files)
+        except DataError:
+            raise exc from None
+    columns = dict(table.columns)
+    for name in labels:
+        columns[name] = np.array([text or None for text in columns[name]], dtype=object)
+    return pd.DataFrame(columns)[names]
+
+
+def _read(
+    file: Path, responses: Sequence[str], labels: Sequence[str], files: FilesSpec
+) -> RawTable:
+    table = read_table(file, numeric=responses, labels=labels, files=files, as_written=True)
+    check_samples(file, table)
+    return table
+
+
+def _delimiter(file: Path, names: Sequence[str]) -> str | None:
+    """Return what stands between the columns: that by which most names are found."""
+    if not file.name.lower().endswith(_TEXT) or not file.is_file():
+        return None
+    found = {}
+    for delimiter in _DELIMITERS:
+        try:
+            columns = list_columns(file, FilesSpec(delimiter=delimiter)) or []
+        except DataError:  # several numbers instead of names: told when it is read
+            columns = ["", ""]
+        found[delimiter] = (len({*names} & {*columns}), len(columns))
+    return max(_DELIMITERS, key=found.__getitem__)

@@ -1,0 +1,158 @@
+"""What browsers are told of a session: the newest of it, as often as each of them asks.
+
+A browser has one message under way at a time and asks for the next: one that is slow gets fewer,
+each as new as can be, and nothing piles up anywhere.
+"""
+
+import asyncio
+import json
+import math
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointz.console.session_process import SessionProcess
+from jointz.core.errors import JointzError
+from jointz.session.live.live_session import LiveSession
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
+
+_PERIOD_S = 1.0 / 30.0
+#: The words of the status are renewed less often than the traces.
+_STATUS_S = 0.1
+#: A browser that asks for nothing for so long does not look any more.
+ALIVE_S = 2.0
+_PATIENCE_S = 20.0
+_MOST_BROWSERS = 8
+_NEXT = "next"
+_MALFORMED, _TOO_MANY = 1008, 1013
+#: Decimals of the columns of the traces: time, angle, torques, phase, pulse.
+_DECIMALS = (3, 4, 2, 2, 2, 1, 0)
+
+
+class LiveFeed:
+    """Follows a session in a thread and tells browsers of it."""
+
+    def __init__(self, live: LiveSession, process: SessionProcess) -> None:
+        self._live = live
+        self._process = process
+        self._lock = threading.Lock()
+        self._status = "{}"
+        self._version = 0
+        self._renewed_s = 0.0
+        self._told: dict[str, Any] = {"state": "idle"}
+        self._seen: dict[int, float] = {}
+        self._browsers = 0
+
+    def run(self) -> None:
+        """Follow the session for as long as the page's process lives."""
+        while True:
+            began = time.monotonic()
+            self.poll()
+            time.sleep(max(0.005, began + _PERIOD_S - time.monotonic()))
+
+    def poll(self) -> None:
+        """Look at the session once; what is wrong with its files is told, and tried again."""
+        with self._lock:
+            try:
+                self._live.poll()
+                if time.monotonic() - self._renewed_s >= _STATUS_S:
+                    self._renew("", self._live.status())
+            except JointzError as exc:
+                self._renew(str(exc), self._live.status())
+            except Exception as exc:  # noqa: BLE001 - a page that freezes would look as if all were well
+                self._renew(
+                    f"this page has failed ({type(exc).__name__}: {exc}); what it shows is old",
+                    self._told,
+                )
+
+    def look(self) -> dict[str, Any]:
+        """Return the status of the session as it is at this moment."""
+        self.poll()
+        with self._lock:
+            return self._live.status()
+
+    def _renew(self, problem: str, told: dict[str, Any]) -> None:
+        self._renewed_s = time.monotonic()
+        told = told | {"problem": problem, "can_start": self._process.can_start}
+        if told.get("state") in ("idle", "failed", "stopped", "tripped"):
+            told["words"] = self._process.last_words()
+        self._told = told
+        status = json.dumps(_finite(told), allow_nan=False)
+        if status != self._status:
+            self._status = status
+            self._version += 1
+
+    def somebody(self) -> bool:
+        """Tell whether a browser is there and answers."""
+        return self._answering() > 0
+
+    def _answering(self) -> int:
+        now = time.monotonic()
+        return sum(now - seen < ALIVE_S for seen in list(self._seen.values()))
+
+    def frame(self, known: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
+        """Return what is new since what a browser knows, as JSON, and what it knows then."""
+        with self._lock:
+            generation = self._live.generation
+            anew = generation != known[0]
+            rows, last = self._live.rows_after(0 if anew else known[1])
+            strikes = self._live.strikes_s()
+            status, version = self._status, self._version
+        parts = [f'"anew":{json.dumps(anew)}', f'"rows":{_columns(rows)}']
+        parts.append(f'"strikes":{json.dumps(strikes)}')
+        if version != known[2]:
+            parts.append(f'"status":{status}')
+        return "{" + ",".join(parts) + "}", (generation, last, version)
+
+    async def answer(self, socket: "WebSocket") -> None:
+        """Talk to one browser until it goes, or says what it must not."""
+        from starlette.websockets import WebSocketDisconnect
+
+        await socket.accept()
+        if self._answering() >= _MOST_BROWSERS:  # idle ones take nobody's place
+            await socket.close(_TOO_MANY)
+            return
+        self._browsers += 1
+        browser = self._browsers
+        self._seen[browser] = -math.inf
+        try:
+            await self._tell(socket, browser)
+        except (TimeoutError, RuntimeError, WebSocketDisconnect):
+            return  # it is gone; there is nobody to tell
+        finally:
+            del self._seen[browser]
+
+    async def _tell(self, socket: "WebSocket", browser: int) -> None:
+        known = (-1, 0, -1)
+        while True:
+            began = time.monotonic()
+            frame, known = self.frame(known)
+            await asyncio.wait_for(socket.send_text(frame), _PATIENCE_S)
+            message = await asyncio.wait_for(socket.receive(), _PATIENCE_S)
+            if message["type"] == "websocket.disconnect":
+                return
+            if message.get("text") != _NEXT:
+                await socket.close(_MALFORMED)
+                return
+            self._seen[browser] = time.monotonic()
+            await asyncio.sleep(max(0.0, began + _PERIOD_S - time.monotonic()))
+
+
+def _columns(rows: np.ndarray) -> str:
+    columns = (np.round(rows[:, k], d).tolist() for k, d in enumerate(_DECIMALS))
+    return json.dumps([[None if math.isnan(v) else v for v in column] for column in columns])
+
+
+def _finite(value: Any) -> Any:
+    """Return plain values without numbers that JSON has no word for, and with few digits."""
+    if isinstance(value, float):
+        return float(f"{value:.5g}") if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return value

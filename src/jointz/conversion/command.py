@@ -1,0 +1,77 @@
+"""``jointz convert``: a file into another format, a study for MATLAB or as Motion-BIDS."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jointz.terminal.file_options import (
+    Decimal,
+    DecimalSign,
+    Delimiter,
+    NoHeader,
+    SkipRows,
+    text_layout,
+)
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import emit, emit_json
+
+
+class To(StrEnum):
+    """Choices of ``--to``."""
+
+    BIDS = "bids"
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IN", help="File of any format that jointz reads; a study; a BIDS folder."
+        ),
+    ],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="File to write; its suffix says how. Or a folder.")
+    ],
+    to: Annotated[
+        To | None, typer.Option("--to", help="Write a Motion-BIDS folder of a study.")
+    ] = None,
+    lossy: Annotated[
+        bool, typer.Option("--lossy", help="Leave out what OUT cannot hold; it is told.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
+    delimiter: Delimiter = None,
+    decimal: DecimalSign = Decimal.POINT,
+    skip_rows: SkipRows = 0,
+    no_header: NoHeader = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Convert a file: csv, tsv, txt, parquet, nc, mat, xlsx, mot, sto, c3d, xdf.
+
+    Samples, units and clocks are kept as they stand. A study becomes one .mat file with every
+    recording in SI and in the study's directions, or with --to bids a Motion-BIDS folder.
+    Exit status: 0 written, 2 the input cannot be trusted, or OUT cannot hold it all and there is
+    no --lossy.
+
+    Example: jointz convert walk.c3d walk.mat
+    """
+    del debug
+    from jointz.conversion.convert import convert as convert_file
+    from jointz.core.study import FilesSpec
+
+    layout = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
+    made = convert_file(
+        source,
+        target,
+        to=None if to is None else to.value,
+        files=FilesSpec(**layout),
+        lossy=lossy,
+        overwrite=overwrite,
+    )
+    if as_json:
+        emit_json({"status": "ok", **made.to_dict()})
+    elif not quiet:
+        emit(made.summary())

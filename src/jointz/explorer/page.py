@@ -1,0 +1,264 @@
+"""The explorer's page: who and where on the left, pulses and curves on the right."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jointz.explorer.cycle_page import CycleTab, MethodsTab
+from jointz.explorer.explorer_app import Explorer
+from jointz.explorer.files_page import FilesTab
+from jointz.explorer.pulses_page import PulsesTab
+from jointz.explorer.view import View
+from jointz.report.subjects import subjects
+from jointz.report.wording import (
+    DASH,
+    format_count,
+    format_estimate,
+    method_name,
+    parameter_name,
+    pretty_unit,
+    status_meaning,
+)
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+
+if TYPE_CHECKING:
+    from nicegui.events import KeyEventArguments
+
+_STYLE = Path(__file__).parent / "static" / "explore.css"
+#: NiceGUI resizes a plot even as its tab is left, and Plotly refuses one that is not displayed.
+_RESIZE_DISPLAYED_ONLY = """<script type="module">
+import { Plotly } from "nicegui-plotly";
+const { Plots } = Plotly, resize = Plots.resize;
+Plots.resize = (plot) => plot.offsetParent ? resize(plot) : Promise.resolve();
+</script>"""
+_EVERY_S = 0.2
+_LOOK_EVERY_S = 2.0
+_FIRST_TAB = "Pulses"
+
+
+class ExplorePage:
+    """A page of one browser."""
+
+    def __init__(self, explorer: Explorer) -> None:
+        self._explorer = explorer
+        self._view = View(explorer)
+        self._seen = -1
+        self._pulses = PulsesTab(self._view, self._refresh)
+        self._tabs: dict[str, PulsesTab | CycleTab | MethodsTab | FilesTab] = {
+            "Pulses": self._pulses,
+            "Gait cycle": CycleTab(self._view),
+            "Methods": MethodsTab(self._view),
+            "Files": FilesTab(self._view),
+        }
+        self._tab = _FIRST_TAB
+        self._words = subjects(explorer.found.analysed)
+        if self._words.bench:
+            del self._tabs["Gait cycle"]
+
+    def build(self) -> None:
+        """Make the page."""
+        from nicegui import ui
+
+        ui.add_css(_STYLE.read_text(encoding="utf-8"))
+        ui.add_body_html(_RESIZE_DISPLAYED_ONLY)
+        ui.colors(primary="#2b6cb0", secondary="#5b6b7c", accent="#a566b5", negative="#c4432b")
+        self._header()
+        with ui.element("div").classes("explore"):
+            with ui.element("aside").classes("side"):
+                self._people = ui.element("div").classes("card people")
+                self._points = ui.element("div").classes("card points")
+                self._numbers = ui.element("div").classes("card numbers")
+            with ui.element("main").classes("stage"):
+                self._notices = ui.element("div").classes("notices")
+                self._main()
+        ui.keyboard(on_key=self._key)
+        ui.timer(_EVERY_S, self._follow)
+        ui.timer(_LOOK_EVERY_S, self._explorer.look)
+
+    def _header(self) -> None:
+        from nicegui import ui
+
+        settings = self._explorer.found.analysed.settings
+        with ui.header().classes("bar"):
+            ui.label("jointz explore").classes("brand")
+            ui.label(str(settings.get("study", ""))).classes("study")
+            what = ", ".join(dict.fromkeys([settings["joint"], settings["kind"]]))
+            about = f"{what} · {method_name(settings['method'])}"
+            ui.label(about).classes("about")
+            ui.space()
+            self._state = ui.label().classes("state")
+            dark = ui.dark_mode(None)
+            ui.button(icon="contrast", on_click=lambda: _turn(dark)).props(
+                'flat round dense color=white aria-label="light or dark"'
+            )
+        self._progress = (
+            ui.linear_progress(show_value=False).props("indeterminate").classes("progress")
+        )
+
+    def _main(self) -> None:
+        from nicegui import ui
+
+        with ui.tabs() as tabs:
+            for name in self._tabs:
+                ui.tab(name)
+        tabs.classes("tabs").props(
+            "align=left dense no-caps active-color=primary indicator-color=primary"
+        )
+        with ui.tab_panels(tabs, value=_FIRST_TAB, animated=False).classes("panels"):
+            for name, tab in self._tabs.items():
+                with ui.tab_panel(name):
+                    tab.build()
+        tabs.on_value_change(lambda event: self._turn_to(str(event.value)))
+
+    def _turn_to(self, name: str) -> None:
+        if name in self._tabs:
+            self._tab = name
+            self._tabs[name].refresh()
+
+    def _follow(self) -> None:
+        """Draw anew when anything has changed, here or on another page."""
+        if self._seen == self._explorer.version:
+            return
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._explorer.want(self._view.participant)
+        self._seen = self._explorer.version
+        self._progress.set_visibility(bool(self._explorer.working))
+        self._state.set_text(self._status())
+        self._tell()
+        self._list_people()
+        self._list_points()
+        self._list_numbers()
+        self._tabs[self._tab].refresh()
+
+    def _status(self) -> str:
+        explorer = self._explorer
+        if explorer.working:
+            names = sorted(explorer.working)
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            return f"estimating {names[0]}{more} …"
+        changed = len(explorer.changed)
+        if changed:
+            return f"{format_count(changed, 'pulse')} changed since the analysis"
+        return "as analysed"
+
+    def _tell(self) -> None:
+        """Say what went wrong, and what is missing."""
+        from nicegui import ui
+
+        self._notices.clear()
+        with self._notices:
+            if self._explorer.found.study is None:
+                ui.label(
+                    "The study is not beside these results: pulses cannot be shown or left out. "
+                    "Open them with  jointz explore RESULTS --study STUDY"
+                ).classes("notice")
+            if self._explorer.problem:
+                with ui.element("div").classes("notice bad"):
+                    ui.label(self._explorer.problem)
+                    ui.button("Try again", on_click=self._explorer.dismiss).props(
+                        "flat dense no-caps"
+                    )
+
+    def _list_people(self) -> None:
+        from nicegui import ui
+
+        analysis = self._explorer.analysis
+        self._people.clear()
+        with self._people:
+            ui.label(self._words.many.capitalize()).classes("head")
+            with ui.element("div").classes("list"):
+                for person in self._explorer.found.labels:
+                    pulses = [p for p in analysis.pulses if p.label == person]
+                    out = sum(bool(p.code) for p in pulses)
+                    item = ui.element("button").classes("item")
+                    item.classes(add="picked" if person == self._view.person else "")
+                    item.on("click", lambda _, who=person: self._choose(person=who))
+                    with item:
+                        ui.label(person).classes("name")
+                        ui.label(f"{len(pulses) - out} of {len(pulses)}").classes("count")
+
+    def _list_points(self) -> None:
+        from nicegui import ui
+
+        self._points.clear()
+        with self._points:
+            ui.label(self._words.points.capitalize()).classes("head")
+            for point in self._view.points():
+                cell = next(
+                    (c for c in self._explorer.analysis.cells
+                     if (c.label, c.timing_point) == (self._view.person, point)),
+                    None,
+                )  # fmt: skip
+                item = ui.element("button").classes("item")
+                item.classes(add="picked" if point == self._view.point else "")
+                item.on("click", lambda _, which=point: self._choose(point=which))
+                with item:
+                    ui.label(point).classes("name")
+                    ui.label(_onset(cell)).classes("onset")
+                    stiffness = None if cell is None else cell.parameter("stiffness")
+                    waits = self._explorer.waiting(self._view.participant)
+                    ui.label(_short(stiffness)).classes("value stale" if waits else "value")
+            ui.label(
+                "stiffness (N·m/rad)" if self._words.bench else "onset · stiffness (N·m/rad)"
+            ).classes("foot")
+
+    def _list_numbers(self) -> None:
+        from nicegui import ui
+
+        cell, before = self._view.cell(), self._view.cell_as_analysed()
+        waits = self._explorer.waiting(self._view.participant)
+        self._numbers.clear()
+        with self._numbers:
+            with ui.element("div").classes("head"):
+                ui.label(f"{self._view.person} at {self._view.point}")
+            if cell is None:
+                return
+            of = cell.n_used + cell.n_excluded
+            ui.label(f"{cell.n_used} of {of} pulses used").classes("used")
+            for parameter in cell.parameters:
+                old = None if before is None else before.parameter(parameter.name)
+                with ui.element("div").classes("number stale" if waits else "number"):
+                    ui.label(parameter_name(parameter.name)).classes("what")
+                    ui.label(pretty_unit(parameter.unit)).classes("unit")
+                    value = ui.label(_long(parameter)).classes("now")
+                    if not parameter.stands:
+                        value.tooltip(status_meaning(parameter.status))
+                    if old is not None and old != parameter:
+                        ui.label(f"as analysed {_long(old)}").classes("was")
+            ui.label("value and 95 % interval").classes("foot")
+
+    def _choose(self, *, person: str | None = None, point: str | None = None) -> None:
+        self._view.choose(person=person, point=point)
+        self._refresh()
+
+    def _key(self, event: "KeyEventArguments") -> None:
+        if self._tab == "Pulses" and event.action.keydown and not event.action.repeat:
+            if event.key.arrow_left:
+                self._pulses.step(-1)
+            elif event.key.arrow_right:
+                self._pulses.step(1)
+
+
+def _turn(dark: "object") -> None:
+    """Go from the browser's own look to dark, to light, and back."""
+    following = {None: True, True: False, False: None}
+    dark.value = following[dark.value]  # type: ignore[attr-defined]
+
+
+def _onset(cell: CellEstimate | None) -> str:
+    if cell is None or cell.onset_gait_pct is None:
+        return ""
+    return f"{cell.onset_gait_pct:.1f} %"
+
+
+def _short(parameter: ParameterEstimate | None) -> str:
+    if parameter is None or parameter.value is None or not parameter.stands:
+        return DASH
+    return format_estimate(parameter).split(" [")[0]
+
+
+def _long(parameter: ParameterEstimate) -> str:
+    if parameter.stands:
+        return format_estimate(parameter)
+    return parameter.status.removeprefix("failed:").replace("_", " ")

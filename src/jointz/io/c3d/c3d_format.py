@@ -1,0 +1,237 @@
+"""C3D: trajectories of points, analog channels at a rate of their own, and events."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.c3d.c3d_clock import single
+from jointz.io.c3d.c3d_events import read_events
+from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, take_frames
+from jointz.io.c3d.c3d_parameters import BLOCK, read_parameters
+from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_told, plan
+from jointz.io.c3d.c3d_values import text_of
+from jointz.io.c3d.c3d_write import c3d_bytes
+from jointz.io.formats.registry import register_format
+from jointz.io.text.column_names import READING
+from jointz.io.text.signal_names import distinct_names, filled
+
+_LOWEST_WORD = -0x8000
+_FLOATS_OF_A_ROTATION = 17  # a matrix of 4 x 4, and how reliable it is
+
+
+@register_format(".c3d")
+class C3dFormat:
+    """Points and analog channels, rotations where there are any, events and parameters."""
+
+    name = "C3D"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return the groups ``points``, ``analogs`` and ``rotations`` of a file.
+
+        A point gives three signals, ``LABEL.x``, ``.y`` and ``.z``, NaN where it was not seen
+        (its residual is negative). Units are those of the file; other parameters are metadata
+        by their names in lower case, several values as in JSON.
+        """
+        content = path.read_bytes()
+        file = Source(path, content, *read_parameters(path, content))
+        frames = take_frames(file)
+        start_s = frames.first / file.rate_hz if file.rate_hz > 0 else 0.0
+        groups = [_points(file, frames.points, start_s), _analogs(file, frames.analogs, start_s)]
+        groups.append(_rotations(file, len(frames.points), start_s))
+        events, more = read_events(file)
+        values = {**file.parameters.values, **more}
+        metadata = {
+            name.lower(): text
+            for name, values in values.items()
+            if not is_told(name) and (text := text_of(values)) not in ("", "[]")
+        }
+        metadata |= _remarks(file)
+        return Acquisition(tuple(g for g in groups if g), events, metadata)
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Return what of a content a C3D file cannot hold."""
+        return plan(content)[1]
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write what a C3D file can hold, in single precision."""
+        raw = c3d_bytes(plan(content)[0], path)
+        with whole_file(path, "Make room or name another place.") as partial:
+            partial.write_bytes(raw)
+
+
+def _remarks(file: Source) -> dict[str, str]:
+    """Say what looks odd about a file."""
+    parameters, header = file.parameters, file.header
+    found = dict(file.notes)
+    if not math.isclose(file.rate_hz, header.rate_hz, rel_tol=SAME):
+        found["rate"] = f"The header says {header.rate_hz:g} Hz; POINT:RATE holds."
+    if parameters.unread:
+        found["parameters"] = f"{parameters.unread} bytes behind the last parameter are not read."
+    counts = {"POINT.LABELS": file.n_points, "ANALOG.LABELS": file.n_channels}
+    for name, count in counts.items():
+        n_labels = len(parameters.texts(name))
+        if n_labels < count:
+            found[name.lower()] = f"{count - n_labels} of {count} have no label and are counted."
+    return {f"{READING}{key}": text for key, text in found.items()}
+
+
+def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | None:
+    if not file.n_points:
+        return None
+    stated = filled(file.parameters.texts("POINT.LABELS"), file.n_points)
+    labels = distinct_names(stated, file.n_points, "point")
+    notes = filled(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
+    units = map(_point_units(file), stated)
+    factor = 1.0 if file.in_floats else file.scale
+    values = np.where(frames[:, :, 3:] < 0, np.nan, frames[:, :, :3] * factor)
+    signals = [
+        Signal(f"{label}.{axis}", np.ascontiguousarray(values[:, i, j]), unit, note)
+        for i, (label, unit, note) in enumerate(zip(labels, units, notes, strict=True))
+        for j, axis in enumerate(AXES)
+    ]
+    return SignalGroup("points", tuple(signals), *_clock(file.rate_hz, start_s))
+
+
+def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup | None:
+    parameters, n = file.parameters, file.n_channels
+    if not n:
+        return None
+    offsets, factors = _offsets(file), _factors(file)
+    if _unsigned(file):
+        samples = samples if file.in_floats else samples & SATURATED
+        offsets = np.where(offsets < 0, offsets + SATURATED + 1, offsets)
+    else:
+        offsets = _unsigned_all_the_same(file, samples, offsets)
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = (samples - offsets) * factors
+    names = distinct_names(parameters.texts("ANALOG.LABELS"), n, "analog")
+    units = filled(parameters.texts("ANALOG.UNITS"), n)
+    notes = filled(parameters.texts("ANALOG.DESCRIPTIONS"), n)
+    signals = [
+        Signal(name, np.ascontiguousarray(values[:, i]), unit, note)
+        for i, (name, unit, note) in enumerate(zip(names, units, notes, strict=True))
+    ]
+    stated = single(parameters.number("ANALOG.RATE", 0.0))
+    counted = file.rate_hz * file.per_frame
+    if stated > 0 and not math.isclose(stated, counted, rel_tol=SAME):
+        raise file.refuse(
+            f"ANALOG:RATE is {stated:g} Hz, {file.per_frame} samples a frame at {file.rate_hz:g} "
+            f"Hz are {counted:g} Hz; expected the same."
+        )
+    rate_hz = stated if stated > 0 else counted
+    return SignalGroup("analogs", tuple(signals), *_clock(rate_hz, start_s))
+
+
+def _factors(file: Source) -> np.ndarray:
+    """Return the scale of each channel: a unit without it would be that of other numbers."""
+    scales = file.parameters.numbers("ANALOG.SCALE")
+    if scales.size < file.n_channels:
+        raise file.refuse(
+            f"ANALOG:SCALE holds {scales.size} scales for {file.n_channels} channels; expected one "
+            "each."
+        )
+    if "ANALOG.GEN_SCALE" not in file.parameters.values:
+        file.notes["analog.gen_scale"] = "ANALOG:GEN_SCALE is missing; taken as 1."
+    general = file.parameters.number("ANALOG.GEN_SCALE", 1.0)
+    return np.asarray(general * scales[: file.n_channels])
+
+
+def _offsets(file: Source) -> np.ndarray:
+    """Return the offset of each channel; some programs write none where all are 0."""
+    offsets = file.parameters.numbers("ANALOG.OFFSET")
+    if "ANALOG.OFFSET" not in file.parameters.values:
+        file.notes["analog.offset"] = "ANALOG:OFFSET is missing; taken as 0."
+        return np.zeros(file.n_channels)
+    if offsets.size < file.n_channels:
+        raise file.refuse(
+            f"ANALOG:OFFSET holds {offsets.size} offsets for {file.n_channels} channels; expected "
+            "one each."
+        )
+    return offsets[: file.n_channels]
+
+
+def _unsigned(file: Source) -> bool:
+    """Whether words from 32768 on, and offsets that look negative, are no negative numbers."""
+    return "UNSIGNED" in [text.upper() for text in file.parameters.texts("ANALOG.FORMAT")]
+
+
+def _unsigned_all_the_same(file: Source, samples: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Return offsets without those that cannot be meant.
+
+    Some programs that wrote floats said SIGNED all the same: samples beyond 32767 give it away.
+    An offset of 32768 reads -32768 then, in channels that are nowhere negative.
+    """
+    if not file.in_floats or not (samples >= -_LOWEST_WORD).any():
+        return offsets
+    meant = (offsets == _LOWEST_WORD) & ~(samples < 0).any(axis=0)
+    if not meant.any():
+        return offsets
+    file.notes["analog.format"] = (
+        f"Offsets of -32768 are taken as 32768 in {int(meant.sum())} of {len(meant)} channels, "
+        "whose samples are no signed words."
+    )
+    return np.where(meant, -_LOWEST_WORD, offsets)
+
+
+def _rotations(file: Source, n_frames: int, start_s: float) -> SignalGroup | None:
+    """Return matrices of segments, which stand in a section of their own."""
+    parameters = file.parameters
+    used, block = file.n_rotations, parameters.count("ROTATION.DATA_START", 0)
+    if not used:
+        return None
+    rate = parameters.number("ROTATION.RATE", 0.0)
+    ratio = rate / file.rate_hz if file.rate_hz > 0 else 1.0
+    ratio = parameters.number("ROTATION.RATIO", ratio or 1.0)
+    if not (
+        math.isfinite(ratio) and ratio >= 1 and math.isclose(ratio, round(ratio), rel_tol=SAME)
+    ):
+        raise file.refuse(f"ROTATION:RATIO is {ratio:g}; expected a whole number from 1 on.")
+    ratio = round(ratio)
+    n_samples, start = n_frames * ratio, BLOCK * (block - 1)
+    count = n_samples * used * _FLOATS_OF_A_ROTATION
+    if start + 4 * count > len(file.content):
+        raise file.refuse(f"{n_samples} samples of {used} rotations end after the file's own end.")
+    raw = file.machine.floats(file.content[start : start + 4 * count])
+    cells = raw.reshape(n_samples, used, _FLOATS_OF_A_ROTATION)
+    cells = np.where(cells[:, :, -1:] < 0, np.nan, cells)
+    labels = distinct_names(parameters.texts("ROTATION.LABELS"), used, "rotation")
+    signals = [
+        Signal(f"{label}.{cell}", np.ascontiguousarray(cells[:, i, j]))
+        for i, label in enumerate(labels)
+        for j, cell in enumerate(CELLS)
+    ]
+    return SignalGroup("rotations", tuple(signals), *_clock(file.rate_hz * ratio, start_s))
+
+
+def _clock(rate_hz: float, start_s: float) -> tuple[float | None, float]:
+    """Return rate and start; a rate is held in single precision, and meant as it is typed."""
+    rate_hz = single(rate_hz)
+    if not np.isfinite(rate_hz) or rate_hz <= 0:
+        return None, 0.0
+    return rate_hz, start_s
+
+
+def _point_units(file: Source) -> "_Units":
+    parameters = file.parameters
+    own = {
+        label: unit
+        for kind, unit_name in KINDS.items()
+        for unit in parameters.texts(f"POINT.{unit_name}")[:1]
+        for label in parameters.texts(f"POINT.{kind}")
+        if label
+    }
+    return _Units(own, next(iter(parameters.texts("POINT.UNITS")), ""))
+
+
+@dataclass(frozen=True, slots=True)
+class _Units:
+    own: dict[str, str]
+    usual: str
+
+    def __call__(self, label: str) -> str:
+        return self.own.get(label, self.usual)

@@ -1,0 +1,354 @@
+"""Whole MATLAB files in and out (version 5, which every MATLAB and GNU Octave load).
+
+What is written is one variable, the struct ``jointz``::
+
+    jointz.version              2
+    jointz.groups.NAME          one struct a group
+        .name                   as the file spelled it, where NAME had to differ
+        .rate_hz                of a uniform clock, else []
+        .start_s                time of the first sample on a uniform clock
+        .time                   n x 1, s; [] where there is no clock
+        .n                      samples
+        .signals.NAME           one struct a signal
+            .name .unit .description
+            .positive           what positive means, where it is known
+            .values             n x 1 double, or n x 1 cell array of text
+    jointz.events               .time_s .duration_s (m x 1), .label (m x 1 cell array)
+    jointz.metadata             .key .value (cell arrays)
+
+``positive`` comes from the metadata ``positive.SIGNAL``, else ``positive``; of one of several
+recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
+(:mod:`jointz.conversion.matlab_study`) has ``jointz.recordings(k)`` instead of groups; it is
+read as a group a recording, and one more for its pulses.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.column_readers import damaged
+from jointz.io.formats.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
+from jointz.io.formats.matlab_columns import load_variables, series_names, value_at
+from jointz.io.formats.matlab_names import cells, column, field_names, number_or_empty
+from jointz.io.formats.registry import register_format
+from jointz.io.text.column_names import READING, is_time, unique_names, with_clock
+
+ROOT = "jointz"
+#: ``jointz.version`` of an acquisition, and of a whole study.
+_VERSION, STUDY = 2.0, 3.0
+_DAMAGE = (KeyError, ValueError, TypeError, IndexError, AttributeError)
+
+
+@register_format(".mat")
+class MatlabFormat:
+    """Reads series of any .mat file by length, and its own layout exactly; writes all."""
+
+    name = "MATLAB .mat"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return numeric and text series; those of one length make a group."""
+        content, has_objects = load_variables(path, None)
+        own = content.get(ROOT)
+        version = own.get("version") if isinstance(own, Mapping) else None
+        if isinstance(own, Mapping) and version in (_VERSION, STUDY):
+            try:
+                return _own(own) if version == _VERSION else _study(own)
+            except _DAMAGE as exc:
+                raise damaged(path, exc) from exc
+        return _foreign(path, content, has_objects=has_objects)
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Say what version 5 cannot hold: NUL and half letters."""
+        lost = []
+        for group in content.groups:
+            lost += lost_signals(
+                group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
+            )
+        odd = [repr(word) for word in words_of(content) if not is_plain(word)]
+        if odd:
+            lost.append(f"It cannot hold as they are (NUL, half letters): {listed(odd)}.")
+        return lost
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write the struct ``jointz`` (layout: this module's docstring)."""
+        names = field_names([group.name or "data" for group in content.groups])
+        groups = {
+            name: _group(group, content.metadata)
+            for name, group in zip(names, content.groups, strict=True)
+        }
+        events = np.array([(e.time_s, e.duration_s) for e in content.events]).reshape(-1, 2)
+        write_struct(
+            {
+                "version": _VERSION,
+                "groups": groups,
+                "events": {
+                    "time_s": events[:, :1],
+                    "duration_s": events[:, 1:],
+                    "label": cells(plainly(event.label) for event in content.events),
+                },
+                "metadata": {
+                    "key": cells(plainly(key) for key in content.metadata),
+                    "value": cells(plainly(text) for text in content.metadata.values()),
+                },
+            },
+            path,
+        )
+
+
+def write_struct(content: Mapping[str, Any], path: Path) -> None:
+    """Write one struct ``jointz`` as a version 5 file, compressed."""
+    from scipy.io import savemat
+    from scipy.io.matlab import MatWriteError
+
+    with whole_file(path, "Make room or name another place.") as partial:
+        try:
+            with partial.open("wb") as stream:
+                savemat(
+                    stream,
+                    {ROOT: dict(content)},
+                    long_field_names=True,
+                    do_compression=True,
+                    oned_as="column",
+                )
+        except (MatWriteError, OverflowError) as exc:
+            raise DataError(
+                f"{path.name}: a .mat file of version 5 cannot hold it ({exc}). Write fewer "
+                "signals, or .nc.",
+                path=str(path),
+            ) from exc
+
+
+# --- the layout of jointz ---------------------------------------------------------------------
+
+
+def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
+    time = group.times_s()
+    names = field_names([signal.name for signal in group.signals])
+    return {
+        "name": plainly(group.name),
+        "rate_hz": number_or_empty(group.rate_hz),
+        "start_s": float(group.start_s),
+        "time": np.empty((0, 0)) if time is None else column(time),
+        "clock": _clock(group),
+        "n": float(group.n_samples),
+        "signals": {
+            name: _signal(signal, _positive(group.name, signal.name, metadata))
+            for name, signal in zip(names, group.signals, strict=True)
+        },
+    }
+
+
+def _clock(group: SignalGroup) -> str:
+    if group.rate_hz is not None:
+        return "rate"
+    return "none" if group.time_s is None else "stamps"
+
+
+def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
+    """Return what positive means: said of the group's signal, a signal, the group or all."""
+    own = f"{group}.positive"
+    keys = (f"{own}.{name}", f"positive.{name}", own, "positive")
+    return next((metadata[key] for key in keys if key in metadata), "")
+
+
+def _signal(signal: Signal, positive: str) -> dict[str, Any]:
+    if signal.is_text:
+        values = cells(plainly(str(text)) for text in signal.values)
+    else:
+        values = column(signal.values)
+    return {
+        "name": plainly(signal.name),
+        "unit": plainly(signal.unit),
+        "description": plainly(signal.description),
+        "positive": plainly(positive),
+        "kind": "text" if signal.is_text else "number",
+        "values": values,
+    }
+
+
+def _own(found: Mapping[str, Any]) -> Acquisition:
+    events, metadata = found["events"], found["metadata"]
+    times, lengths = _numbers(events["time_s"]), _numbers(events["duration_s"])
+    labels = _texts(events["label"], len(times))
+    n = _length(metadata["key"])
+    pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
+    return Acquisition(
+        tuple(_own_group(name, group) for name, group in (found["groups"] or {}).items()),
+        tuple(
+            Event(float(t), label, float(d))
+            for t, label, d in zip(times, labels, lengths, strict=True)
+        ),
+        dict(pairs),
+    )
+
+
+def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
+    n, clock = int(found["n"]), _word(found["clock"])
+    place = f"{ROOT}.groups.{field}"
+    signals = tuple(
+        Signal(
+            _word(signal["name"]),
+            _texts(signal["values"], n)
+            if _word(signal["kind"]) == "text"
+            else _numbers(signal["values"]),
+            _word(signal["unit"]),
+            _word(signal["description"]),
+            f"{place}.signals.{key}.values",
+        )
+        for key, signal in (found["signals"] or {}).items()
+    )
+    return SignalGroup(
+        _word(found["name"]),
+        signals,
+        float(found["rate_hz"]) if clock == "rate" else None,
+        float(found["start_s"]),
+        _numbers(found["time"]) if clock == "stamps" else None,
+        "" if clock == "none" else f"{place}.time",
+    )
+
+
+def _study(found: Mapping[str, Any]) -> Acquisition:
+    """Return the recordings of a study as groups, and their pulses."""
+    recordings = _entries(found["recordings"])
+    wanted = ("participant", "condition", "session", "side", "trial")
+    labels = ["_".join(w for key in wanted if (w := _word(own[key]))) for own in recordings]
+    groups = []
+    for k, (name, own) in enumerate(zip(unique_names(labels), recordings, strict=True), start=1):
+        number = f".{k}" if len(recordings) > 1 else ""
+        place = f"{ROOT}.recordings.signals{number}"
+        signals = tuple(
+            Signal(
+                _word(signal["name"]),
+                _numbers(signal["values"]),
+                _word(signal["unit"]),
+                column=f"{place}.{key}.values",
+            )
+            for key, signal in (own["signals"] or {}).items()
+        )
+        time, column = _numbers(own["time"]), f"{ROOT}.recordings.time{number}"
+        groups.append(SignalGroup(name, signals, time_s=time, time_column=column))
+        groups += _pulses(f"{name}.pulses", own["pulses"])
+    told = {key: _word(found[key]) for key in ("kind", "joint", "positive", "study_toml")}
+    return Acquisition(tuple(groups), (), told)
+
+
+def _entries(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the structs of an array, which is read as a struct of lists."""
+    if isinstance(found["n"], list):
+        return [{key: found[key][k] for key in found} for k in range(len(found["n"]))]
+    return [dict(found)]
+
+
+def _pulses(name: str, found: Mapping[str, Any]) -> list[SignalGroup]:
+    onset = _numbers(found["onset_s"])
+    if not len(onset):
+        return []
+    signals = (
+        Signal("onset_s", onset, "s"),
+        Signal("duration_s", _numbers(found["duration_s"]), "s"),
+        Signal("amplitude", _numbers(found["amplitude"])),
+        Signal("timing_point", _texts(found["timing_point"], len(onset))),
+    )
+    return [SignalGroup(name, signals)]
+
+
+def _numbers(value: Any) -> np.ndarray:
+    return np.atleast_1d(np.asarray(value, dtype=np.float64)).ravel()
+
+
+def _texts(value: Any, n: int) -> np.ndarray:
+    """Return a column of cells; MATLAB files keep one cell like the text in it."""
+    words = value if isinstance(value, list) and n != 1 else [value]
+    texts = np.empty(n, dtype=object)
+    texts[:] = [_word(word) for word in words][:n] if n else []
+    return texts
+
+
+def _length(value: Any) -> int:
+    """Return how many cells a column of texts that are not empty has."""
+    return len(value) if isinstance(value, list) else 1
+
+
+def _word(value: Any) -> str:
+    """Return a text; an empty one is kept as an empty array."""
+    return value if isinstance(value, str) else ""
+
+
+# --- files of others --------------------------------------------------------------------------
+
+
+def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Acquisition:
+    by_length: dict[int, list[Signal]] = {}
+    metadata: dict[str, str] = {}
+    left_out: list[str] = []
+    for name in series_names(content):
+        value = value_at(content, name.split("."))
+        values = _series(value)
+        if values is not None:
+            by_length.setdefault(len(values), []).append(Signal(name, values))
+        elif isinstance(value, str | int | float):
+            metadata[name] = str(value)
+        else:
+            left_out.append(name)
+    if not by_length:
+        hint = " It holds MATLAB objects, which only MATLAB reads." if has_objects else ""
+        raise DataError(
+            f"{path.name}: expected series of numbers, found none.{hint} Save vectors or structs "
+            "of vectors.",
+            path=str(path),
+        )
+    if has_objects or left_out:
+        what = [*left_out, *(["MATLAB objects"] if has_objects else [])]
+        metadata[f"{READING}left_out"] = f"no series of samples: {listed(what)}"
+    groups = []
+    for length, signals in sorted(by_length.items(), reverse=True):
+        name = f"n{length}" if len(by_length) > 1 else ""
+        group, told = _with_clock(name, _named_shortly(signals))
+        groups.append(group)
+        metadata |= told
+    return Acquisition(tuple(groups), (), metadata)
+
+
+def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict[str, str]]:
+    """Make a group; the time of a struct is its clock where the struct holds all of it."""
+    times = [s.name for s in signals if is_time(s.name.rpartition(".")[2])]
+    structs = [time[: time.rfind(".") + 1] for time in times]
+    shared = [p for p in structs if all(signal.name.startswith(p) for signal in signals)]
+    # A series alone, such as times of events, is the clock of nothing.
+    prefix = shared[0] if shared and len(signals) > 1 else ""
+    bare = [replace(s, name=s.name.removeprefix(prefix), column=s.name) for s in signals]
+    group, told = with_clock(name, bare)
+    if times and not shared and group.time_s is None:
+        told[f"{READING}clock.{name}"] = (
+            f"not the clock, as its struct does not hold all series of this length: {listed(times)}"
+        )
+    whole = tuple(replace(signal, name=signal.column, column="") for signal in group.signals)
+    return replace(group, signals=whole), told
+
+
+def _series(value: Any) -> np.ndarray | None:
+    """Return a vector of real numbers or of text; None where it is no series."""
+    if isinstance(value, list):
+        if len(value) < 2 or not all(isinstance(v, str) for v in value):
+            return None
+        return _texts(value, len(value))
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.size < 2:
+        return None
+    if value.ndim > 1 and max(value.shape) < value.size:
+        return None
+    return value.ravel().astype(np.float64)
+
+
+def _named_shortly(signals: list[Signal]) -> list[Signal]:
+    names = unique_names([signal.name for signal in signals])
+    return [
+        signal if signal.name == name else Signal(name, signal.values)
+        for signal, name in zip(signals, names, strict=True)
+    ]

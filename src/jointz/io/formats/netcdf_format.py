@@ -1,0 +1,290 @@
+"""Whole netCDF-4 files in and out: groups are groups, each with its own clock.
+
+Of the formats that jointz writes this one holds everything. The layout, for other programs:
+
+- every group is a netCDF group ``g1``, ``g2`` ..., with attributes ``name``, ``rate_hz`` and
+  ``start_s`` where its clock is uniform, a dimension ``sample``, and a variable a signal
+  (``s1``, ``s2`` ... where netCDF does not take its name) with ``name``, ``units`` and
+  ``description``. A variable ``clock`` holds the time of each sample, where there is a clock.
+- ``events`` holds ``time_s``, ``duration_s`` and ``label``; ``metadata`` holds ``key`` and
+  ``value``.
+- Behind the end that HDF5 knows stands a SHA-256 of all before it: HDF5 has none of its own, and
+  on some damage it never comes back. A program that changes the file cuts it off.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.column_readers import damaged
+from jointz.io.formats.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
+from jointz.io.formats.netcdf_recording import MOST_COLUMNS, load_group, opened_netcdf
+from jointz.io.formats.registry import register_format
+from jointz.io.text.column_names import READING, unit_in_name, with_clock
+
+_SEAL = b"\njointz sha256 "
+_SEAL_BYTES = len(_SEAL) + 64
+_LAYOUT = "jointz_acquisition"
+_VERSION = "1"
+_CLOCK = "clock"
+_TAKEN = (_CLOCK, "sample")
+_EASY = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_BLOCK_BYTES = 1 << 20
+_LONGEST_ATTRIBUTE = 60_000  # bytes; HDF5 keeps attributes in a header of 64 KB
+
+
+@register_format(".nc")
+class NetcdfFormat:
+    """Reads any netCDF-4 file and recordings of jointz; writes all of a content."""
+
+    name = "netCDF-4"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return every variable along one dimension, grouped by group and dimension."""
+        _check_seal(path)
+        with opened_netcdf(path) as file:
+            own = file.attrs.get(_LAYOUT)
+            contents = {
+                name: load_group(file[name] if name else file) for name in _groups_in(file, "")
+            }
+        try:
+            if own is not None:
+                return _own(contents)
+            return _foreign(contents)
+        except (KeyError, ValueError, TypeError, IndexError, AttributeError) as exc:
+            raise damaged(path, exc) from exc
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """List what netCDF cannot hold: NUL, surrogates, very long texts beside samples."""
+        lost = []
+        for group in content.groups:
+            lost += lost_signals(group, "text with NUL or half letters", _odd_text)
+        odd = [word for word in words_of(content) if _kept(word) != word]
+        if odd:
+            shown = listed(repr(word[:40]) for word in odd)
+            lost.append(f"It cannot hold as they are (NUL, half letters, over 60 KB): {shown}.")
+        return lost
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write everything; samples are kept bit for bit."""
+        data = _bytes_of(content)
+        with whole_file(path, "Make room or name another place.") as partial:
+            partial.write_bytes(data + _SEAL + hashlib.sha256(data).hexdigest().encode())
+
+
+def _check_seal(path: Path) -> None:
+    """Refuse a file of jointz that was damaged before HDF5 sees it."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _SEAL_BYTES))
+        seal = file.read()
+        if not seal.startswith(_SEAL):
+            return  # of another program, or changed by one
+        file.seek(0)
+        digest, left = hashlib.sha256(), size - _SEAL_BYTES
+        while left and (block := file.read(min(left, _BLOCK_BYTES))):
+            digest.update(block)
+            left -= len(block)
+    if seal.removeprefix(_SEAL) != digest.hexdigest().encode():
+        raise damaged(path, ValueError("its bytes are not those that were written"))
+
+
+def _groups_in(file: Any, prefix: str) -> Iterator[str]:
+    yield prefix.rstrip("/")
+    for name, inner in file.groups.items():
+        yield from _groups_in(inner, f"{prefix}{name}/")
+
+
+# --- the layout of jointz ---------------------------------------------------------------------
+
+
+def _bytes_of(content: Acquisition) -> bytes:
+    """Return the file as it is to be: where the disk is full HDF5 itself would crash."""
+    import h5netcdf
+    import h5py
+
+    memory = {"driver": "core", "backing_store": False, "track_order": True}
+    with h5py.File("acquisition", "w", **memory) as raw:
+        with h5netcdf.File(raw, "r+") as file:
+            file.attrs[_LAYOUT] = _VERSION
+            for k, group in enumerate(content.groups, start=1):
+                _put_group(file.create_group(f"g{k}"), group)
+            _put_events(file.create_group("events"), content)
+            _put_metadata(file.create_group("metadata"), content)
+        raw.flush()
+        return bytes(raw.id.get_file_image())
+
+
+def _put_group(place: Any, group: SignalGroup) -> None:
+    place.dimensions["sample"] = group.n_samples
+    place.attrs["name"] = _kept(group.name)
+    place.attrs["start_s"] = group.start_s
+    if group.rate_hz is not None:
+        place.attrs["rate_hz"] = group.rate_hz
+    names: set[str] = set(_TAKEN)
+    for k, signal in enumerate(group.signals, start=1):
+        easy = _EASY.fullmatch(signal.name) is not None and signal.name not in names
+        name = (
+            signal.name if easy else next(n for i in range(k, 2**31) if (n := f"s{i}") not in names)
+        )
+        names.add(name)
+        told = {"name": signal.name, "units": signal.unit, "description": signal.description}
+        _put(place, name, signal.values, {k: _kept(v) for k, v in told.items() if v or k == "name"})
+    time = group.times_s()
+    if time is not None:
+        _put(place, _CLOCK, time, {"units": "s"})
+
+
+def _put_events(place: Any, content: Acquisition) -> None:
+    place.dimensions["sample"] = len(content.events)
+    numbers = [(event.time_s, event.duration_s) for event in content.events]
+    table = np.array(numbers, dtype=np.float64).reshape(-1, 2)
+    _put(place, "time_s", table[:, 0], {"units": "s"})
+    _put(place, "duration_s", table[:, 1], {"units": "s"})
+    _put(place, "label", _texts(event.label for event in content.events), {})
+
+
+def _put_metadata(place: Any, content: Acquisition) -> None:
+    place.dimensions["sample"] = len(content.metadata)
+    _put(place, "key", _texts(content.metadata), {})
+    _put(place, "value", _texts(content.metadata.values()), {})
+
+
+def _put(place: Any, name: str, values: np.ndarray, attributes: Mapping[str, str]) -> None:
+    import h5py
+
+    text = values.dtype.kind == "O"
+    kind = h5py.string_dtype() if text else np.float64
+    data = np.array([plainly(str(v)) for v in values], dtype=object) if text else values
+    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(data) else {}
+    variable = place.create_variable(name, ("sample",), kind, data=data, **packed)
+    for key, word in attributes.items():
+        variable.attrs[key] = word
+
+
+def _own(contents: Mapping[str, xr.Dataset]) -> Acquisition:
+    numbered = sorted(int(n[1:]) for n in contents if re.fullmatch(r"g\d+", n))
+    pairs = [_own_group(f"g{k}", contents[f"g{k}"]) for k in numbered]
+    columns = [contents["events"][n].to_numpy() for n in ("time_s", "label", "duration_s")]
+    texts = [contents["metadata"][n].to_numpy() for n in ("key", "value")]
+    metadata = {str(k): str(v) for k, v in zip(*texts, strict=True)}
+    return Acquisition(
+        tuple(group for group, _ in pairs),
+        tuple(Event(float(t), str(n), float(d)) for t, n, d in zip(*columns, strict=True)),
+        metadata | {f"{READING}clock.{group.name}": note for group, note in pairs if note},
+    )
+
+
+def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
+    """Return a group, and a note where its clock is not the one that jointz wrote."""
+    signals = tuple(
+        Signal(
+            str(v.attrs.get("name", "")),
+            _samples(v),
+            str(v.attrs.get("units", "")),
+            str(v.attrs.get("description", "")),
+            f"{place}/{key}",
+        )
+        for key, v in content.variables.items()
+        if key != _CLOCK
+    )
+    name, rate = str(content.attrs["name"]), content.attrs.get("rate_hz")
+    stamps = content[_CLOCK].to_numpy() if _CLOCK in content else None
+    column = "" if stamps is None else f"{place}/{_CLOCK}"
+    start = float(content.attrs["start_s"])
+    if rate is None:
+        return SignalGroup(name, signals, None, start, stamps, column), ""
+    told = SignalGroup(name, signals, float(rate), start, time_column=column)
+    if stamps is not None and _same(stamps, told.times_s()):
+        return told, ""
+    # Another program took samples or the clock out, and left the rate as it was.
+    note = (
+        f"group '{name}' is not as jointz wrote it: its {rate:g} Hz from {start:g} s are not those "
+        f"of its samples, {'which have no clock' if stamps is None else 'whose stamps are taken'}"
+    )
+    return SignalGroup(name, signals, None, 0.0, stamps, column), note
+
+
+def _same(stamps: np.ndarray, times: np.ndarray | None) -> bool:
+    """Whether a clock is the one of a rate, to the last digit as jointz writes it."""
+    return times is not None and np.array_equal(stamps, times, equal_nan=True)
+
+
+# --- files of others --------------------------------------------------------------------------
+
+
+def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
+    groups: list[SignalGroup] = []
+    metadata: dict[str, str] = {}
+    left_out: list[str] = []
+    for place, content in contents.items():
+        prefix = f"{place.replace('/', '.')}." if place else ""
+        metadata |= {f"{prefix}{key}": str(value) for key, value in content.attrs.items()}
+        found, left = _columns(place, content)
+        left_out += [f"{place}/{name}" if place else name for name in left]
+        for dimension, signals in found.items():
+            name = "/".join(p for p in (place, dimension if len(found) > 1 else "") if p)
+            group, told = with_clock(name, signals)
+            groups.append(group)
+            metadata |= told
+    if left_out:
+        metadata[f"{READING}left_out"] = f"no series of samples: {listed(left_out)}"
+    return Acquisition(tuple(groups), (), metadata)
+
+
+def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
+    """Return signals by dimension, and the variables that are no series."""
+    found: dict[str, list[Signal]] = {}
+    left_out = []
+    for key, variable in content.variables.items():
+        name = str(key)
+        wide = variable.ndim == 2 and variable.shape[1] <= MOST_COLUMNS
+        if not (variable.ndim == 1 or wide) or variable.dtype.kind not in "fiubOSU":
+            left_out.append(name)
+            continue
+        values = _samples(variable)
+        columns = (
+            {name: values}
+            if variable.ndim == 1
+            else {f"{name}.{k + 1}": values[:, k] for k in range(variable.shape[1])}
+        )
+        unit = str(variable.attrs.get("units", "")) or unit_in_name(name)
+        said = str(variable.attrs.get("description") or variable.attrs.get("long_name") or "")
+        place = found.setdefault(str(variable.dims[0]), [])
+        prefix = f"{path}/" if path else ""
+        place += [Signal(n, v, unit, said, f"{prefix}{n}") for n, v in columns.items()]
+    return found, left_out
+
+
+def _samples(variable: Any) -> np.ndarray:
+    values = variable.values
+    if values.dtype.kind in "fiub":
+        return np.asarray(values, dtype=np.float64)
+    flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in values.flat]
+    texts = np.empty(len(flat), dtype=object)
+    texts[:] = flat
+    return texts.reshape(values.shape)
+
+
+def _odd_text(signal: Signal) -> bool:
+    return has_text(signal, is_plain)
+
+
+def _texts(words: Any) -> np.ndarray:
+    found = list(words)
+    texts = np.empty(len(found), dtype=object)
+    texts[:] = found
+    return texts
+
+
+def _kept(word: str) -> str:
+    """Return what an attribute can hold of a word."""
+    return plainly(word).encode()[:_LONGEST_ATTRIBUTE].decode(errors="ignore")

@@ -1,0 +1,229 @@
+"""Whole text tables in and out: csv, tsv and txt, plain or gzip, on the reader of a study."""
+
+import csv
+import gzip
+import io
+import re
+from pathlib import Path
+
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.column_readers import RawTable, list_columns, read_table
+from jointz.io.formats.losses import (
+    first_group,
+    has_text,
+    is_plain,
+    listed,
+    lost_descriptions,
+    lost_events,
+    lost_groups,
+    lost_metadata,
+    lost_signals,
+)
+from jointz.io.formats.registry import register_format
+from jointz.io.text.column_names import (
+    READING,
+    clock_column,
+    name_with_unit,
+    unique_names,
+    unit_in_name,
+    with_clock,
+)
+from jointz.io.text.delimited import MISSING_TEXT, decompressed_text
+from jointz.io.text.text_layout import DELIMITERS
+from jointz.io.text.vendor_logs import with_vendor_units
+
+#: A number with a point or a comma as decimal sign; the other sign is told as an error.
+_NUMBER = re.compile(
+    r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE
+)
+_PEEKED_ROWS = 200
+
+
+@register_format(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
+class TextFormat:
+    """Reads every column, as numbers where it holds numbers; writes one group."""
+
+    name = "text table"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:
+        """Return all columns under their own names."""
+        files, notes = _with_delimiter(path, files)
+        names: list[str | int] = list(list_columns(path, files) or [])
+        if not files.header:
+            names = list(range(1, len(names) + 1))
+        texts = _text_columns(path, files, names)
+        tables: list[RawTable] = []
+        while len(texts) < len(names) and not tables:
+            numbers = [name for name in names if name not in texts]
+            try:
+                tables.append(read_table(path, numeric=numbers, files=files))
+            except DataError as exc:
+                texts.add(_text_after_all(path, files, numbers, exc))
+        if not tables:
+            raise _no_numbers(path, files, names)
+        if texts:
+            labels = [name for name in names if name in texts]
+            notes[f"{READING}text"] = f"read as text: {listed(map(repr, labels))}"
+            tables.append(read_table(path, numeric=(), labels=labels, files=files, as_written=True))
+        columns = {name: values for table in tables for name, values in table.columns.items()}
+        signals, vendor = with_vendor_units(
+            [Signal(n, columns[n], unit_in_name(n)) for n in map(str, names)]
+        )
+        group, told = with_clock("", signals, row=tables[0].first_row)
+        if vendor:
+            notes[f"{READING}log"] = f"taken for a log of {vendor}: units by its documentation"
+        return Acquisition((group,), (), {**notes, **told})
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Say what a text table cannot hold: other groups, events, metadata, some texts."""
+        group = first_group(content)
+        lost = lost_groups(content) + lost_events(content) + lost_metadata(content)
+        lost += lost_descriptions(group)
+        lost += lost_signals(
+            group,
+            "text with line ends, or blanks at an end",
+            lambda s: has_text(s, lambda t: is_plain(t) and t == t.strip() and _one_line(t) == t),
+        )
+        lost += lost_signals(
+            group,
+            "text apart from numbers where half of it or more looks like one",
+            _reads_as_numbers,
+        )
+        lost += [] if _has_numbers(group) else ["It cannot hold text alone, without a number."]
+        odd = [s.name for s in group.signals if _plain_name(name_with_unit(s)) != name_with_unit(s)]
+        if odd:
+            lost.append(f"It cannot hold the name {', '.join(map(repr, odd))} as it is.")
+        return lost
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write the first group, its clock as the first column; NaN is written ``NaN``."""
+        group = first_group(content)
+        if not group.n_samples or not _has_numbers(group):
+            raise DataError(
+                f"{path.name}: expected numbers to write, found none. Choose another group or "
+                "format.",
+                path=str(path),
+            )
+        data = _written(content, group, path).encode("utf-8", errors="replace")
+        if path.name.lower().endswith(".gz"):
+            data = gzip.compress(data, mtime=0)  # the same bytes for the same content
+        with whole_file(path, "Make room or name another place.") as partial:
+            partial.write_bytes(data)
+
+
+def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, str]]:
+    """Find a delimiter that is not given: what header and first row are both split by."""
+    if files.delimiter is not None:
+        return files, {}
+    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
+    lines = decompressed_text(path, files.skip_rows + files.header + 1)[files.skip_rows :]
+    if not lines or _width(lines, default) > 1:
+        return files, {}
+    found = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
+    if found is None:
+        return files, {}
+    note = f"columns stand apart by {DELIMITERS[found]}"
+    return files.model_copy(update={"delimiter": found}), {f"{READING}delimiter": note}
+
+
+def _width(lines: list[str], delimiter: str) -> int:
+    """Return into how many cells all lines are split, 1 where they differ."""
+    widths = {
+        len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+        for line in lines
+    }
+    return widths.pop() if len(widths) == 1 else 1
+
+
+def _text_columns(path: Path, files: FilesSpec, names: list[str | int]) -> set[str | int]:
+    """Return the columns whose first rows hold more text than numbers."""
+    head = files.skip_rows + files.header
+    lines = decompressed_text(path, head + _PEEKED_ROWS)[head:]
+    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
+    try:
+        rows = list(csv.reader(lines, delimiter=files.delimiter or default, skipinitialspace=True))
+    except csv.Error:
+        return set()
+    cells = {name: [row[k] for row in rows if k < len(row)] for k, name in enumerate(names)}
+    return {name for name, found in cells.items() if _is_text(found)}
+
+
+def _is_text(cells: list[str]) -> bool:
+    filled = [cell.strip() for cell in cells if cell.strip() not in MISSING_TEXT]
+    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
+    return 2 * numbers < len(filled)
+
+
+def _text_after_all(
+    path: Path, files: FilesSpec, numbers: list[str | int], trouble: DataError
+) -> str | int:
+    """Return the column that the trouble is about, where it holds more text than numbers."""
+    named = next((n for n in numbers if str(n) == trouble.channel), None)
+    if named is None or trouble.row is None:
+        raise trouble
+    column = read_table(path, numeric=(), labels=[named], files=files, as_written=True)
+    if not _is_text(list(column.columns[str(named)])):
+        raise trouble
+    return named
+
+
+def _no_numbers(path: Path, files: FilesSpec, names: list[str | int]) -> DataError:
+    shown = listed(repr(str(name)[:40]) for name in names)
+    return DataError(
+        f"{path.name}: no column holds numbers; found {len(names)} column(s) of text, {shown}, "
+        f"under row {files.skip_rows + files.header}. Give the file's layout (--delimiter, "
+        "--decimal, --skip-rows, --no-header), or another file; jointz inspect finds it out.",
+        path=str(path),
+    )
+
+
+def _has_numbers(group: SignalGroup) -> bool:
+    """Whether a table of a group has a column of numbers."""
+    return group.times_s() is not None or any(not s.is_text for s in group.signals)
+
+
+def _reads_as_numbers(signal: Signal) -> bool:
+    return signal.is_text and not _is_text([str(text) for text in signal.values])
+
+
+def _one_line(text: str) -> str:
+    return "".join(text.splitlines())
+
+
+def _plain_name(name: str) -> str:
+    """Return a name that a header can hold: one line, no blanks at its ends, no number."""
+    plain = " ".join(name.replace("\0", "").split()) if not is_plain(name) or _odd(name) else name
+    return f"column {plain}" if _NUMBER.fullmatch(plain) or not plain else plain
+
+
+def _odd(name: str) -> bool:
+    return name != name.strip() or _one_line(name) != name
+
+
+def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
+    kept = [signal for signal in group.signals if not _reads_as_numbers(signal)]
+    names = unique_names([_plain_name(name_with_unit(s)) for s in kept])
+    columns = [_cells(signal) for signal in kept]
+    time = group.times_s()
+    if time is not None:
+        names.insert(0, clock_column(group, content.metadata))
+        columns.insert(0, [repr(value) for value in time.tolist()])
+    buffer = io.StringIO(newline="")
+    tab = path.name.lower().removesuffix(".gz").endswith(".tsv")
+    writer = csv.writer(buffer, delimiter="\t" if tab else ",", lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(zip(*columns, strict=True))
+    return buffer.getvalue()
+
+
+def _cells(signal: Signal) -> list[str]:
+    if signal.is_text:
+        return [_one_line(str(text)).strip() for text in signal.values]
+    return [_number(value) for value in signal.values.tolist()]
+
+
+def _number(value: float) -> str:
+    return "NaN" if value != value else repr(value)

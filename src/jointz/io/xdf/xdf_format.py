@@ -1,0 +1,343 @@
+"""XDF: the streams of Lab Streaming Layer, each with time stamps on one common clock."""
+
+import io
+import logging
+import re
+import struct
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.column_readers import damaged
+from jointz.io.formats.registry import register_format
+from jointz.io.text.column_names import READING
+from jointz.io.text.signal_names import distinct_names
+from jointz.io.xdf.xdf_chunks import Stream, walk
+from jointz.io.xdf.xdf_plan import EVENTS, OWN, UNNAMED, Clock, events_of, plan
+from jointz.io.xdf.xdf_tree import flat
+from jointz.io.xdf.xdf_write import xdf_bytes
+
+_LIBRARY_ERRORS = (
+    ValueError,
+    ArithmeticError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    RuntimeError,
+    MemoryError,
+    EOFError,
+    SyntaxError,  # of XML
+    struct.error,
+)
+#: What pyxdf logs where offsets of a clock lead to no correction.
+_UNUSED = re.compile(r"Stream (\d+): Clock offsets .* cannot be used for synchronization")
+#: What became groups and signals, or is made by pyxdf, and is not told again as metadata.
+_TOLD = frozenset(
+    ("name", "channel_count", "channel_format", "nominal_srate", "stream_id", "effective_srate")
+)
+_NOT_IN_HEADER = ("segments", "clock_segments")
+_LARGEST_EXACT = 2**53
+
+
+@register_format(".xdf")
+class XdfFormat:
+    """A group a stream; streams of markers are events too."""
+
+    name = "XDF"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return the streams of a file, each under its name.
+
+        Time stamps are those of the recording computer: where the file has measured offsets of
+        a stream's clock they are put to account by pyxdf, and nothing is smoothed or
+        interpolated. Streams of one name are told apart by source, else by number. Streams of
+        texts at no nominal rate are markers, and each text is an event as well.
+        """
+        content = path.read_bytes()
+        walked = walk(path, content)
+        loaded = _load(path, content)
+        try:
+            return _acquisition(path, walked, loaded)
+        except DataError:
+            raise
+        except ValueError as exc:  # a number in a description that is none
+            raise damaged(path, exc) from exc
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Return what of a content an XDF file cannot hold."""
+        return plan(content)[1]
+
+    def write(self, content: Acquisition, path: Path) -> None:
+        """Write XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
+        raw = xdf_bytes(plan(content)[0])
+        with whole_file(path, "Make room or name another place.") as partial:
+            partial.write_bytes(raw)
+
+
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    """What pyxdf read: streams by number, header, and how often offsets led to no correction."""
+
+    streams: dict[int, dict[str, Any]]
+    header: Mapping[str, Any]
+    unused: Counter[int]
+
+
+def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> Acquisition:
+    names = _names(loaded.streams)
+    groups: list[SignalGroup] = []
+    events: list[Event] = []
+    info = loaded.header.get("info")
+    metadata = flat(info) if isinstance(info, Mapping) else {}
+    metadata.pop("version", None)
+    for number, stream in loaded.streams.items():
+        name, own = names[number], _own(stream)
+        group = _group(path, name, stream, _clock(path, walked[number], stream, own))
+        remarks = _remarks(walked[number], stream, group)
+        remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
+        if own.get(EVENTS) != "only":
+            groups.append(group)
+            metadata |= _described(stream, name, own)
+            metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
+        if own.get(EVENTS, "yes" if _is_markers(stream) else "no") != "no":
+            events += events_of(group)
+    events.sort(key=lambda event: event.time_s)
+    return Acquisition(tuple(groups), tuple(events), metadata)
+
+
+def _load(path: Path, content: bytes) -> _Loaded:
+    """Have pyxdf read a file; what it would only log is an error here."""
+    try:
+        import pyxdf
+    except ImportError as exc:
+        raise DataError(
+            f"{path.name}: XDF files need pyxdf. Install it: pip install 'jointz[formats]'.",
+            path=str(path),
+        ) from exc
+    try:
+        with (
+            _overheard("pyxdf.pyxdf") as said,
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            streams, header = pyxdf.load_xdf(
+                io.BytesIO(content), synchronize_clocks=True, dejitter_timestamps=False
+            )
+    except _LIBRARY_ERRORS as exc:
+        raise damaged(path, exc) from exc
+    errors = [record for record in said if record.levelno >= logging.ERROR]
+    if errors:
+        raise damaged(path, ValueError(errors[0].getMessage()))
+    if any("clock_segments" not in stream["info"] for stream in streams):
+        raise DataError(
+            f"{path.name}: XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. "
+            "Update it: pip install --upgrade 'jointz[formats]'.",
+            path=str(path),
+        )
+    unused = [match for record in said if (match := _UNUSED.match(record.getMessage()))]
+    by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}
+    return _Loaded(by_number, header, Counter(int(match[1]) for match in unused))
+
+
+@contextmanager
+def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
+    """Collect the warnings that a logger tells meanwhile, and keep them from the terminal."""
+    said: list[logging.LogRecord] = []
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.levelno >= logging.WARNING:
+                said.append(record)
+
+    logger, listener = logging.getLogger(name), Listener()
+    before = logger.propagate
+    logger.addHandler(listener)
+    logger.propagate = False
+    try:
+        yield said
+    finally:
+        logger.removeHandler(listener)
+        logger.propagate = before
+
+
+def _names(streams: Mapping[int, dict[str, Any]]) -> dict[int, str]:
+    """Return a name of its own for each stream."""
+    plain = {
+        number: "" if _own(stream).get(UNNAMED) else _first(stream, "name")
+        for number, stream in streams.items()
+    }
+    names: dict[int, str] = {}
+    for number, name in plain.items():
+        twins = [n for n, other in plain.items() if other == name]
+        sources = [_first(streams[n], "source_id") for n in twins]
+        apart = all(sources) and len(set(sources)) == len(twins)
+        mark = _first(streams[number], "source_id") if apart else str(number)
+        wanted = f"{name} ({mark})" if len(twins) > 1 else name
+        names[number] = wanted if wanted not in names.values() else f"{wanted} #{number}"
+    return names
+
+
+def _first(stream: Mapping[str, Any], tag: str) -> str:
+    found = stream["info"].get(tag, [None])[0]
+    return found if isinstance(found, str) else ""
+
+
+def _own(stream: Mapping[str, Any]) -> dict[str, str]:
+    """Return what jointz wrote about a stream for itself."""
+    texts = flat({"desc": stream["info"].get("desc", [])})
+    return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}
+
+
+def _described(stream: Mapping[str, Any], name: str, own: Mapping[str, str]) -> dict[str, str]:
+    """Return what a stream's header says besides what jointz wrote for itself, as metadata."""
+    info = {tag: nodes for tag, nodes in stream["info"].items() if tag not in _NOT_IN_HEADER}
+    texts = flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
+    labelled = {
+        f"{place}.{tag}"
+        for place in _channel_places(stream)
+        for tag in ("label", "unit", "description")
+    }
+    found = {
+        f"{name}.{k}": text
+        for k, text in texts.items()
+        if k not in labelled and not k.startswith(OWN)
+    }
+    if own.get("type"):  # said for other programs
+        found.pop(f"{name}.type", None)
+    nominal = _first(stream, "nominal_srate")
+    if float(nominal) > 0 and own.get("clock") != Clock.UNIFORM:
+        found[f"{name}.nominal_srate"] = nominal
+    return found
+
+
+def _channel_places(stream: Mapping[str, Any]) -> list[str]:
+    count = int(_first(stream, "channel_count"))
+    return [f"desc.channels.channel{f'.{i}' if i > 1 else ''}" for i in range(1, count + 1)]
+
+
+def _clock(
+    path: Path, walked: Stream, stream: Mapping[str, Any], own: Mapping[str, str]
+) -> SignalGroup:
+    """Return a stream's clock: its stamps, or first stamp and rate where it has no others."""
+    stamps = np.array(stream["time_stamps"], dtype=np.float64)
+    rate = float(_first(stream, "nominal_srate"))
+    only_first = walked.stamped == 1 and walked.first_stamped and walked.n_offsets == 0
+    told = own.get("clock")
+    empty = walked.n_samples == 0 and told == Clock.UNIFORM
+    if rate > 0 and told != Clock.STAMPS and (empty or only_first):
+        start = float(own.get("start_s", "0")) if empty else float(stamps[0])
+        return SignalGroup("", (), rate_hz=rate, start_s=start)
+    if told == Clock.NONE or (told is None and walked.n_samples and not walked.stamped + rate):
+        return SignalGroup("", ())
+    if walked.n_samples and not walked.first_stamped:
+        raise _unstamped(path, walked, "its first sample has none to count from")
+    if walked.stamped < walked.n_samples and not rate:
+        missing = walked.n_samples - walked.stamped
+        raise _unstamped(path, walked, f"{missing} of {walked.n_samples} have none, nor a rate")
+    return SignalGroup("", (), time_s=stamps)
+
+
+def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
+    return DataError(
+        f"{path.name}, stream '{walked.name}': expected a time stamp a sample, or a first one and "
+        f"a nominal rate; {found}. Record or export it again.",
+        path=str(path),
+    )
+
+
+def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup) -> SignalGroup:
+    texts = flat({"desc": stream["info"].get("desc", [])})
+    places = _channel_places(stream)
+    labels = [texts.get(f"{place}.label", "") for place in places]
+    names = distinct_names(labels, len(places), "channel")
+    if clock.time_s is not None and not np.isfinite(clock.time_s).all():
+        row = int(np.flatnonzero(~np.isfinite(clock.time_s))[0])
+        raise DataError(
+            f"{path.name}, stream '{name}', sample {row + 1}: expected a time stamp, found "
+            f"{clock.time_s[row]}. Record or export it again.",
+            path=str(path),
+        )
+    signals = tuple(
+        Signal(
+            label,
+            _column(stream["time_series"], i),
+            texts.get(f"{place}.unit", ""),
+            texts.get(f"{place}.description", ""),
+        )
+        for i, (label, place) in enumerate(zip(names, places, strict=True))
+    )
+    return SignalGroup(name, signals, clock.rate_hz, clock.start_s, clock.time_s)
+
+
+def _column(series: Any, i: int) -> np.ndarray:
+    """Return a channel as float64, or as texts where float64 cannot hold its whole numbers."""
+    if isinstance(series, np.ndarray):
+        column = series[:, i]
+        if column.dtype.kind == "f" or not (np.abs(column) > _LARGEST_EXACT).any():
+            return column.astype(np.float64)
+        texts = [str(v) for v in column.tolist()]
+    else:
+        texts = [row[i] for row in series]
+    found = np.empty(len(texts), dtype=object)
+    found[:] = texts
+    return found
+
+
+def _is_markers(stream: Mapping[str, Any]) -> bool:
+    irregular = float(_first(stream, "nominal_srate")) == 0
+    return irregular and _first(stream, "channel_format") == "string"
+
+
+def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:
+    """Say what looks odd about a stream."""
+    remarks = []
+    if walked.footer_count is None:
+        remarks.append("It has no footer: the recording was not closed.")
+    elif walked.footer_count > walked.n_samples:
+        remarks.append(f"Its footer counts {walked.footer_count} samples, it holds fewer.")
+    if len(stream["time_stamps"]) < walked.n_samples:
+        remarks.append("pyxdf left out samples after its end, known to be wrong.")
+    if walked.n_garbled:
+        remarks.append(f"{walked.n_garbled} texts are no UTF-8; what cannot be read is \ufffd.")
+    made_up = walked.n_samples - walked.stamped
+    if made_up and group.time_s is not None:
+        remarks.append(f"{made_up} of {walked.n_samples} time stamps follow from the nominal rate.")
+    return remarks
+
+
+def _synchronised(
+    path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
+) -> list[str]:
+    """Say what became of the measured offsets of a stream's clock."""
+    segments = stream["info"]["clock_segments"]
+    if not (walked.n_offsets and walked.n_samples):
+        return []
+    if n_unused and len(segments) > 1:
+        raise DataError(
+            f"{path.name}, stream '{walked.name}': expected offsets of its clock that pyxdf can "
+            f"use, found {n_unused} of {len(segments)} parts without; their times are not known. "
+            "Record or export it again.",
+            path=str(path),
+        )
+    if n_unused:
+        return [
+            f"None of the {walked.n_offsets} offsets of its clock can be used: its time stamps are "
+            "NOT on the clock of the other streams."
+        ]
+    resets = len(segments) - 1
+    told = f" Its clock was reset {resets} time(s); each part has a correction of its own."
+    return [
+        f"Time stamps are corrected by {walked.n_offsets} offsets of its clock."
+        + (told if resets > 0 else "")
+    ]

@@ -1,0 +1,282 @@
+"""The torque model of an actuator: equations 3.1 to 3.3, fitted to a bench record."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.results.base import (
+    checked_values,
+    find_parameter,
+    parameter_frame,
+    parameters_from_dict,
+    parameters_to_dict,
+)
+from jointz.results.estimates import ParameterEstimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.ActuatorFit/1"
+
+_EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
+_REGIME_COLOURS = ("#2c5c8f", "#5b9bc4", "#a9c9dd", "#f0b88a", "#d9763f", "#9c3a1c")
+_INK = "0.25"
+_DOTS: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 3.0}
+_UPPER_PART, _LOWER_PART = (0.0, 0.36, 1.0, 0.64), (0.0, 0.0, 1.0, 0.3)
+#: Shares of the record that end the speed regimes of the figure.
+_REGIME_SHARES = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorSeries:
+    """Samples of a record, thinned to what a figure can show."""
+
+    # time, s; the number of the sample where the record has no rate
+    position: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()  # torque of the sensor and of the model, N*m, bias included
+    modelled: tuple[float, ...] = ()
+    velocity: tuple[float, ...] = ()  # at the output, rad/s; empty where none was given
+    in_seconds: bool = True  # whether ``position`` is a time
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        numbers = ("position", "measured", "modelled", "velocity")
+        return {n: list(getattr(self, n)) for n in numbers} | {"in_seconds": self.in_seconds}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "ActuatorSeries":
+        """Rebuild from :meth:`to_dict`."""
+        numbers = {n: tuple(v) for n, v in data.items() if n != "in_seconds"}
+        return cls(**numbers, in_seconds=data["in_seconds"])
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorFit:
+    """A torque model (3.1 to 3.3) with what the record could not decide.
+
+    Parameters
+    ----------
+    model : str
+        ``current`` (3.1), ``motor`` (3.2) or ``friction`` (3.3).
+    parameters : tuple of ParameterEstimate
+        Every parameter of the model: ``bias``, ``torque_constant`` (motor side)
+        and, by model, ``viscous_friction``, ``coulomb_friction``,
+        ``gear_friction``, ``rotor_inertia`` (at the output). One that the record
+        does not support is None, with status ``undecided``; the reason is among
+        the warnings. A record too short for intervals leaves ``undecided`` values
+        without one.
+    rms_error_nm : float
+        RMS of measured minus modelled torque, N*m.
+    vaf_pct : float
+        Variance of the torque that the model accounts for (2.7), offset removed, %.
+    status : str
+        ``undecided`` where a parameter is that the given columns were to decide,
+        else ``ok``. A rotor inertia without any acceleration does not count.
+    gear_ratio : float
+        Motor turns a turn of the output.
+    torque_sign : float
+        1, or -1 where the sensor's torque was turned.
+    n_samples : int
+        Samples used.
+    rate_hz : float or None
+        Sampling rate, where it was given.
+    condition_number : float
+        Of the scaled regressors.
+    covariance : tuple of tuple of float
+        Of the fitted parameters in their order; empty where there is none.
+    fitted : tuple of str
+        The fitted parameters.
+    ci_method : str
+        How covariance and intervals were made.
+    settings : mapping
+        Everything that was chosen, and the version of jointz.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    series : ActuatorSeries
+        For the figure.
+    """
+
+    model: str
+    parameters: tuple[ParameterEstimate, ...]
+    rms_error_nm: float
+    vaf_pct: float
+    status: str
+    gear_ratio: float
+    torque_sign: float
+    n_samples: int
+    rate_hz: float | None
+    condition_number: float
+    covariance: tuple[tuple[float, ...], ...]
+    fitted: tuple[str, ...]
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    series: ActuatorSeries = field(default_factory=ActuatorSeries)
+
+    def parameter(self, name: str) -> ParameterEstimate:
+        """Return a parameter by name.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``torque_constant``.
+
+        Raises
+        ------
+        KeyError
+            When the model has no such parameter.
+        """
+        return find_parameter(self.parameters, name)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter."""
+        return parameter_frame(
+            self.parameters,
+            rms_error_nm=self.rms_error_nm,
+            n_samples=self.n_samples,
+            model=self.model,
+        )
+
+    def summary(self) -> str:
+        """Return a short text: parameters, intervals, error, warnings."""
+        length = f"{self.n_samples} samples"
+        if self.rate_hz is not None:
+            length += f" at {self.rate_hz:.6g} Hz"
+        lines = [
+            f"Torque model {self.model} ({_EQUATIONS[self.model]}): {self.status}",
+            f"  {length}, gear ratio {self.gear_ratio:g}",
+            *(f"  {_sentence(p)}" for p in self.parameters),
+            f"  RMS error {self.rms_error_nm:.3g} N*m, VAF {self.vaf_pct:.2f} %; "
+            f"intervals: {self.ci_method}",
+            *(f"  Note: {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw measured and modelled torque by regime of speed, the residual below.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, its area is divided in two; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 5.0), layout="constrained")[1]
+        axes.axis("off")
+        axes.set_ylabel("torque")
+        upper, lower = (
+            axes.inset_axes((0.0, 0.36, 1.0, 0.64)),
+            axes.inset_axes((0.0, 0.0, 1.0, 0.3)),
+        )
+        series = self.series
+        position, measured = np.array(series.position), np.array(series.measured)
+        modelled = np.array(series.modelled)
+        upper.plot(position, measured, color=_INK, linewidth=0.9, label="measured", zorder=1)
+        for name, colour, inside in _regimes(np.array(series.velocity), position.size):
+            dots: dict[str, Any] = {
+                "linestyle": "",
+                "marker": ".",
+                "markersize": 3.0,
+                "color": colour,
+            }
+            upper.plot(position[inside], modelled[inside], label=name, **dots)
+            lower.plot(position[inside], (measured - modelled)[inside], **dots)
+        lower.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
+        upper.set_ylabel("torque (N·m)")
+        lower.set_ylabel("residual (N·m)")
+        lower.set_xlabel("time (s)" if series.in_seconds else "sample")
+        upper.sharex(lower)
+        upper.tick_params(labelbottom=False)
+        upper.set_title(self._title(), fontsize="medium")
+        title = "model, speed in rad/s" if series.velocity else None
+        upper.legend(
+            title=title, fontsize="x-small", title_fontsize="x-small", ncols=4, markerscale=2.5
+        )
+        low, high = upper.get_ylim()
+        upper.set_ylim(low, high + 0.3 * (high - low))
+        return axes
+
+    def _title(self) -> str:
+        constant = self.parameter("torque_constant")
+        value = constant.status if constant.value is None else f"{constant.value:.3g} N*m/A"
+        return (
+            f"model {self.model} ({_EQUATIONS[self.model]}): "
+            f"RMS error {self.rms_error_nm:.2g} N*m, torque constant {value}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON; see DESIGN section 5."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        data |= {name: getattr(self, name) for name in self.__slots__}
+        data["parameters"] = parameters_to_dict(self.parameters)
+        data["covariance"] = [list(row) for row in self.covariance]
+        data["fitted"] = list(self.fitted)
+        data["settings"] = dict(self.settings)
+        data["warnings"] = list(self.warnings)
+        data["series"] = self.series.to_dict()
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "ActuatorFit":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        values["parameters"] = parameters_from_dict(data["parameters"])
+        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
+        values["fitted"] = tuple(data["fitted"])
+        values["settings"] = dict(data["settings"])
+        values["warnings"] = tuple(data["warnings"])
+        values["series"] = ActuatorSeries.from_dict(data["series"])
+        return cls(**values)
+
+
+def _sentence(parameter: ParameterEstimate) -> str:
+    if parameter.value is None:
+        return f"{parameter.name:<16} {parameter.status}"
+    measure = f"{parameter.name:<16} {parameter.value:.4g} {parameter.unit}"
+    if parameter.ci_low is None or parameter.ci_high is None:
+        known = parameter.status == "ok"
+        return f"{measure} ({parameter.ci_method if known else 'no interval; undecided'})"
+    interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
+    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
+
+
+def _regimes(velocity: np.ndarray, n: int) -> list[tuple[str, str, np.ndarray]]:
+    """Return name, colour and samples of each regime of speed, equally many in each."""
+    if not velocity.size:
+        return [("model", _REGIME_COLOURS[0], np.ones(n, dtype=bool))]
+    edges = np.unique(np.quantile(velocity, _REGIME_SHARES).round(1) + 0.0)
+    regime = np.searchsorted(edges, velocity)
+    bounds = [f"{edge:g}" for edge in edges]
+    names = [
+        f"below {bounds[0]}",
+        *(f"{a} to {b}" for a, b in pairwise(bounds)),
+        f"above {bounds[-1]}",
+    ]
+    step = (len(_REGIME_COLOURS) - 1) / (len(names) - 1)
+    colours = [_REGIME_COLOURS[round(k * step)] for k in range(len(names))]
+    return [
+        (name, colour, regime == k)
+        for k, (name, colour) in enumerate(zip(names, colours, strict=True))
+        if np.any(regime == k)
+    ]

@@ -1,0 +1,191 @@
+"""Impedance out of pairs of runs along one reference, without and with perturbations."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.results.base import (
+    checked_values,
+    find_parameter,
+    parameter_frame,
+    parameter_label,
+    parameter_line,
+    parameters_from_dict,
+    parameters_to_dict,
+)
+from jointz.results.estimates import ParameterEstimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.PairedRunsFit/1"
+
+
+@dataclass(frozen=True, slots=True)
+class PairedPulse:
+    """One pulse by itself, by least squares without bounds (2.2.3)."""
+
+    pair: int  # which pair of runs, from 1
+    onset_s: float  # s: on the clock of the perturbed run
+    sign: int  # +1 or -1, of its torque
+    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
+    damping: float
+    inertia: float
+    vaf_pct: float  # variance of the torque accounted for (2.7), %
+
+
+@dataclass(frozen=True, slots=True)
+class MeanResponse:
+    """Response to a positive pulse: the mean, negative ones turned."""
+
+    time_s: tuple[float, ...] = ()  # from the onset
+    measured: tuple[float, ...] = ()  # torque, perturbed less unperturbed, and the model's, N*m
+    modelled: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PairedRunsFit:
+    """Impedance out of the differences of perturbed and unperturbed runs.
+
+    Parameters
+    ----------
+    parameters : tuple of ParameterEstimate
+        ``stiffness``, ``damping``, ``inertia`` over all pulses.
+    pulses : tuple of PairedPulse
+        Every pulse by itself.
+    left_out : tuple of str
+        Every pulse that was left out, and why.
+    shifts_s : tuple of float
+        How much later than its perturbed run each unperturbed run began the reference, s.
+    vaf_pct : float
+        Variance of the torque responses that the model accounts for (2.7), %.
+    rate_hz, cutoff_hz, window_s : float
+        Sampling rate, low-pass of angle and torque, length of a response.
+    condition_number : float
+        Of the scaled regressors.
+    ci_method : str
+        How the intervals were made.
+    settings : mapping
+        Everything that was chosen, and the version of jointz.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    response : MeanResponse
+        For the figure.
+    """
+
+    parameters: tuple[ParameterEstimate, ...]
+    pulses: tuple[PairedPulse, ...]
+    left_out: tuple[str, ...]
+    shifts_s: tuple[float, ...]
+    vaf_pct: float
+    rate_hz: float
+    cutoff_hz: float
+    window_s: float
+    condition_number: float
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    response: MeanResponse = field(default_factory=MeanResponse)
+
+    @property
+    def status(self) -> str:
+        """``ok``, or ``undecided`` where a parameter is."""
+        return next((p.status for p in self.parameters if p.status != "ok"), "ok")
+
+    def parameter(self, name: str) -> ParameterEstimate:
+        """Return a parameter by name.
+
+        Parameters
+        ----------
+        name : str
+            ``stiffness``, ``damping`` or ``inertia``.
+
+        Raises
+        ------
+        KeyError
+            When the fit has no such parameter.
+        """
+        return find_parameter(self.parameters, name)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter."""
+        return parameter_frame(self.parameters, vaf_pct=self.vaf_pct, n_pulses=len(self.pulses))
+
+    def pulses_frame(self) -> pd.DataFrame:
+        """Return one row a pulse."""
+        columns = list(PairedPulse.__slots__)
+        return pd.DataFrame([asdict(pulse) for pulse in self.pulses], columns=columns)
+
+    def summary(self) -> str:
+        """Return a short text: parameters, intervals, quality, what was left out."""
+        lines = [
+            f"Impedance out of {len(self.shifts_s)} pair(s) of runs: {self.status}",
+            f"  {len(self.pulses)} pulses, {1000.0 * self.window_s:g} ms each, "
+            f"low-pass {self.cutoff_hz:g} Hz, {self.rate_hz:.6g} Hz",
+            *(f"  {parameter_line(p)}" for p in self.parameters),
+            f"  VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
+            *(f"  Left out: {reason}" for reason in self.left_out),
+            *(f"  Note: {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the mean torque response and the model's.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+        axes.plot(self.response.time_s, self.response.measured, label="perturbed - unperturbed")
+        axes.plot(self.response.time_s, self.response.modelled, linestyle="--", label="model")
+        axes.set_xlabel("time from the onset (s)")
+        axes.set_ylabel("torque (N*m)")
+        axes.set_title(", ".join(parameter_label(p) for p in self.parameters), fontsize="medium")
+        axes.legend()
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        data |= {name: getattr(self, name) for name in self.__slots__}
+        data["parameters"] = parameters_to_dict(self.parameters)
+        data["pulses"] = [asdict(pulse) for pulse in self.pulses]
+        for name in ("left_out", "shifts_s", "warnings"):
+            data[name] = list(data[name])
+        data["settings"] = dict(self.settings)
+        data["response"] = {n: list(getattr(self.response, n)) for n in MeanResponse.__slots__}
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "PairedRunsFit":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        values["parameters"] = parameters_from_dict(data["parameters"])
+        values["pulses"] = tuple(PairedPulse(**pulse) for pulse in data["pulses"])
+        for name in ("left_out", "shifts_s", "warnings"):
+            values[name] = tuple(data[name])
+        values["settings"] = dict(data["settings"])
+        values["response"] = MeanResponse(**{n: tuple(v) for n, v in data["response"].items()})
+        return cls(**values)

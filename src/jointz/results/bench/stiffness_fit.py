@@ -1,0 +1,180 @@
+"""The stiffness of a bench: torque over angle, standing nearly still or under a dither."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.results.base import (
+    checked_values,
+    find_parameter,
+    parameter_frame,
+    parameter_line,
+    parameters_from_dict,
+    parameters_to_dict,
+)
+from jointz.results.estimates import ParameterEstimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.StiffnessFit/1"
+
+_TITLES = {
+    "static": "Static stiffness (3.2.2), slope of torque over angle",
+    "dither": "Dither stiffness (3.2.3), at one frequency",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSeries:
+    """Torque over angle, thinned to what a figure can show, offsets removed."""
+
+    angle: tuple[float, ...] = ()  # rad
+    measured: tuple[float, ...] = ()  # torque and what the fit makes of it, N*m
+    modelled: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StiffnessFit:
+    """Stiffness of a bench out of one record of angle and torque.
+
+    Parameters
+    ----------
+    method : str
+        ``static`` or ``dither``.
+    parameters : tuple of ParameterEstimate
+        ``stiffness``; of a dither ``damping`` too; of a static record with a direction
+        ``coulomb_friction`` (N*m) and ``load_friction`` (share of the torque).
+    vaf_pct : float
+        Variance of the torque that the fit accounts for (2.7), offset removed, %. Of a
+        dither that includes whatever else moves in the record, which the fit leaves out.
+    frequency_hz : float or None
+        Of the dither.
+    excursion_rad : float
+        Largest minus smallest angle of a static record; amplitude of a dither.
+    n_samples : int
+        Samples that entered the fit.
+    rate_hz : float
+        Sampling rate.
+    ci_method : str
+        How the intervals were made.
+    settings : mapping
+        Everything that was chosen, and the version of jointz.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    series : LoopSeries
+        For the figure.
+    """
+
+    method: str
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float
+    frequency_hz: float | None
+    excursion_rad: float
+    n_samples: int
+    rate_hz: float
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    series: LoopSeries = field(default_factory=LoopSeries)
+
+    @property
+    def status(self) -> str:
+        """That of the stiffness: ``ok`` or ``undecided``."""
+        return self.parameter("stiffness").status
+
+    def parameter(self, name: str) -> ParameterEstimate:
+        """Return a parameter by name.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``stiffness``.
+
+        Raises
+        ------
+        KeyError
+            When the fit has no such parameter.
+        """
+        return find_parameter(self.parameters, name)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter."""
+        return parameter_frame(
+            self.parameters,
+            vaf_pct=self.vaf_pct,
+            n_samples=self.n_samples,
+            method=self.method,
+        )
+
+    def summary(self) -> str:
+        """Return a short text: parameters, intervals, quality, warnings."""
+        seconds = self.n_samples / self.rate_hz
+        at = "" if self.frequency_hz is None else f" of {self.frequency_hz:.4g} Hz"
+        lines = [
+            f"{_TITLES[self.method]}: {self.status}",
+            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, excursion{at} "
+            f"{1000.0 * self.excursion_rad:.4g} mrad",
+            *(f"  {parameter_line(p)}" for p in self.parameters),
+            f"  VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
+            *(f"  Note: {warning}" for warning in self.warnings),
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw torque over angle.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.5), layout="constrained")[1]
+        angle = self.series.angle
+        axes.plot(angle, self.series.measured, ".", markersize=2.0, label="measured")
+        axes.plot(angle, self.series.modelled, linewidth=1.5, label="model")
+        axes.set_xlabel("angle (rad)")
+        axes.set_ylabel("torque (N*m)")
+        axes.set_title(parameter_line(self.parameter("stiffness")), fontsize="medium")
+        axes.legend()
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        data |= {name: getattr(self, name) for name in self.__slots__}
+        data["parameters"] = parameters_to_dict(self.parameters)
+        data["settings"] = dict(self.settings)
+        data["warnings"] = list(self.warnings)
+        data["series"] = {n: list(getattr(self.series, n)) for n in LoopSeries.__slots__}
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "StiffnessFit":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        values["parameters"] = parameters_from_dict(data["parameters"])
+        values["settings"] = dict(data["settings"])
+        values["warnings"] = tuple(data["warnings"])
+        values["series"] = LoopSeries(**{n: tuple(v) for n, v in data["series"].items()})
+        return cls(**values)

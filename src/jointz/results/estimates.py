@@ -1,0 +1,301 @@
+"""Estimates of one cell: a participant at a timing point."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.results.person_estimates import row_label
+
+#: Sd from the middle to the ends of a 95 % interval of a normal error.
+REACH_95 = 1.959963984540054
+#: An interval that reaches further from its value than this share of it decides nothing.
+_WIDEST = 0.5
+#: Sources of an estimate's error that a fit tells of, in the order of tables and figures.
+FIT_SOURCES = (
+    "noise",
+    "lag",
+    "friction",
+    "cross_talk",
+    "inertia_model",
+    "drift",
+    "reflex",
+    "prior",
+    "model",
+)
+
+
+def decides(value: float, reach: float) -> bool:
+    """Tell whether an interval that reaches so far from its value decides anything."""
+    return reach <= _WIDEST * abs(value)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterEstimate:
+    """One estimated parameter with its interval and how it was made.
+
+    Parameters
+    ----------
+    name : str
+        ``stiffness``, ``damping``, ``inertia``, ``stiffness_per_mass`` or
+        ``damping_per_mass``.
+    value : float or None
+        The estimate, SI; None where there is none.
+    ci_low, ci_high : float or None
+        Ends of the interval. Under status ``at_bound`` the interval is
+        one-sided: ``ci_low`` is the bound, ``ci_high`` the upper limit.
+    status : str
+        ``ok``, ``at_bound``, ``undecided`` or ``failed:CODE``.
+    ci_level : float
+        Level of the interval.
+    ci_method : str
+        How the interval was made.
+    share_at_bound : float
+        Share of the replicates whose value stood at the bound, 0..1.
+    unbounded : float or None
+        The estimate without bounds.
+    """
+
+    name: str
+    value: float | None
+    ci_low: float | None
+    ci_high: float | None
+    status: str
+    ci_level: float = 0.95
+    ci_method: str = ""
+    share_at_bound: float = 0.0
+    unbounded: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit of value and interval."""
+        return PARAMETER_UNITS[self.name]
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a value to use."""
+        return self.status in ("ok", "at_bound")
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The average response of a cell to its pulses, baseline removed."""
+
+    time_s: np.ndarray  # time from the onset
+    angle: np.ndarray  # average angle response
+    torque: np.ndarray  # average torque response
+    # torque of the fitted model; the measured one where the angle was fitted
+    fitted_torque: np.ndarray
+    fitted_angle: np.ndarray | None = None  # angle of the fitted model, where the angle was fitted
+
+    def __eq__(self, other: object) -> bool:
+        # The one of dataclasses compares tuples of arrays, which have no single truth.
+        if not isinstance(other, Response):
+            return NotImplemented
+        mine, others = self.to_dict(), other.to_dict()
+        return mine.keys() == others.keys() and all(
+            np.array_equal(mine[name], others[name], equal_nan=True) for name in mine
+        )
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return plain lists, ready for JSON."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        return {name: array.tolist() for name, array in values.items() if array is not None}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, list[float]]) -> "Response":
+        """Rebuild from :meth:`to_dict`."""
+        return cls(**{name: np.asarray(values, dtype=float) for name, values in data.items()})
+
+
+@dataclass(frozen=True, slots=True)
+class CellEstimate:
+    """Impedance of one participant at one timing point, case or group.
+
+    Parameters
+    ----------
+    participant : str
+        The participant's id.
+    timing_point : str
+        Timing point, or the case, trial or group of a bench study.
+    onset_gait_pct : float or None
+        Mean measured onset of the pulses used, % of the gait cycle.
+    parameters : tuple of ParameterEstimate
+        The parameters.
+    vaf_pct : float or None
+        Variance accounted for on the average response (2.7), %.
+    n_used, n_excluded : int
+        Pulses used and left out; together all pulses at this timing point.
+    method : str
+        Name of the method.
+    baseline : str
+        What was subtracted as unperturbed motion.
+    condition_number : float or None
+        Of the scaled regressors.
+    displacement_rad : float or None
+        Largest angle response inside the window.
+    response : Response or None
+        The average response, for figures.
+    nuisance : tuple of ParameterEstimate
+        What had to be estimated beside the impedance: friction, lag of a record.
+    centre_gait_pct : float or None
+        Where in the cycle the response tells of the stiffness, on average, %.
+    gravity_corrected : ParameterEstimate or None
+        The stiffness without what gravity adds to it, where that is known.
+    budget : mapping of str to mapping
+        Parameter -> source of error -> standard deviation, SI.
+    through_instruments : mapping of str to mapping
+        Parameter -> what may be measured of the instruments, ``lag`` say -> the part of the
+        error that would go were that known exactly: standard deviation, SI. It cuts across the
+        sources of the budget.
+    covariance : tuple of tuple of float, or None
+        (3, 3), SI: of the errors of K, B and J as they would be without bounds, calibration
+        included; None where a method does not tell.
+    prior_effects : mapping of str to tuple of float
+        Parameter -> by how much its prior, and those of the other two, shifted the value, and
+        the variance that they took off its error, SI; empty where a method has no priors.
+    session, side : str
+        Of the perturbed recordings; "" where the study does not state them, and on a bench.
+    """
+
+    participant: str
+    timing_point: str
+    onset_gait_pct: float | None
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float | None
+    n_used: int
+    n_excluded: int
+    method: str
+    baseline: str = ""
+    condition_number: float | None = None
+    displacement_rad: float | None = None
+    response: Response | None = None
+    nuisance: tuple[ParameterEstimate, ...] = ()
+    centre_gait_pct: float | None = None
+    gravity_corrected: ParameterEstimate | None = None
+    budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    through_instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    prior_effects: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    session: str = ""
+    side: str = ""
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
+
+    def parameter(self, name: str) -> ParameterEstimate | None:
+        """Return a parameter by name, None where the cell has it not.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``stiffness``.
+        """
+        return next((p for p in self.parameters if p.name == name), None)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a parameter, in the columns of ``estimates.csv``."""
+        return [
+            {
+                "participant": self.participant,
+                "timing_point": self.timing_point,
+                "onset_gait_pct": self.onset_gait_pct,
+                "parameter": p.name,
+                "value": p.value,
+                "unit": p.unit,
+                "ci_low": p.ci_low,
+                "ci_high": p.ci_high,
+                "ci_level": p.ci_level,
+                "vaf_pct": self.vaf_pct,
+                "n_used": self.n_used,
+                "n_excluded": self.n_excluded,
+                "method": self.method,
+                "status": p.status,
+                "session": self.session,
+                "side": self.side,
+            }
+            for p in self.parameters
+        ]
+
+    def covariance_rows(self) -> list[tuple[str | float, ...]]:
+        """Return one row each for K, B and J, in the columns of ``covariance.csv``."""
+        names = ("stiffness", "damping", "inertia")
+        rows = zip(names, self.covariance or (), strict=False)
+        where, unit = (self.participant, self.timing_point), (self.session, self.side)
+        return [(*where, name, *row, *unit) for name, row in rows]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        data = {name: getattr(self, name) for name in self.__slots__}
+        for key in ("parameters", "nuisance"):
+            data[key] = [
+                {name: getattr(p, name) for name in p.__slots__} for p in getattr(self, key)
+            ]
+        data["response"] = self.response.to_dict() if self.response else None
+        corrected = self.gravity_corrected
+        data["gravity_corrected"] = (
+            {name: getattr(corrected, name) for name in corrected.__slots__} if corrected else None
+        )
+        for key in ("budget", "through_instruments"):
+            data[key] = {name: dict(parts) for name, parts in getattr(self, key).items()}
+        data["prior_effects"] = {name: list(pair) for name, pair in self.prior_effects.items()}
+        return data
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "CellEstimate":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : dict
+            What :meth:`to_dict` returned.
+        """
+        values = dict(data)
+        for key in ("parameters", "nuisance"):
+            values[key] = tuple(ParameterEstimate(**p) for p in values.get(key, ()))
+        response = values.get("response")
+        values["response"] = Response.from_dict(response) if response else None
+        corrected = values.get("gravity_corrected")
+        values["gravity_corrected"] = ParameterEstimate(**corrected) if corrected else None
+        if values.get("covariance") is not None:
+            values["covariance"] = tuple(map(tuple, values["covariance"]))
+        effects = values.get("prior_effects", {})
+        values["prior_effects"] = {name: tuple(pair) for name, pair in effects.items()}
+        return cls(**values)
+
+
+#: Columns of ``estimates.csv`` and ``comparison.csv``.
+ESTIMATE_COLUMNS = (
+    "participant",
+    "timing_point",
+    "onset_gait_pct",
+    "parameter",
+    "value",
+    "unit",
+    "ci_low",
+    "ci_high",
+    "ci_level",
+    "vaf_pct",
+    "n_used",
+    "n_excluded",
+    "method",
+    "status",
+    "session",
+    "side",
+)
+#: Columns of ``covariance.csv``, one row an estimate: its covariance with the stiffness, the
+#: damping and the inertia of the same cell, SI; its own is its variance.
+COVARIANCE_COLUMNS = (
+    "participant",
+    "timing_point",
+    "parameter",
+    "with_stiffness",
+    "with_damping",
+    "with_inertia",
+    "session",
+    "side",
+)

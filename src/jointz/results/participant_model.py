@@ -1,0 +1,44 @@
+"""What the recommended estimator found out about a participant's joint and sensor."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from jointz.results.person_estimates import row_label
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantModel:
+    """Which hypotheses the responses of a participant speak for."""
+
+    participant: str  # the id
+    lag_s: float  # s: of the angle behind the torque: delay and first-order lag together
+    lag_sd_s: float  # s
+    # true over stated friction of the actuator; the prior's where torque was measured
+    friction_gain: float
+    friction_gain_sd: float
+    # that soft tissue resonates between joint and sensor, against a mere lag
+    resonance_probability: float
+    # that one inertia serves all timing points, against one of each
+    constant_inertia_probability: float
+    # that stiffness and damping change inside the window along the curve through the points
+    curve_probability: float
+    n_strides: int  # unperturbed strides that the prediction was learned from; fewest of the points
+    # codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint
+    doubts: tuple[str, ...] = ()
+    session: str = ""  # of the perturbed recordings; "" where the study does not state them
+    side: str = ""
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "ParticipantModel":
+        """Rebuild from :meth:`to_dict`."""
+        return cls(**{**data, "doubts": tuple(data.get("doubts", ()))})

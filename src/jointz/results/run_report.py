@@ -1,0 +1,199 @@
+"""Report of a run: pulses done, their onsets in the gait cycle, timing of the loop."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.results.base import checked_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.RunReport/1"
+RUN_SCHEMA = "jointz.StudyRun/1"
+_COLUMNS = (
+    "participant",
+    "condition",
+    "timing_point",
+    "planned_pct",
+    "planned",
+    "completed",
+    "missed",
+    "aborted",
+    "lost",
+    "n",
+    "n_missing",
+    "error_mean_pct",
+    "error_sd_pct",
+    "theory_sd_pct",
+)
+_COUNTS = _COLUMNS[4:-3]
+
+
+@dataclass(frozen=True, slots=True)
+class RunReport:
+    """What a run did, one row a participant, condition and timing point."""
+
+    protocol: str  # its name
+    seed: int  # of plan and simulation
+    # ``participant, condition, timing_point, planned_pct, planned, completed, missed, aborted,
+    # lost`` (completed, but the log lost them) and the error of the onsets, broken-off pulses
+    # included, as the time since the heel strike over the duration of the same stride: ``n,
+    # n_missing`` (outside accepted strides), ``error_mean_pct, error_sd_pct`` and
+    # ``theory_sd_pct``, the SD that the variation of the strides alone makes; all in % of the gait
+    # cycle
+    onsets: tuple[Mapping[str, Any], ...]
+    # ``participant, condition, fewest, most, planned_fewest, planned_most``: strides between pulses
+    gaps: tuple[Mapping[str, Any], ...]
+    # ``participant, condition, segment`` and the loop's timing
+    timing: tuple[Mapping[str, Any], ...]
+    salvaged: tuple[str, ...] = ()  # sentences about damaged files, what they cost included
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the onsets as a table, one row a participant, condition and timing point."""
+        return pd.DataFrame([dict(row) for row in self.onsets], columns=list(_COLUMNS))
+
+    def onset_rows(self) -> list[dict[str, Any]]:
+        """Return the onsets as plain values, None where there is no number."""
+        return [
+            {k: None if isinstance(v, float) and isnan(v) else v for k, v in row.items()}
+            for row in self.onsets
+        ]
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        table = self.to_frame()
+        count = len({row["participant"] for row in self.timing})
+        lines = [f"{self.protocol}, seed {self.seed}: {count} session{'s' if count != 1 else ''}"]
+        if table.empty:
+            return "\n".join([*lines, *self.salvaged])
+        again = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
+        told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
+        done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
+        lines.append(f"{done}; done again: {told}" if told else done)
+        for name, row in self.pooled_onsets().to_dict("index").items():
+            lines.append(f"{name}: {_onset_sentence(row)}")
+        return "\n".join([*lines, *self.salvaged])
+
+    def pooled_onsets(self) -> pd.DataFrame:
+        """Return mean and SD of the onset error over the pulses of all participants."""
+        table = self.to_frame()
+        table = table[table["planned_pct"].notna()]  # on a bench nothing has a phase
+        pooled = {}
+        for name, rows in table.groupby("timing_point", sort=False):
+            n, mean, sd = rows[["n", "error_mean_pct", "error_sd_pct"]].to_numpy(dtype=float).T
+            total = n.sum()
+            centre = np.nansum(n * mean) / total if total else np.nan
+            squares = np.nansum((n - 1.0) * sd**2) + np.nansum(n * (mean - centre) ** 2)
+            pooled[name] = {
+                "planned_pct": rows["planned_pct"].iloc[0],
+                **rows[list(_COUNTS)].sum().astype(int),
+                "error_mean_pct": centre,
+                "error_sd_pct": np.sqrt(squares / (total - 1.0)) if total > 1 else np.nan,
+                "theory_sd_pct": rows["theory_sd_pct"].astype(float).pow(2).mean() ** 0.5,
+            }
+        return pd.DataFrame.from_dict(pooled, orient="index")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the SD of the onsets beside the theory, by timing point."""
+        import matplotlib.pyplot as plt
+
+        ax = ax if ax is not None else plt.subplots(layout="constrained")[1]
+        table = self.to_frame()
+        ax.plot(table["planned_pct"], table["error_sd_pct"], "o", alpha=0.5, label="measured")
+        theory = table.groupby("planned_pct")["theory_sd_pct"].mean()
+        ax.plot(theory.index, theory.to_numpy(), "-", color="0.3", label="from stride variation")
+        ax.set_xlabel("Planned onset (% of gait cycle)")
+        ax.set_ylabel("SD of onset (% of gait cycle)")
+        ax.legend(frameon=False)
+        return ax
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain values."""
+        return {"schema": SCHEMA, **asdict(self), "onsets": self.onset_rows()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "RunReport":
+        """Return the report that :meth:`to_dict` wrote."""
+        if values.get("schema") != SCHEMA:
+            raise ValueError(
+                f"run report: expected schema {SCHEMA}, got {values.get('schema')!r}. "
+                "Read it with the jointz that wrote it."
+            )
+        return cls(
+            protocol=values["protocol"],
+            seed=values["seed"],
+            onsets=tuple(values["onsets"]),
+            gaps=tuple(values["gaps"]),
+            timing=tuple(values["timing"]),
+            salvaged=tuple(values.get("salvaged", ())),
+        )
+
+
+def _onset_sentence(row: Mapping[Any, Any]) -> str:
+    if not row["n"]:
+        return "no onsets"
+    mean = f"onset error {row['error_mean_pct']:+.2f} % of the cycle"
+    if isnan(row["error_sd_pct"]):
+        return f"{mean}, one onset"
+    return f"{mean}, SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRun:
+    """A finished experiment.
+
+    Parameters
+    ----------
+    study : pathlib.Path
+        The study's folder, ready for :func:`jointz.analyze`.
+    report : RunReport
+        What was done.
+    """
+
+    study: Path
+    report: RunReport
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the onsets as a table, one row a participant, condition and timing point."""
+        return self.report.to_frame()
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        return f"{self.report.summary()}\nStudy: {self.study}"
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the SD of the onsets beside the theory, by timing point.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure without it.
+        """
+        return self.report.plot(ax)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the run as plain values."""
+        return {"schema": RUN_SCHEMA, "study": str(self.study), "report": self.report.to_dict()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "StudyRun":
+        """Return the run that :meth:`to_dict` wrote.
+
+        Parameters
+        ----------
+        values : mapping
+            What it returned.
+
+        Raises
+        ------
+        ValueError
+            When it is of another schema.
+        """
+        made = checked_values(values, RUN_SCHEMA)
+        return cls(Path(made["study"]), RunReport.from_dict(made["report"]))

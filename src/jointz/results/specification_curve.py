@@ -1,0 +1,219 @@
+"""The same pulses analysed in every defensible way: what the choices do to K, B and J."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
+from jointz.results.base import checked_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.SpecificationCurve/1"
+
+#: What is chosen; columns of the table, and rows of dots of the figure.
+CHOICES = ("method", "baseline", "window_s", "cutoff_hz", "inertia_model")
+_PARAMETERS = ("stiffness", "damping", "inertia")
+_DECIDED = ("ok", "at_bound")
+_FAILED = "failed:"
+
+
+@dataclass(frozen=True, slots=True)
+class SpecificationEstimate:
+    """One parameter under one set of choices."""
+
+    timing_point: str  # what was estimated
+    parameter: str
+    method: str  # how, and what was subtracted
+    baseline: str
+    window_s: float  # s: from the onset
+    cutoff_hz: float | None  # of the low-pass filter; None for methods without one
+    # ``one`` for all timing points, ``free`` at each, or ``pooled``: the data decide
+    inertia_model: str
+    value: float | None  # the estimate and its interval, SI
+    ci_low: float | None
+    ci_high: float | None
+    status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
+
+    @property
+    def unit(self) -> str:
+        """The unit of value and interval."""
+        return PARAMETER_UNITS[self.parameter]
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a value to use."""
+        return self.status in _DECIDED and self.value is not None
+
+
+@dataclass(frozen=True, slots=True)
+class SpecificationCurve:
+    """A participant's estimates under every set of choices.
+
+    Parameters
+    ----------
+    participant : str
+        The id.
+    estimates : tuple of SpecificationEstimate
+        A parameter, timing point and set of choices each.
+    settings : mapping
+        The choices that were combined.
+    """
+
+    participant: str
+    estimates: tuple[SpecificationEstimate, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def timing_points(self) -> tuple[str, ...]:
+        """The timing points, in the order of the study."""
+        return tuple(dict.fromkeys(e.timing_point for e in self.estimates))
+
+    def of(self, parameter: str, timing_point: str) -> tuple[SpecificationEstimate, ...]:
+        """Return the estimates of a parameter that stand, from small to large.
+
+        Parameters
+        ----------
+        parameter : str
+            ``stiffness``, ``damping`` or ``inertia``.
+        timing_point : str
+            Where.
+        """
+        found = [
+            e
+            for e in self.estimates
+            if e.parameter == parameter and e.timing_point == timing_point and e.stands
+        ]
+        return tuple(sorted(found, key=lambda e: e.value or 0.0))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row an estimate, its choices beside it."""
+        columns = list(SpecificationEstimate.__slots__)
+        columns.insert(columns.index("ci_low"), "unit")
+        rows = [asdict(e) | {"unit": e.unit} for e in self.estimates]
+        return pd.DataFrame(rows, columns=columns)
+
+    def summary(self) -> str:
+        """Return a short text: how far the choices move each parameter, and what failed."""
+        n = len({tuple(getattr(e, name) for name in CHOICES) for e in self.estimates})
+        lines = [f"Specification curve of {self.participant}: {n} sets of choices."]
+        for point in self.timing_points:
+            for name in _PARAMETERS:
+                found = self.of(name, point)
+                if not found:
+                    lines.append(f"  {point:<6} {name:<10} never decided")
+                    continue
+                middle = found[len(found) // 2]
+                lines.append(
+                    f"  {point:<6} {name:<10} {found[0].value:.4g} to {found[-1].value:.4g} "
+                    f"{middle.unit}, median {middle.value:.4g} ({len(found)} decided)"
+                )
+        failed = Counter(e.status for e in self.estimates if e.status.startswith(_FAILED))
+        lines += [
+            f"  {n} of {len(self.estimates)} rows {status}: "
+            f"{Failure(status.removeprefix(_FAILED)).meaning}"
+            for status, n in failed.most_common()
+        ]
+        return "\n".join(lines)
+
+    def plot(
+        self,
+        ax: "Axes | None" = None,
+        *,
+        parameter: str = "stiffness",
+        timing_point: str | None = None,
+    ) -> "Axes":
+        """Draw the sorted estimates, and below each the choices that led to it.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default. It is made lower: choices stand below it.
+        parameter : str
+            Which parameter.
+        timing_point : str, optional
+            Where; the first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes of the estimates.
+
+        Notes
+        -----
+        Simonsohn, Simmons and Nelson (2020), Specification curve analysis, Nature Human
+        Behaviour 4, 1208-1214, figure 2.
+        """
+        import matplotlib.pyplot as plt
+
+        room = {"left": 0.22, "right": 0.97}
+        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 7.0), gridspec_kw=room)[1]
+        points = self.timing_points
+        point = timing_point or (points[0] if points else "")
+        found = self.of(parameter, point)
+        box = axes.get_position()
+        axes.set_position((box.x0, box.y0 + 0.55 * box.height, box.width, 0.45 * box.height))
+        for k, e in enumerate(found):
+            if e.ci_low is not None and e.ci_high is not None:
+                axes.plot([k, k], [e.ci_low, e.ci_high], color="0.7", linewidth=1.5)
+        values = [e.value for e in found if e.value is not None]
+        axes.plot(values, "o", color="black", markersize=3.0)
+        axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
+        axes.set_title(f"{self.participant} {point}: {len(found)} sets of choices")
+        axes.tick_params(labelbottom=False)
+        _draw_choices(axes, found)
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": SCHEMA,
+            "participant": self.participant,
+            "estimates": [asdict(e) for e in self.estimates],
+            "settings": dict(self.settings),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "SpecificationCurve":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        values = checked_values(data, SCHEMA)
+        values["estimates"] = tuple(SpecificationEstimate(**e) for e in data["estimates"])
+        return cls(**values)
+
+
+def _draw_choices(axes: "Axes", found: Sequence[SpecificationEstimate]) -> None:
+    below = axes.inset_axes((0.0, -1.2, 1.0, 1.15), sharex=axes)
+    labels: list[str] = []
+    for name in CHOICES:
+        values = {getattr(e, name) for e in found if getattr(e, name) is not None}
+        for value in sorted(values, key=lambda v: (isinstance(v, str), v)):
+            at = [k for k, e in enumerate(found) if getattr(e, name) == value]
+            below.plot(at, [len(labels)] * len(at), "|", color="black", markersize=4.0)
+            labels.append(_label(name, value))
+    below.set_yticks(range(len(labels)), labels, fontsize="x-small")
+    below.invert_yaxis()
+    below.set_xlabel("sets of choices, by their estimate")
+
+
+def _label(name: str, value: Any) -> str:
+    if name == "window_s":
+        return f"window {1000.0 * value:g} ms"
+    if name == "cutoff_hz":
+        return f"cut-off {value:g} Hz"
+    return f"inertia {value}" if name == "inertia_model" else str(value)

@@ -1,0 +1,262 @@
+"""The analysis of a whole study, with everything needed to reproduce it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
+from jointz.results.certificate_result import Certificate
+from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.participant_model import ParticipantModel
+from jointz.results.person_estimates import row_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCHEMA = "jointz.StudyAnalysis/1"
+
+#: Said where a bench has more than one "participant".
+NO_MEANS_ON_A_BENCH = (
+    "Means over participants are left out: those of a bench study are loads, and a mean over "
+    "unlike loads means nothing."
+)
+#: Columns of ``excluded.csv``.
+EXCLUDED_COLUMNS = (
+    "participant",
+    "recording",
+    "onset_s",
+    "timing_point",
+    "kind",
+    "code",
+    "detail",
+    "session",
+    "side",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationEstimate:
+    """Mean of one parameter over people, with an interval over people."""
+
+    timing_point: str  # what it is the mean of
+    onset_gait_pct: float | None  # mean measured onset, % of the gait cycle
+    parameter: str
+    value: float | None  # mean, standard deviation between people, and Student's interval
+    unit: str
+    sd: float | None
+    ci_low: float | None
+    ci_high: float | None
+    n_participants: int  # people with a value
+    method: str  # as in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed
+    status: str
+    ci_level: float = 0.95  # level of the interval
+
+
+@dataclass(frozen=True, slots=True)
+class StudyAnalysis:
+    """Result of analysing a study.
+
+    Parameters
+    ----------
+    cells : tuple of CellEstimate
+        The chosen method.
+    comparison : tuple of CellEstimate
+        Other methods on the same recordings.
+    population : tuple of PopulationEstimate
+        Means over people; none in a bench study.
+    pulses, strides, gaps : tuple
+        Everything found in the recordings, used or not.
+    single : tuple of PulseEstimate
+        Pulses of a bench, each estimated by itself.
+    pooled : tuple of CellEstimate
+        The chosen method's estimates, each drawn towards those of the others as far as it is
+        uncertain; of walking by the recommended method.
+    models : tuple of ParticipantModel
+        What the recommended method found about each walker's joint and sensor.
+    certificate : Certificate or None
+        What error to expect in this study; of walking by the recommended method.
+    statistics : mapping
+        Descriptive statistics: onset accuracy, strides, VAF.
+    settings : mapping
+        Method, resamples, seed, window and filter.
+    provenance : mapping
+        Versions, hashes, history of every input.
+    """
+
+    cells: tuple[CellEstimate, ...]
+    comparison: tuple[CellEstimate, ...] = ()
+    population: tuple[PopulationEstimate, ...] = ()
+    pulses: tuple[PulseRecord, ...] = ()
+    strides: tuple[StrideRecord, ...] = ()
+    gaps: tuple[GapRecord, ...] = ()
+    single: tuple[PulseEstimate, ...] = ()
+    pooled: tuple[CellEstimate, ...] = ()
+    models: tuple[ParticipantModel, ...] = ()
+    certificate: Certificate | None = None
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def n_standing(self) -> int:
+        """How many estimates stand."""
+        return sum(p.stands for cell in self.cells for p in cell.parameters)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the estimates as a tidy table, one row an estimate."""
+        return _frame(self.cells)
+
+    def comparison_frame(self) -> pd.DataFrame:
+        """Return the other methods' estimates in the same columns."""
+        return _frame(self.comparison)
+
+    def pooled_frame(self) -> pd.DataFrame:
+        """Return the estimates of people taken together, in the same columns."""
+        return _frame(self.pooled)
+
+    def population_frame(self) -> pd.DataFrame:
+        """Return the means over people."""
+        columns = list(PopulationEstimate.__slots__)
+        return pd.DataFrame([asdict(row) for row in self.population], columns=columns)
+
+    def strides_frame(self) -> pd.DataFrame:
+        """Return every stride found, accepted or not."""
+        return pd.DataFrame(_plain(self.strides), columns=list(StrideRecord.__slots__))
+
+    def pulses_frame(self) -> pd.DataFrame:
+        """Return every pulse found, used or not."""
+        return pd.DataFrame(_plain(self.pulses), columns=list(PulseRecord.__slots__))
+
+    def single_frame(self) -> pd.DataFrame:
+        """Return the pulses of a bench, each estimated by itself."""
+        columns = list(PulseEstimate.__slots__)
+        return pd.DataFrame([asdict(p) for p in self.single], columns=columns)
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return how the errors of K, B and J go together, where the method tells."""
+        rows = [row for cell in self.cells for row in cell.covariance_rows()]
+        return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
+
+    def excluded_frame(self) -> pd.DataFrame:
+        """Return every stride and pulse left out, with its code."""
+        rows = [_excluded(p, "pulse", p.onset_s, p.timing_point) for p in self.pulses if p.code]
+        rows += [_excluded(s, "stride", s.start_s, "") for s in self.strides if s.code]
+        return pd.DataFrame(rows, columns=list(EXCLUDED_COLUMNS))
+
+    def summary(self) -> str:
+        """Return a short text: what stands, for whom, from how many pulses."""
+        people = {cell.participant for cell in self.cells}
+        used = sum(cell.n_used for cell in self.cells)
+        left_out = sum(cell.n_excluded for cell in self.cells)
+        lines = [
+            f"{len(people)} participant(s), {len(self.cells)} cells, method "
+            f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} left out."
+        ]
+        lines += [
+            f"  {p.timing_point:>12} {p.parameter:<20} "
+            f"{p.status if p.value is None else f'{p.value:9.4g} {p.unit}'} "
+            f"(mean of {p.n_participants})"
+            for p in self.population
+            if p.n_participants > 1
+        ]
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
+        """Draw one parameter over the gait cycle, or over the groups of a bench study.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        parameter : str
+            Which parameter.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots()[1]
+        table = self.to_frame().query("parameter == @parameter")
+        # One axis for all: a cell that failed has no onset, and is left out of the cycle.
+        walking = table["onset_gait_pct"].notna().any()
+        along = "onset_gait_pct" if walking else "timing_point"
+        for key, rows in table.groupby(["participant", "session", "side"], sort=False):
+            axes.plot(rows[along], rows["value"], marker="o", label=row_label(*map(str, key)))
+        unit = table["unit"].iloc[0] if len(table) else ""
+        axes.set_xlabel("gait cycle (%)" if walking else "")
+        axes.set_ylabel(f"{parameter} ({unit})")
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "schema": SCHEMA,
+            "cells": [c.to_dict() for c in self.cells],
+            "comparison": [c.to_dict() for c in self.comparison],
+            "population": [asdict(p) for p in self.population],
+            "pulses": _plain(self.pulses),
+            "strides": _plain(self.strides),
+            "gaps": [asdict(g) for g in self.gaps],
+            "single": [asdict(p) for p in self.single],
+            "pooled": [c.to_dict() for c in self.pooled],
+            "models": [m.to_dict() for m in self.models],
+            "certificate": self.certificate.to_dict() if self.certificate else None,
+            "statistics": dict(self.statistics),
+            "settings": dict(self.settings),
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "StudyAnalysis":
+        """Rebuild from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping
+            What :meth:`to_dict` returned.
+
+        Raises
+        ------
+        ValueError
+            When the schema is not one this version reads.
+        """
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
+        certificate = data.get("certificate")
+        return cls(
+            cells=tuple(CellEstimate.from_dict(c) for c in data["cells"]),
+            comparison=tuple(CellEstimate.from_dict(c) for c in data["comparison"]),
+            population=tuple(PopulationEstimate(**p) for p in data["population"]),
+            pulses=tuple(PulseRecord(**p) for p in data["pulses"]),
+            strides=tuple(StrideRecord(**s) for s in data["strides"]),
+            gaps=tuple(GapRecord(**g) for g in data["gaps"]),
+            single=tuple(PulseEstimate(**p) for p in data.get("single", ())),
+            pooled=tuple(CellEstimate.from_dict(c) for c in data.get("pooled", ())),
+            models=tuple(ParticipantModel.from_dict(m) for m in data.get("models", ())),
+            certificate=Certificate.from_dict(certificate) if certificate else None,
+            statistics=data["statistics"],
+            settings=data["settings"],
+            provenance=data["provenance"],
+        )
+
+
+def _plain(records: Sequence[StrideRecord] | Sequence[PulseRecord]) -> list[dict[str, Any]]:
+    """Return records of numbers and text; asdict would copy each, of which there are thousands."""
+    return [{name: getattr(record, name) for name in record.__slots__} for record in records]
+
+
+def _excluded(
+    record: PulseRecord | StrideRecord, kind: str, onset_s: float, timing_point: str
+) -> tuple[str | float, ...]:
+    where = (record.participant, record.recording, onset_s, timing_point, kind)
+    return (*where, record.code, record.detail, record.session, record.side)
+
+
+def _frame(cells: tuple[CellEstimate, ...]) -> pd.DataFrame:
+    rows = [row for cell in cells for row in cell.rows()]
+    return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))
