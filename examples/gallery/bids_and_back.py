@@ -3,8 +3,8 @@ A study as Motion-BIDS, and back
 ================================
 
 BIDS is how neuroscience shares data, Motion-BIDS its part for motion.
-:func:`~jointz.conversion.bids_study.write_bids` (``jointz convert study bids --to bids``) writes a study
-so, and :func:`~jointz.io.bids.bids_read.read_bids` reads such folders, of others too.
+:func:`~jointz.conversion.bids_study.write_bids` (``jointz convert study bids --to bids``) writes a
+study so, and :func:`~jointz.io.bids.bids_read.read_bids` reads such folders, of others too.
 """
 
 from pathlib import Path

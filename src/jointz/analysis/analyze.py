@@ -29,6 +29,7 @@ from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
+from jointz.tasks.progress import Progress
 from jointz.tasks.task_store import TaskStore
 
 DEFAULT_RESAMPLES = 1000
@@ -38,8 +39,6 @@ _INJECTIONS = 10
 
 #: Of a participant whose analysis ended with an error.
 _NOTHING = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
-
-Progress = Callable[[int, int, str], None]
 
 
 def analyze(

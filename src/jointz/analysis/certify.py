@@ -4,7 +4,6 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 
-from jointz.analysis.analyze import Progress
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
@@ -19,6 +18,7 @@ from jointz.identify.appraisal.certificate_study import (
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import Certificate, VirtualEstimate
+from jointz.tasks.progress import Progress
 
 _LONGEST_LAG_S = 0.06
 

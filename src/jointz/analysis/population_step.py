@@ -11,7 +11,7 @@ from jointz.analysis.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
 from jointz.analysis.quasi_stiffness_rows import quasi_stiffness_rows
 from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
-from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Study
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
@@ -20,7 +20,6 @@ from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.results.estimates import CellEstimate
 from jointz.results.participant_model import ParticipantModel
-from jointz.results.person_estimates import row_label
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.out_of_line import inertias_out_of_line

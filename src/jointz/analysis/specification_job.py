@@ -3,15 +3,15 @@
 import os
 from collections.abc import Sequence
 
-from jointz.analysis.analyze import Progress
 from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.core.events import row_label
 from jointz.core.study import Study
 from jointz.identify.appraisal.specification import Choices, specification_estimates
 from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study_reader import open_study
-from jointz.results.person_estimates import row_label
 from jointz.results.specification_curve import SpecificationCurve
+from jointz.tasks.progress import Progress
 
 _STANDARD = Choices()
 

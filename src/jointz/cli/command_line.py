@@ -10,7 +10,6 @@ import typer
 from jointz import __version__
 from jointz.analysis.command import analyze
 from jointz.calibration.command import calibrate
-from jointz.cli.main import EXIT_STOPPED
 from jointz.collections.command import collect
 from jointz.comparison.command import compare
 from jointz.console.command import console
@@ -32,6 +31,7 @@ from jointz.reproduction.command import reproduce
 from jointz.session.command import run as run_experiment
 from jointz.session.protocols_command import protocols
 from jointz.session.stream_command import stream as stream_session
+from jointz.terminal.exit_status import EXIT_STOPPED
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,

@@ -4,9 +4,7 @@ import os
 import sys
 
 from jointz.experiment.stop_signals import end_listening, listen_for_stops
-
-STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
-EXIT_STOPPED = 130
+from jointz.terminal.exit_status import EXIT_STOPPED, STILL_THERE
 
 
 def run() -> None:

@@ -1,7 +1,7 @@
 """A study's entry in a collection: the model behind ``entry.toml``.
 
 Shape and what holds between keys are checked here. What a value may be (which joints, licences,
-speeds, units there are) is checked in :mod:`jointz.collections.checking.check_collection`, with a code each.
+speeds, units there are) is checked in :mod:`jointz.collections.checking`, with a code each.
 """
 
 from collections.abc import Iterator, Mapping

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from jointz.cli.main import EXIT_STOPPED
 from jointz.session.command import (
     CalibrationOption,
     ConfigOption,
@@ -15,6 +14,7 @@ from jointz.session.command import (
     Preset,
     PresetOption,
 )
+from jointz.terminal.exit_status import EXIT_STOPPED
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_error, emit_json
 

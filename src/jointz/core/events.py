@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
-from jointz.results.person_estimates import row_label
+
+def row_label(participant: str, session: str = "", side: str = "") -> str:
+    """Return what tables and figures call a participant's session and side."""
+    return ", ".join(filter(None, (participant, session, side)))
 
 
 @dataclass(frozen=True, slots=True)

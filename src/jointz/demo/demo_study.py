@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jointz.analysis.analyze import Progress, analyze
+from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import new_folder, write_marker, write_results
 from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol
@@ -18,8 +18,8 @@ from jointz.io.study_reader import open_study
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import TRUTH_FILE, run
-from jointz.session.worker_pool import RunProgress
 from jointz.tasks.engine import open_engine
+from jointz.tasks.progress import Progress, RunProgress
 
 MARKER = ".jointz-demo"
 _QUICK_PEOPLE, _QUICK_PULSES = 2, 10

@@ -1,1 +1,1 @@
-""""""
+"""Identification of single recordings (``jointz identify``)."""

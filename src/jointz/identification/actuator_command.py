@@ -98,7 +98,8 @@ def actuator(
     Example: jointz identify actuator bench.csv --current i --velocity w --torque tau --gear-ratio 9
     """
     del debug
-    from jointz.identification.identify_file import identify_actuator_file, parse_quantity
+    from jointz.identification.identify_file import identify_actuator_file
+    from jointz.io.text.column_arguments import parse_quantity
 
     output = Output(model.value, figure, as_json, quiet, (7.1, 4.6))
     given = given_columns(

@@ -2,20 +2,19 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from jointz.core.channels import CHANNEL_UNITS
-from jointz.core.errors import DataError, UnitError
+from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.identify.actuators.actuator import identify_actuator
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.series.joint import identify_joint
 from jointz.io.column_readers import check_samples, list_columns, read_table
+from jointz.io.text.column_arguments import SI_UNITS, Column, parse_column
 from jointz.io.text.units import conversion
 from jointz.results.bench.actuator_fit import ActuatorFit
 from jointz.results.bench.bandwidth_fit import BandwidthFit
@@ -23,52 +22,6 @@ from jointz.results.series.frequency_response_fit import FrequencyResponseFit
 from jointz.results.series.impulse_response_fit import ImpulseResponseFit
 from jointz.results.series.joint_fit import JointFit
 from jointz.results.series.reflex_fit import ReflexFit
-
-#: SI units of the columns; an acceleration is no channel of a study.
-_SI_UNITS = {name: units[0] for name, units in CHANNEL_UNITS.items()} | {
-    "acceleration": "rad/s^2",
-    "rotor-inertia": "kg*m^2",
-    "smooth-velocity": "rad/s",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A column of a file and its unit."""
-
-    name: str  # the column
-    unit: str  # as written; SI where nothing was
-
-
-def parse_column(text: str, channel: str, columns: list[str] | None = None) -> Column:
-    """Read ``COL[:unit]``."""
-    si_unit = _SI_UNITS[channel]
-    if columns is not None and text in columns:
-        return Column(text, si_unit)
-    name, colon, unit = text.rpartition(":")
-    if not colon:
-        return Column(text, si_unit)
-    _conversion(unit, channel, text)
-    return Column(name, unit)
-
-
-def parse_quantity(text: str, quantity: str) -> float:
-    """Read ``VALUE[:unit]``."""
-    number, _, unit = text.partition(":")
-    factor, offset = _conversion(unit or _SI_UNITS[quantity], quantity, text)
-    try:
-        return factor * float(number) + offset
-    except ValueError as exc:
-        raise DataError(
-            f"--{quantity} {text}: expected VALUE[:unit] in {_SI_UNITS[quantity]}, such as 0.01."
-        ) from exc
-
-
-def _conversion(unit: str, channel: str, text: str) -> tuple[float, float]:
-    try:
-        return conversion(unit, _SI_UNITS[channel])
-    except UnitError as exc:
-        raise UnitError(f"--{channel} {text}: {exc}", channel=channel) from exc
 
 
 def identify_joint_file(
@@ -134,7 +87,7 @@ def _read(
     check_samples(file, table)
     signals = {}
     for name, column in parsed.items():
-        factor, offset = conversion(column.unit, _SI_UNITS[name])
+        factor, offset = conversion(column.unit, SI_UNITS[name])
         values = np.asarray(table.columns[str(_key(column, layout))], dtype=float)
         signals[name] = ("sample", factor * values + offset)
     attributes = {"first_row": table.first_row, "sha256": table.sha256}

@@ -21,11 +21,11 @@ from jointz.core.channels import (
     OPPOSITE_DIRECTION,
 )
 from jointz.core.errors import DataError, StudyError, UnitError
+from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
 from jointz.io.column_readers import list_columns
 from jointz.io.text.units import conversion, si_unit_of
 from jointz.io.toml_problems import parse_toml, shape_problems
-from jointz.results.person_estimates import row_label
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")

@@ -22,7 +22,7 @@ from jointz.reproduction.chapter4.figures import draw_chapter4
 from jointz.reproduction.chapter4.reproduce_chapter4 import reproduce_chapter4
 from jointz.reproduction.chapter_page import render_chapter, render_validation
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tasks import Progress
+from jointz.tasks.progress import Progress
 
 MARKER = "provenance.json"
 #: All chapters on one page.

@@ -1,7 +1,7 @@
 """Parts of a chapter, as many at once as there are cores."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,9 @@ from jointz.core.provenance import now, software
 from jointz.io.protocols import load_protocol
 from jointz.session.run import TRUTH_FILE, run
 from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.progress import Progress
 
 #: Called with tasks done, tasks in all, and what was done last.
-Progress = Callable[[int, int, str], None]
 
 
 def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[str, Any]]:

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.events import row_label
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.results.base import checked_values
-from jointz.results.person_estimates import row_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.person_estimates import row_label
+from jointz.core.events import row_label
 
 #: Sd from the middle to the ends of a 95 % interval of a normal error.
 REACH_95 = 1.959963984540054

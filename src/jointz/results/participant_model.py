@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from jointz.results.person_estimates import row_label
+from jointz.core.events import row_label
 
 
 @dataclass(frozen=True, slots=True)

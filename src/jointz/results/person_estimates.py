@@ -12,11 +12,6 @@ if TYPE_CHECKING:
     from jointz.results.estimates import CellEstimate, ParameterEstimate
 
 
-def row_label(participant: str, session: str = "", side: str = "") -> str:
-    """Return what tables and figures call a participant's session and side."""
-    return ", ".join(filter(None, (participant, session, side)))
-
-
 def person_cells(cells: Sequence["CellEstimate"]) -> tuple["CellEstimate", ...]:
     """Return one cell a participant, timing point and method: sessions and sides averaged.
 

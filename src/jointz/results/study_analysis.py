@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord
+from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.participant_model import ParticipantModel
-from jointz.results.person_estimates import row_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

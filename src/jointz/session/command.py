@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from jointz.cli.main import STILL_THERE
 from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
+from jointz.terminal.exit_status import STILL_THERE
 from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
 from jointz.terminal.output import emit, emit_json, emit_table, experiment_bars
 

@@ -36,7 +36,8 @@ from jointz.session.rigs.registry import (
 from jointz.session.run_claim import REPORT_FILE, STUDY_FILE, claimed
 from jointz.session.run_settings import SESSIONS, RunSettings, recording_name
 from jointz.session.study_file import exclusions_csv, study_toml
-from jointz.session.worker_pool import RunProgress, run_people
+from jointz.session.worker_pool import run_people
+from jointz.tasks.progress import RunProgress
 
 TRUTH_FILE = "ground_truth.json"
 _MOST_PARTICIPANTS = 1000

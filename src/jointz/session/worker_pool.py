@@ -30,9 +30,7 @@ from jointz.tasks.engine import (
     open_engine,
 )
 from jointz.tasks.process_pool import spawn_context, spawned_pool
-
-#: Called with participant, condition, strides, pulses done, pulses planned.
-RunProgress = Callable[[str, str, int, int, int], None]
+from jointz.tasks.progress import RunProgress
 
 _POLL_S = 0.1
 _AGAIN_S = 1.0

@@ -180,9 +180,9 @@ def walk_directly(
     -----
     A pulse fires at the first sample at or after its timing point in the true phase of its
     stride. Sample for sample the signals are those of
-    :class:`jointz.sim.benches.running_plant.RunningPlant` for the same command. Misleads about onsets:
-    in an experiment they scatter with the stride times (docs/run.md), and heel strikes are known
-    from the footswitch only.
+    ``RunningPlant`` (:mod:`jointz.sim.benches`) for the same command. Misleads about onsets: in an
+    experiment they scatter with the stride times (docs/run.md), and heel strikes are known from
+    the footswitch only.
 
     Examples
     --------

@@ -64,7 +64,7 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     Notes
     -----
     Every timing point by itself: an estimate y with standard error s of a person whose true
-    value comes from a normal population (:mod:`jointz.kernels.statistics.pooling_posterior`). The priors of
+    value comes from a normal population. The priors of
     each person's K, B and J are taken out of y and s, so that they do not count once per person.
     J is pooled in its logarithm (its mean is the geometric one), K, B and values per kg as they
     are. Undecided cells count by their unbounded estimate and its standard error. Errors that a

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from jointz.core.errors import WriteError
 
 if TYPE_CHECKING:
-    from jointz.analysis.analyze import Progress
-    from jointz.session.worker_pool import RunProgress
+    from jointz.tasks.progress import Progress, RunProgress
 
 EXIT_OK = 0
 EXIT_NOTHING_STANDS = 1

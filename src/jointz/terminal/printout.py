@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-    from jointz.identification.identify_file import Column
+    from jointz.io.text.column_arguments import Column
 
 #: Samples for the figure alone: not part of what ``--json`` prints.
 _FOR_FIGURES = "series"

@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.analysis.page.lag_effect import fit_with_lag
+from jointz.core.events import row_label
 from jointz.report.impedance_figures import timing_points
 from jointz.report.wording import DASH, MINUS, format_count, format_number, format_vaf
 from jointz.results.estimates import CellEstimate, Response
-from jointz.results.person_estimates import row_label
 from jointz.results.study_analysis import StudyAnalysis
 
 METHOD: Final = "recommended"

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from jointz.core.events import row_label
 from jointz.report.latex import MARKS
 from jointz.report.subjects import subjects
 from jointz.report.table import NO_VALUE, NOTE, Table
 from jointz.report.wording import DASH, format_integer, format_interval, pretty_unit
-from jointz.results.person_estimates import row_label
 from jointz.results.statistics.quasi_stiffness_fit import Doubt
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.quasi_stiffness import WINDOW_PCT

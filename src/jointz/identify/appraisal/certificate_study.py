@@ -6,12 +6,12 @@ from zlib import crc32
 
 import numpy as np
 
+from jointz.core.events import row_label
 from jointz.identify.appraisal.certificate import virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
-from jointz.results.person_estimates import row_label
 
 #: So many virtual participants in all tell a RMSE to 10 %: the sd of a root mean square of n
 #: errors is 1 / sqrt(2 n) of it.

@@ -42,8 +42,8 @@ def output_error(cell: CellData, settings: FitSettings) -> CellFit:
 def errors_in_variables(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the average response with noise in angle and torque, and a lag between them.
 
-    The criterion of :mod:`jointz.kernels.series.second_order`. The lag is free, within 20 ms or what
-    the windows' margin holds; a lag under ``[calibration]`` is shifted out before, and its sd
+    The criterion of :mod:`jointz.kernels.series.second_order`. The lag is free, within 20 ms or
+    what the windows' margin holds; a lag under ``[calibration]`` is shifted out before, and its sd
     is the prior of what is left over. A lag at the end of its range is ``undecided``.
     """
     known = settings.calibration.angle_lag_s or settings.calibration.torque_lag_s

@@ -95,7 +95,7 @@ def phase_curve(
     Errors other than noise - lag, gains, drift inside the window, model - are alike at
     neighbouring phases: their variance is added whole to the band instead of averaging out
     along the curve. The curve of the mean goes through the means over people, their intervals
-    over people (:mod:`jointz.kernels.statistics.pooling_posterior`) added whole, so that what lies between
+    over people (:mod:`jointz.stats.partial_pooling`) added whole, so that what lies between
     the timing points is as uncertain for many people as for one.
 
     An estimate whose window lies on a rise or fall of K that both neighbours vouch for, and that

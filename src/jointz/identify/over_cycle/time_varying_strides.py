@@ -31,7 +31,7 @@ _LONGEST_SEGMENT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class TimeVaryingSettings:
-    """What was chosen; see :func:`jointz.identify.over_cycle.time_varying.identify_time_varying`."""
+    """Settings of :func:`jointz.identify_time_varying`."""
 
     input: str  # what was perturbed; which side the torque acts on
     torque_acts_on: str

@@ -149,7 +149,7 @@ def torque_from_current(
     cutoff_hz: float,
     known: CalibrationSpec | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction."""
+    """Return joint torque from motor current (equations 3.3 and 4.1), and its friction."""
     current = recording["current"].to_numpy()
     velocity, acceleration = _motor_motion(recording, cutoff_hz)
     size = model.coulomb_friction + model.gear_friction * np.abs(current)

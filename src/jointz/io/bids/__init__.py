@@ -1,1 +1,1 @@
-""""""
+"""Motion-BIDS folders."""

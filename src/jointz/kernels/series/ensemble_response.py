@@ -113,7 +113,7 @@ def ensemble_response(inputs: np.ndarray, output: np.ndarray) -> EnsembleRespons
     (2001), pooled over a short segment as Ludvig and Perreault (2012,
     doi:10.1109/TBME.2012.2220767) do: the system is taken as constant over the
     segment. Directions are kept by the smallest description length, in the
-    order of their input (:mod:`jointz.kernels.series.impulse_response_estimate`). Samples of a segment
+    order of their input (:mod:`.impulse_response_estimate`). Samples of a segment
     are first whitened by what a first fit leaves: with noise that is slow against
     the segment, as the movement's variation is, that keeps many more directions.
     The sd is a sandwich with one block a realisation, so samples of a segment may

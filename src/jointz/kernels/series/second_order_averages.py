@@ -1,6 +1,6 @@
 """A second-order joint driven by measured torque: fit to one average, and to many by slopes.
 
-The criterion is that of :mod:`jointz.kernels.series.second_order`: white noise in angle and torque, the
+The criterion is that of :mod:`.second_order`: white noise in angle and torque, the
 recursion's error whitened, made orthogonal to the sensitivities of the smoothed records. Without
 noise of the torque it is output error. Here K and B may have any sign, and once the fit to an
 average is there, averages near it are fitted by one Gauss-Newton step each: the error is linear in

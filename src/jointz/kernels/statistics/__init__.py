@@ -1,1 +1,1 @@
-""""""
+"""Array functions for statistics."""

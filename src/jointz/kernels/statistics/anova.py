@@ -51,7 +51,7 @@ def one_way_anova(response: np.ndarray, group: np.ndarray) -> FTest:
     -----
     What ``anova1`` of MATLAB prints. Rows of one trial share that trial's error: where the
     group varies between trials the test finds effects that are not there, where it is
-    balanced inside them it misses effects that are; see :mod:`jointz.kernels.statistics.mixed_model_likelihood`.
+    balanced inside them it misses effects that are; see :mod:`.mixed_model_likelihood`.
 
     Examples
     --------

@@ -165,7 +165,7 @@ def satterthwaite_test(fit: FixedEffects, contrast: np.ndarray) -> FTest:
     Parameters
     ----------
     fit : FixedEffects
-        From :func:`fit_random_intercept` or :mod:`jointz.kernels.statistics.mixed_model_components`.
+        From :func:`fit_random_intercept` or :mod:`.mixed_model_components`.
     contrast : (q, p) float
         One row a contrast; rows may depend on each other.
 

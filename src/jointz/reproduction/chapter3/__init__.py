@@ -1,1 +1,1 @@
-""""""
+"""Chapter 3: the torque model of the motor."""

@@ -23,7 +23,7 @@ from jointz.reproduction.chapter4.walking import (
 )
 from jointz.reproduction.reproduction_tables import Compared, ComparedTable
 from jointz.session.run import run
-from jointz.session.worker_pool import RunProgress
+from jointz.tasks.progress import RunProgress
 
 _NAMES = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping", "inertia": "inertia"}
 _SOURCES = ("pilot", "recommended", "truth")
@@ -36,8 +36,7 @@ class PilotStudy:
     """A simulated pilot."""
 
     people: tuple[str, ...]  # ids
-    # as :class:`jointz.reproduction.chapter4.walking.WalkedStudy` has them, of the sources ``pilot``,
-    # ``recommended`` and ``truth``
+    # as ``WalkedStudy`` has them, of the sources ``pilot``, ``recommended`` and ``truth``
     estimates: pd.DataFrame
 
     def mean(self, source: str, parameter: str, column: str = "value") -> dict[str, float]:

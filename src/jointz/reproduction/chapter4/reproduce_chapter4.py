@@ -9,8 +9,8 @@ from jointz.reproduction.chapter4.simulated import simulated_chapter
 from jointz.reproduction.chapter4.statistics_claims import published_statistics
 from jointz.reproduction.chapter4.walking import walking_study
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tasks import Progress, provenance
-from jointz.session.worker_pool import RunProgress
+from jointz.reproduction.reproduction_tasks import provenance
+from jointz.tasks.progress import Progress, RunProgress
 
 
 def reproduce_chapter4(seed: int, preset: str, tell: Progress) -> Reproduction:

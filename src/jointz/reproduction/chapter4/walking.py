@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from jointz.analysis.analyze import DEFAULT_RESAMPLES, Progress, analyze
+from jointz.analysis.analyze import DEFAULT_RESAMPLES, analyze
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import Study
 from jointz.io.study_reader import open_study
@@ -17,8 +17,8 @@ from jointz.reproduction.chapter4.gait_claims import PersonGait, people_gait
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import TRUTH_FILE, run
-from jointz.session.worker_pool import RunProgress
 from jointz.tasks.engine import open_engine
+from jointz.tasks.progress import Progress, RunProgress
 
 #: What tables 4.1 to 4.3 hold, and its unit.
 PARAMETERS: Mapping[str, str] = {

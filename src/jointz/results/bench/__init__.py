@@ -1,1 +1,1 @@
-""""""
+"""Results of benches, actuators and calibrations."""

@@ -1,1 +1,1 @@
-""""""
+"""Results of statistics."""

@@ -1,7 +1,7 @@
 """The test bench of the quasi-direct-drive actuator (3.2): what it is made of.
 
 A torque motor behind a 9:1 gear, a torque sensor, a rotary spring and a position motor
-behind a 50:1 transmission, in one line. The physics is in :mod:`jointz.sim.benches.qdd_bench_plant`.
+behind a 50:1 transmission, in one line. The physics is in :mod:`.qdd_bench_plant`.
 """
 
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-""""""
+"""Simulated calibration experiments."""
