@@ -16,13 +16,13 @@ from jointz.reproduction.chapter2.mechanisms import (
 )
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tasks import (
-    Progress,
     in_processes,
     provenance,
     run_study,
     study_truth,
 )
 from jointz.tasks.engine import Task
+from jointz.tasks.progress import Progress
 
 
 def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:

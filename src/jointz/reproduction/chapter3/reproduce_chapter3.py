@@ -11,13 +11,13 @@ from jointz.reproduction.chapter3 import chapter3_numbers as chapter3
 from jointz.reproduction.chapter3 import chapter3_stiffness
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tasks import (
-    Progress,
     in_processes,
     provenance,
     run_study,
     study_truth,
 )
 from jointz.tasks.engine import Task
+from jointz.tasks.progress import Progress
 
 _QDD = ("qdd-torque-speed", "qdd-chirp", "qdd-static", "qdd-dither", "qdd-perturbation")
 
