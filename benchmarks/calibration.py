@@ -17,7 +17,8 @@ from jointz.core.study import CalibrationSpec
 from jointz.io.calibration_file import write_into_study
 from jointz.results.bench.calibration_fit import STEPS
 from jointz.session.run import run
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 PRESETS = ("nominal", "hard", "anthropometric")
 #: As the page tells people to take them, so that each knows what it uses.

@@ -24,7 +24,8 @@ from jointz.identify.appraisal.certificate import own_estimates, virtual_estimat
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_evidence import evidence_of
 from jointz.results.certificate_result import VirtualEstimate, expected_errors
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore, task_key
 
 ROWS = ("nominal-lag-unknown", "nominal-lag-0.5ms", "hard-lag-0.5ms", "hard-lag-unknown")

@@ -24,7 +24,8 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.participant import analyze_participant
 from jointz.results.estimates import CellEstimate
 from jointz.stats.population import population_means
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 _ROOT = Path(__file__).parents[1]
 ROWS = {"nominal": "nominal-lag-unknown", "anthropometric": "anthropometric"}

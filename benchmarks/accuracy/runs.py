@@ -26,7 +26,8 @@ import jointz
 from jointz.core.errors import JointzError
 from jointz.identify.participant import analyze_participant
 from jointz.results.estimates import CellEstimate
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 #: Name of what is kept beside the methods' results.
 TRUTH = "truth"

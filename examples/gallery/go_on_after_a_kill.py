@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 
 import jointz
 from jointz.analysis.simulate_study import simulate_study
-from jointz.tasks.engine import open_engine
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore
 
 folder = Path(mkdtemp())

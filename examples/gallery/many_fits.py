@@ -16,7 +16,8 @@ from scipy.signal import butter, sosfilt
 
 import jointz
 from jointz.sim.knee_joint import respond
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 K, B, J = 60.0, 1.5, 0.05
 RATE, SECONDS = 500.0, 30

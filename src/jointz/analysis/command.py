@@ -69,7 +69,7 @@ def analyze(
     """
     del debug
     from jointz.io.study_reader import open_study
-    from jointz.tasks.engine import open_engine
+    from jointz.tasks.open_engine import open_engine
 
     if method != _USUAL:  # who asks for the usual one need not wait for all methods to be loaded
         from jointz.analysis.analyze import check_method

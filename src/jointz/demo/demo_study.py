@@ -18,7 +18,7 @@ from jointz.io.study_reader import open_study
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import TRUTH_FILE, run
-from jointz.tasks.engine import open_engine
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress, RunProgress
 
 MARKER = ".jointz-demo"

@@ -6,7 +6,6 @@ done here: these models take what :mod:`tomllib` makes of it. Drivers, and the l
 need, are imported when the devices are opened.
 """
 
-import importlib
 import reprlib
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
@@ -14,18 +13,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
-from jointz.core.clock import Clock
 from jointz.core.errors import DeviceFileError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import CalibrationSpec, DeviceSpec, Name, TorqueModelSpec
 from jointz.devices.dephy_units import WindingSpec
-from jointz.devices.interface import Actuator, Devices, Sensor
 
 #: The ADS1115 converts so often a second; its oscillator is 10 % wide, so that this many
 #: can be read without reading one twice.
 ADS1115_RATES = (8, 16, 32, 64, 128, 250, 475, 860)
 ADS1115_FASTEST_HZ = 774.0
-_OSL_MODULE = "jointz.devices.opensourceleg"
 
 Positive = Annotated[float, Field(gt=0)]
 Text = Annotated[str, Field(min_length=1)]
@@ -238,54 +234,6 @@ def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> Device
     except ValidationError as exc:
         problems = [_sentence(dict(e)) for e in exc.errors()]
         raise DeviceFileError(where, problems) from exc
-
-
-def open_devices(
-    config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
-) -> Devices:
-    """Return the devices that a file names, ``UNCONFIGURED``."""
-    checked = config if isinstance(config, DeviceFile) else device_file(config)
-    return Devices(
-        angle=_sensor(checked.angle, "angle", clock),
-        contact=_sensor(checked.contact, "contact", clock),
-        actuator=_actuator(checked.actuator, clock, before),
-    )
-
-
-def _actuator(
-    spec: DephySpec | OpenSourceLegSpec | None, clock: Clock, before: Actuator | None
-) -> Actuator | None:
-    if spec is None:
-        return None
-    if isinstance(spec, DephySpec):
-        from jointz.devices.dephy import DephyActPack
-
-        same = before if isinstance(before, DephyActPack) else None
-        return DephyActPack(spec, clock=clock, before=same)
-    made: Actuator = importlib.import_module(_OSL_MODULE).open_actuator(_keys(spec), clock=clock)
-    return made
-
-
-def _sensor(
-    spec: Ads1115Spec | LslSpec | OpenSourceLegSpec | None, channel: str, clock: Clock
-) -> Sensor | None:
-    if spec is None:
-        return None
-    if isinstance(spec, Ads1115Spec):
-        from jointz.devices.adc import Ads1115Sensor
-
-        return Ads1115Sensor(spec, channel, clock=clock)
-    if isinstance(spec, LslSpec):
-        from jointz.devices.lsl import LslSensor
-
-        return LslSensor(spec, channel, clock=clock)
-    module = importlib.import_module(_OSL_MODULE)
-    made: Sensor = module.open_sensor(_keys(spec), channel, clock=clock)
-    return made
-
-
-def _keys(spec: OpenSourceLegSpec) -> dict[str, Any]:
-    return dict(spec.model_extra or {})
 
 
 # --- sentences ---------------------------------------------------------------------------------

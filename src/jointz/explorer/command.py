@@ -44,7 +44,7 @@ def explore(
     from jointz.web.server import require_app
 
     require_app()
-    from jointz.explorer.explorer_app import explore as serve_explorer
+    from jointz.explorer.page import explore as serve_explorer
     from jointz.explorer.results_files import open_results
     from jointz.tasks.process_pool import process_pool
 

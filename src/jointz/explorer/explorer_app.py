@@ -17,7 +17,6 @@ from jointz.explorer.results_files import Exploration
 from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.web.server import require_app, serve
 
 Found = TypeVar("Found")
 
@@ -224,25 +223,3 @@ def _told(exc: Exception) -> str:
 def _lines(study: Study | None, person: str) -> tuple[UserExclusion, ...]:
     lines = () if study is None else study.user_exclusions
     return tuple(line for line in lines if line.participant == person)
-
-
-def explore(
-    found: Exploration,
-    *,
-    pool: Executor | None,
-    host: str = "127.0.0.1",
-    port: int = 0,
-    announce: Callable[[str], None],
-) -> None:
-    """Serve the explorer until the process is told to end."""
-    require_app()
-    from jointz.explorer.page import ExplorePage
-
-    explorer = Explorer(found, pool)
-    serve(
-        lambda: ExplorePage(explorer).build(),
-        title=f"jointz explore: {found.folder.name}",
-        host=host,
-        port=port,
-        announce=announce,
-    )

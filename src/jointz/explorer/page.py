@@ -1,5 +1,7 @@
 """The explorer's page: who and where on the left, pulses and curves on the right."""
 
+from collections.abc import Callable
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,6 +9,7 @@ from jointz.explorer.cycle_page import CycleTab, MethodsTab
 from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.files_page import FilesTab
 from jointz.explorer.pulses_page import PulsesTab
+from jointz.explorer.results_files import Exploration
 from jointz.explorer.view import View
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
@@ -19,6 +22,7 @@ from jointz.report.wording import (
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.web.server import require_app, serve
 
 if TYPE_CHECKING:
     from nicegui.events import KeyEventArguments
@@ -262,3 +266,23 @@ def _long(parameter: ParameterEstimate) -> str:
     if parameter.stands:
         return format_estimate(parameter)
     return parameter.status.removeprefix("failed:").replace("_", " ")
+
+
+def explore(
+    found: Exploration,
+    *,
+    pool: Executor | None,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    announce: Callable[[str], None],
+) -> None:
+    """Serve the explorer until the process is told to end."""
+    require_app()
+    explorer = Explorer(found, pool)
+    serve(
+        lambda: ExplorePage(explorer).build(),
+        title=f"jointz explore: {found.folder.name}",
+        host=host,
+        port=port,
+        announce=announce,
+    )

@@ -8,7 +8,8 @@ from typing import Any
 from jointz.core.provenance import now, software
 from jointz.io.protocols import load_protocol
 from jointz.session.run import TRUTH_FILE, run
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress
 
 #: Called with tasks done, tasks in all, and what was done last.

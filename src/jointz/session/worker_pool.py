@@ -27,8 +27,8 @@ from jointz.tasks.engine import (
     Serial,
     Task,
     done_in_turn,
-    open_engine,
 )
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.process_pool import spawn_context, spawned_pool
 from jointz.tasks.progress import RunProgress
 

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -20,7 +20,6 @@ from threadpoolctl import threadpool_limits
 
 from jointz.core.errors import DataError, EngineError, WorkerLostError
 from jointz.experiment.stop_signals import signals_held
-from jointz.tasks.process_pool import begin_worker, spawned_pool, workers_for
 from jointz.tasks.task_store import TaskStore
 
 Result = TypeVar("Result")
@@ -151,58 +150,6 @@ def on_one_thread(call: Callable[[], Result]) -> Result:
     """Make a call with one thread of linear algebra: how many there are changes last digits."""
     with threadpool_limits(limits=1):
         return call()
-
-
-@contextmanager
-def open_engine(
-    scheduler: str | None = None,
-    *,
-    workers: int | None = None,
-    tasks: int,
-    needs: str,
-) -> Iterator[Engine]:
-    """Give the engine that was asked for.
-
-    Parameters
-    ----------
-    scheduler : str, optional
-        ``tcp://...`` of a Dask cluster, or ``local`` for one on this machine; by default
-        processes of this machine.
-    workers : int, optional
-        How many at once; by default as many as there are cores, where the tasks are worth it.
-        A cluster that is joined has its own.
-    tasks : int
-        How many there will be.
-    needs : str
-        Module that they are in.
-
-    Yields
-    ------
-    Engine
-        Whoever leaves the block by an error does not wait for what is under way.
-
-    Raises
-    ------
-    DataError
-        When there is no such scheduler, or ``dask`` is not installed.
-    EngineError
-        When processes cannot be started.
-    """
-    if scheduler is not None:
-        from jointz.tasks.dask_cluster import open_cluster
-
-        with open_cluster(scheduler, workers=workers) as cluster:
-            yield cluster
-        return
-    count = workers_for(tasks) if workers is None else workers
-    if count < 1:
-        raise DataError(f"workers: expected at least 1, got {count}.")
-    if count == 1:
-        yield Serial()
-        return
-    opening = partial(spawned_pool, count, begin_worker, needs=needs)
-    with closing(Processes(count, opening)) as engine:
-        yield engine
 
 
 def done_in_turn(

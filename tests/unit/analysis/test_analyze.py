@@ -15,7 +15,8 @@ from jointz.analysis.analyze import analyze, check_method
 from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.tasks.engine import Engine, Serial, open_engine
+from jointz.tasks.engine import Engine, Serial
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore
 
 

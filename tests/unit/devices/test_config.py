@@ -11,10 +11,11 @@ import pytest
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError
 from jointz.devices.adc import Ads1115Sensor
-from jointz.devices.config import DeviceFile, device_file, open_devices
+from jointz.devices.config import DeviceFile, device_file
 from jointz.devices.dephy import DephyActPack
 from jointz.devices.interface import Lifecycle
 from jointz.devices.lsl import LslSensor
+from jointz.devices.open_devices import open_devices
 
 WHOLE = """
 [actuator]

@@ -17,7 +17,8 @@ import pytest
 
 from jointz.core.errors import DataError, EngineError, WorkerLostError
 from jointz.tasks import dask_cluster as engine_dask
-from jointz.tasks.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.shared_memory import shared_out
 
 distributed = pytest.importorskip("distributed", reason="dask is not installed")

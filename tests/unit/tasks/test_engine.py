@@ -18,7 +18,8 @@ from threadpoolctl import threadpool_info
 
 from jointz.core.errors import DataError, EngineError, OutputError, WorkerLostError, WriteError
 from jointz.tasks import engine as engine_module
-from jointz.tasks.engine import Engine, Serial, Task, done_in_turn, open_engine
+from jointz.tasks.engine import Engine, Serial, Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.shared_memory import shared_out
 from jointz.tasks.task_store import TaskStore, task_key
 

@@ -17,7 +17,7 @@ from jointz.reproduction.chapter4.gait_claims import PersonGait, people_gait
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import TRUTH_FILE, run
-from jointz.tasks.engine import open_engine
+from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress, RunProgress
 
 #: What tables 4.1 to 4.3 hold, and its unit.
