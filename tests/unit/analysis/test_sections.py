@@ -13,7 +13,7 @@ from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
 
-from .test_page import Page, words
+from .test_report_page import Page, words
 
 
 def reasons(analysis):

@@ -15,7 +15,7 @@ from jointz.results.estimates import COVARIANCE_COLUMNS
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "collections.md").read_text(encoding="utf-8")
 SOURCES = [
-    *(ROOT / "src/jointz/workflows").glob("collection_*check*.py"),
+    *(ROOT / "src/jointz/collections/checking").glob("*check*.py"),
 ]
 WORDS = {
     word for code in re.findall(r"`([^`\n]+)`", PAGE) for word in re.split(r"[\s,=.{}\[\]]+", code)

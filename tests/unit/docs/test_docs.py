@@ -284,7 +284,7 @@ def test_every_method_and_estimator_is_described():
 def test_the_architecture_names_every_package():
     packages = {p.parent.name for p in (ROOT / "src" / "jointz").glob("*/__init__.py")}
 
-    rows = re.findall(r"^\| \d \| `(\w+)` \|", text("ARCHITECTURE.md"), re.MULTILINE)
+    rows = re.findall(r"^\| `(\w+)` \|", text("ARCHITECTURE.md"), re.MULTILINE)
 
     assert set(rows) == packages
 
@@ -305,10 +305,7 @@ def test_no_page_holds_a_path_of_a_machine(page):
 
 
 def test_source_files_named_in_the_architecture_exist():
-    named = re.findall(
-        r"`((?:kernels|core|gait|io|identify|sim|stats|report|workflows|cli)/\w+\.py)`",
-        text("ARCHITECTURE.md"),
-    )
+    named = re.findall(r"`([a-z]+/[\w/]+\.py)`", text("ARCHITECTURE.md"))
 
     assert len(named) > 10
     assert [n for n in named if not (ROOT / "src" / "jointz" / n).is_file()] == []

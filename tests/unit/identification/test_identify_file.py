@@ -6,13 +6,11 @@ import pytest
 
 from jointz.core.errors import DataError, UnitError
 from jointz.identification.identify_file import (
-    Column,
     identify_actuator_file,
     identify_bandwidth_file,
     identify_joint_file,
-    parse_column,
-    parse_quantity,
 )
+from jointz.io.text.column_arguments import Column, parse_column, parse_quantity
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,13 @@ SYSTEMS = ("as_on_windows", "as_on_a_mac")
 IMPORTS = """
 import pkgutil
 import jointz
+APP = ("jointz.console.", "jointz.explorer.", "jointz.web.")
 for name in jointz.__all__:
     getattr(jointz, name)
 names = [
     found.name
     for found in pkgutil.walk_packages(jointz.__path__, "jointz.")
-    if not found.name.startswith("jointz.app.") and found.name != "jointz.__main__"
+    if found.name != "jointz.__main__" and not found.name.startswith(APP)
 ]
 failed = {}
 for name in names:

@@ -117,7 +117,7 @@ def laboratory(monkeypatch):
     made = Laboratory()
     monkeypatch.setattr("jointz.session.rigs.hardware_rig.open_devices", made.open_devices)
     for home in ("run", "participant_run"):
-        monkeypatch.setattr(f"jointz.workflows.{home}.RealClock", VirtualClock)
+        monkeypatch.setattr(f"jointz.session.{home}.RealClock", VirtualClock)
     monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)
     return made
 
