@@ -48,7 +48,7 @@ def test_other_methods_have_no_such_notes():
 def test_who_is_doubted_is_named_with_what_may_be_why():
     doubted = replace(model("S02"), doubts=(Doubt.RESPONSES_DIFFER_WITH_DIRECTION.value,))
     (note,) = _doubt_notes([model("S01"), doubted])
-    assert note.startswith("responses_differ_with_direction in 1 of 2 (S02): pulses of the two")
+    assert note.startswith("responses_differ_with_direction in 1 of 2 participants (S02): pulses")
     assert "reflex" in note
     assert _doubt_notes([model("S01")]) == []
 
