@@ -1,6 +1,6 @@
 """What every result promises: a table, a text, a figure, and a way through JSON and back.
 
-A new result class in ``jointz.core`` fails here until it has an example below.
+A new result class fails here until it has an example below.
 """
 
 import copy
@@ -22,7 +22,6 @@ from matplotlib.axes import Axes
 from scipy.signal import butter, sosfiltfilt
 
 import jointz
-import jointz.core
 from jointz.calibration.report import Calibration
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter, QueryResult
@@ -43,6 +42,7 @@ from jointz.reproduction.reproduction_tables import (
     GridBlock,
     ParticipantGrid,
 )
+from jointz.results.base import Result
 from jointz.results.bench.bench_fits import FullRecordFit, PulseFit
 from jointz.results.bench.calibration_fit import (
     CalibrationFailure,
@@ -627,19 +627,17 @@ def through_json(result: Any) -> Any:
 # --- the promises --------------------------------------------------------------------------------
 
 
+def subclasses(kind):
+    for one in kind.__subclasses__():
+        yield one
+        yield from subclasses(one)
+
+
 def test_every_result_class_has_an_example():
-    modules = [
-        importlib.import_module(f"jointz.core.{m.name}")
-        for m in pkgutil.iter_modules(jointz.core.__path__)
-    ]
-    results = {
-        value
-        for module in modules
-        for value in vars(module).values()
-        if dataclasses.is_dataclass(value)
-        and hasattr(value, "to_frame")
-        and not value.__subclasses__()
-    }
+    for module in pkgutil.walk_packages(jointz.__path__, "jointz."):
+        if module.name.startswith(("jointz.results", "jointz.inspection", "jointz.reproduction")):
+            importlib.import_module(module.name)
+    results = {c for c in subclasses(Result) if hasattr(c, "to_frame") and not c.__subclasses__()}
 
     assert results == {type(make()) for make in EXAMPLES.values()}
 

@@ -2,23 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
 from jointz.core.study import CalibrationSpec
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.bench.calibration_fit import CalibrationFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.Calibration/1"
 _COLUMNS = ("participant", "step", "entry", "used", "value", "sd", "unit", "status", "reason")
 
 
-@dataclass(frozen=True, slots=True)
-class Calibration:
+@dataclass(frozen=True, slots=True, repr=False)
+class Calibration(Result):
     """One step of the calibration, participant by participant.
 
     Parameters
@@ -34,6 +33,8 @@ class Calibration:
     notes : tuple of str
         What a reader must know about these files.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.Calibration/1"
 
     step: str
     fits: Mapping[str, CalibrationFit]
@@ -95,33 +96,3 @@ class Calibration:
         if self.fits:
             axes.legend(markerscale=4.0)
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "step": self.step,
-            "study": self.study,
-            "written": list(self.written),
-            "notes": list(self.notes),
-            "fits": {name: fit.to_dict() for name, fit in self.fits.items()},
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Calibration":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["fits"] = {name: CalibrationFit.from_dict(f) for name, f in data["fits"].items()}
-        values["written"], values["notes"] = tuple(data["written"]), tuple(data["notes"])
-        return cls(**values)

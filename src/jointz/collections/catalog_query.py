@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.core.plain_tables import plain_rows, typed_table
-from jointz.results.base import checked_values
+from jointz.results.base import Result, checked_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,8 +56,8 @@ class CatalogFilter:
         return {k: list(v) if isinstance(v, tuple) else v for k, v in asked.items()}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class QueryResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class QueryResult(Result):
     """Rows of a catalog."""
 
     table: pd.DataFrame  # in the columns of the catalog; texts may be categories

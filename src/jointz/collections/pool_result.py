@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pandas as pd
 
 from jointz.core.plain_tables import Kind, plain_rows, typed_table
-from jointz.results.base import checked_values
+from jointz.results.base import Result, checked_values
 from jointz.results.statistics.random_effects_fit import draw_forest
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ STUDY_COLUMNS: Mapping[str, Kind] = MappingProxyType({
 })  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CollectionPool:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CollectionPool(Result):
     """A collection, pooled.
 
     Parameters

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.statistics.comparison_rows import (
     Difference,
     FactorTest,
@@ -17,16 +17,13 @@ from jointz.results.statistics.comparison_rows import (
     SourceMean,
     difference_text,
 )
-from jointz.results.statistics.mixed_model_fit import MixedModelFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.Comparison/1"
 
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
+@dataclass(frozen=True, slots=True, repr=False)
+class Comparison(Result):
     """Results compared over people; replicates and pulses are no people.
 
     Parameters
@@ -58,6 +55,8 @@ class Comparison:
     provenance : mapping
         Versions, and hashes of what was read.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.Comparison/1"
 
     sources: tuple[Source, ...]
     values: tuple[PersonValue, ...]
@@ -154,63 +153,6 @@ class Comparison:
         if shown:
             axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        for name in self.__slots__:
-            value = getattr(self, name)
-            data[name] = dict(value) if isinstance(value, Mapping) else value
-        data["sources"] = [
-            asdict(s) | {"participants": list(s.participants), "methods": list(s.methods)}
-            for s in self.sources
-        ]
-        for name in ("values", "means", "differences", "repeatability", "references"):
-            data[name] = [asdict(row) for row in getattr(self, name)]
-        data["tests"] = [
-            {slot: getattr(t, slot) for slot in FactorTest.__slots__}
-            | {"fit": None if t.fit is None else t.fit.to_dict()}
-            for t in self.tests
-        ]
-        data["notes"] = list(self.notes)
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Comparison":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["sources"] = tuple(
-            Source(**s | {k: tuple(s[k]) for k in ("participants", "methods")})
-            for s in values["sources"]
-        )
-        for name, kind in _ROWS.items():
-            values[name] = tuple(kind(**row) for row in values[name])
-        values["tests"] = tuple(
-            FactorTest(**t | {"fit": MixedModelFit.from_dict(t["fit"]) if t["fit"] else None})
-            for t in values["tests"]
-        )
-        values["notes"] = tuple(values["notes"])
-        return cls(**values)
-
-
-_ROWS: Mapping[str, type[Any]] = {
-    "values": PersonValue,
-    "means": SourceMean,
-    "differences": Difference,
-    "repeatability": Repeatability,
-    "references": ReferenceRange,
-}
 
 
 def _frame(rows: Sequence[Any], kind: type[Any]) -> pd.DataFrame:

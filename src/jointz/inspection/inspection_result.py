@@ -1,18 +1,17 @@
 """What was seen in a file: channels, clocks, holes, and a study to start from."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.Inspection/1"
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"
@@ -114,9 +113,11 @@ class SeenClock:
         return f"{len(self.gaps)} gap(s), the longest {shown}"
 
 
-@dataclass(frozen=True, slots=True)
-class Inspection:
+@dataclass(frozen=True, slots=True, repr=False)
+class Inspection(Result):
     """What a file holds, what it is taken for, and a ``study.toml`` to edit."""
+
+    SCHEMA: ClassVar[str] = "jointz.Inspection/1"
 
     file: str  # its name
     # how a text file is laid out, as under ``[files]`` of a study; empty for other formats
@@ -184,40 +185,6 @@ class Inspection:
         axes.set_ylabel("columns, each on its own height")
         axes.set_title(self.file, fontsize="medium")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA, "file": self.file, "layout": dict(self.layout)}
-        data["channels"] = [_plain(asdict(c)) for c in self.channels]
-        data["clocks"] = [_plain(asdict(c)) for c in self.clocks]
-        data["n_events"] = self.n_events
-        data |= {n: list(getattr(self, n)) for n in ("notes", "obstacles", "advice")}
-        return data | {"toml": self.toml}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Inspection":
-        """Rebuild from :meth:`to_dict`."""
-        values = checked_values(data, SCHEMA)
-        values["layout"] = dict(data["layout"])
-        values["channels"] = tuple(SeenChannel(**_tuples(c)) for c in data["channels"])
-        values["clocks"] = tuple(SeenClock(**_tuples(c)) for c in data["clocks"])
-        values |= {n: tuple(data[n]) for n in ("notes", "obstacles", "advice")}
-        return cls(**values)
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {n: _listed(v) if isinstance(v, tuple) else v for n, v in values.items()}
-
-
-def _listed(values: tuple[Any, ...]) -> list[Any]:
-    return [list(v) if isinstance(v, tuple) else v for v in values]
-
-
-def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        n: tuple(tuple(e) if isinstance(e, list) else e for e in v) if isinstance(v, list) else v
-        for n, v in values.items()
-    }
 
 
 def _channel_lines(channels: tuple[SeenChannel, ...]) -> list[str]:

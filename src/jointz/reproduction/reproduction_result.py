@@ -14,6 +14,7 @@ from jointz.reproduction.reproduction_tables import (
     table_from_dict,
     table_to_dict,
 )
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +23,8 @@ SCHEMA = "jointz.Reproduction/2"
 _DASH = "-"
 
 
-@dataclass(frozen=True, slots=True)
-class Reproduction:
+@dataclass(frozen=True, slots=True, repr=False)
+class Reproduction(Result):
     """A chapter reproduced."""
 
     chapter: int  # its number

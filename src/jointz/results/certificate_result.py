@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -10,12 +10,11 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.events import row_label
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.Certificate/1"
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
@@ -77,8 +76,8 @@ class ExpectedError:
         return PARAMETER_UNITS[self.parameter]
 
 
-@dataclass(frozen=True, slots=True)
-class Certificate:
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate(Result):
     """Error and coverage to expect in a study, measured in its own strides.
 
     Parameters
@@ -99,6 +98,8 @@ class Certificate:
     settings : mapping
         Window, seed.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.Certificate/1"
 
     method: str
     errors: tuple[ExpectedError, ...]
@@ -185,35 +186,6 @@ class Certificate:
         axes.set_ylabel("RMSE (bars), bias (dots), % of the truth")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        for name in ("errors", "estimates"):
-            data[name] = [asdict(row) for row in data[name]]
-        for name in ("injected", "left_out", "settings"):
-            data[name] = dict(data[name])
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Certificate":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["errors"] = tuple(ExpectedError(**row) for row in data["errors"])
-        values["estimates"] = tuple(VirtualEstimate(**row) for row in data["estimates"])
-        return cls(**values)
 
 
 def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError, ...]:

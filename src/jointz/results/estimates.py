@@ -1,13 +1,14 @@
 """Estimates of one cell: a participant at a timing point."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.events import row_label
+from jointz.results.base import Array, Result
 
 #: Sd from the middle to the ends of a 95 % interval of a normal error.
 REACH_95 = 1.959963984540054
@@ -79,39 +80,30 @@ class ParameterEstimate:
         return self.status in ("ok", "at_bound")
 
 
-@dataclass(frozen=True, slots=True)
-class Response:
+@dataclass(frozen=True, slots=True, eq=False)
+class Response(Result):
     """The average response of a cell to its pulses, baseline removed."""
 
-    time_s: np.ndarray  # time from the onset
-    angle: np.ndarray  # average angle response
-    torque: np.ndarray  # average torque response
+    time_s: Array  # time from the onset
+    angle: Array  # average angle response
+    torque: Array  # average torque response
     # torque of the fitted model; the measured one where the angle was fitted
-    fitted_torque: np.ndarray
-    fitted_angle: np.ndarray | None = None  # angle of the fitted model, where the angle was fitted
+    fitted_torque: Array
+    fitted_angle: Array | None = None  # angle of the fitted model, where the angle was fitted
 
     def __eq__(self, other: object) -> bool:
         # The one of dataclasses compares tuples of arrays, which have no single truth.
         if not isinstance(other, Response):
             return NotImplemented
-        mine, others = self.to_dict(), other.to_dict()
-        return mine.keys() == others.keys() and all(
-            np.array_equal(mine[name], others[name], equal_nan=True) for name in mine
+        pairs = [(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)]
+        return all(
+            a is b or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True))
+            for a, b in pairs
         )
 
-    def to_dict(self) -> dict[str, list[float]]:
-        """Return plain lists, ready for JSON."""
-        values = {name: getattr(self, name) for name in self.__slots__}
-        return {name: array.tolist() for name, array in values.items() if array is not None}
 
-    @classmethod
-    def from_dict(cls, data: dict[str, list[float]]) -> "Response":
-        """Rebuild from :meth:`to_dict`."""
-        return cls(**{name: np.asarray(values, dtype=float) for name, values in data.items()})
-
-
-@dataclass(frozen=True, slots=True)
-class CellEstimate:
+@dataclass(frozen=True, slots=True, repr=False)
+class CellEstimate(Result):
     """Impedance of one participant at one timing point, case or group.
 
     Parameters
@@ -227,45 +219,6 @@ class CellEstimate:
         rows = zip(names, self.covariance or (), strict=False)
         where, unit = (self.participant, self.timing_point), (self.session, self.side)
         return [(*where, name, *row, *unit) for name, row in rows]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data = {name: getattr(self, name) for name in self.__slots__}
-        for key in ("parameters", "nuisance"):
-            data[key] = [
-                {name: getattr(p, name) for name in p.__slots__} for p in getattr(self, key)
-            ]
-        data["response"] = self.response.to_dict() if self.response else None
-        corrected = self.gravity_corrected
-        data["gravity_corrected"] = (
-            {name: getattr(corrected, name) for name in corrected.__slots__} if corrected else None
-        )
-        for key in ("budget", "through_instruments"):
-            data[key] = {name: dict(parts) for name, parts in getattr(self, key).items()}
-        data["prior_effects"] = {name: list(pair) for name, pair in self.prior_effects.items()}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> "CellEstimate":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : dict
-            What :meth:`to_dict` returned.
-        """
-        values = dict(data)
-        for key in ("parameters", "nuisance"):
-            values[key] = tuple(ParameterEstimate(**p) for p in values.get(key, ()))
-        response = values.get("response")
-        values["response"] = Response.from_dict(response) if response else None
-        corrected = values.get("gravity_corrected")
-        values["gravity_corrected"] = ParameterEstimate(**corrected) if corrected else None
-        if values.get("covariance") is not None:
-            values["covariance"] = tuple(map(tuple, values["covariance"]))
-        effects = values.get("prior_effects", {})
-        values["prior_effects"] = {name: tuple(pair) for name, pair in effects.items()}
-        return cls(**values)
 
 
 #: Columns of ``estimates.csv`` and ``comparison.csv``.

@@ -1,14 +1,13 @@
 """What the recommended estimator found out about a participant's joint and sensor."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from jointz.core.events import row_label
+from jointz.results.base import Result
 
 
-@dataclass(frozen=True, slots=True)
-class ParticipantModel:
+@dataclass(frozen=True, slots=True, repr=False)
+class ParticipantModel(Result):
     """Which hypotheses the responses of a participant speak for."""
 
     participant: str  # the id
@@ -33,12 +32,3 @@ class ParticipantModel:
     def label(self) -> str:
         """The participant with session and side: ``S01, day 2, left``."""
         return row_label(self.participant, self.session, self.side)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "ParticipantModel":
-        """Rebuild from :meth:`to_dict`."""
-        return cls(**{**data, "doubts": tuple(data.get("doubts", ()))})

@@ -1,21 +1,20 @@
 """Report of a run: pulses done, their onsets in the gait cycle, timing of the loop."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "jointz.RunReport/1"
-RUN_SCHEMA = "jointz.StudyRun/1"
 _COLUMNS = (
     "participant",
     "condition",
@@ -35,9 +34,11 @@ _COLUMNS = (
 _COUNTS = _COLUMNS[4:-3]
 
 
-@dataclass(frozen=True, slots=True)
-class RunReport:
+@dataclass(frozen=True, slots=True, repr=False)
+class RunReport(Result):
     """What a run did, one row a participant, condition and timing point."""
+
+    SCHEMA: ClassVar[str] = SCHEMA
 
     protocol: str  # its name
     seed: int  # of plan and simulation
@@ -64,6 +65,10 @@ class RunReport:
             {k: None if isinstance(v, float) and isnan(v) else v for k, v in row.items()}
             for row in self.onsets
         ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON, which has no NaN."""
+        return Result.to_dict(self) | {"onsets": self.onset_rows()}
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -113,27 +118,6 @@ class RunReport:
         ax.legend(frameon=False)
         return ax
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain values."""
-        return {"schema": SCHEMA, **asdict(self), "onsets": self.onset_rows()}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "RunReport":
-        """Return the report that :meth:`to_dict` wrote."""
-        if values.get("schema") != SCHEMA:
-            raise ValueError(
-                f"run report: expected schema {SCHEMA}, got {values.get('schema')!r}. "
-                "Read it with the jointz that wrote it."
-            )
-        return cls(
-            protocol=values["protocol"],
-            seed=values["seed"],
-            onsets=tuple(values["onsets"]),
-            gaps=tuple(values["gaps"]),
-            timing=tuple(values["timing"]),
-            salvaged=tuple(values.get("salvaged", ())),
-        )
-
 
 def _onset_sentence(row: Mapping[Any, Any]) -> str:
     if not row["n"]:
@@ -144,8 +128,8 @@ def _onset_sentence(row: Mapping[Any, Any]) -> str:
     return f"{mean}, SD {row['error_sd_pct']:.2f} (theory {row['theory_sd_pct']:.2f})"
 
 
-@dataclass(frozen=True, slots=True)
-class StudyRun:
+@dataclass(frozen=True, slots=True, repr=False)
+class StudyRun(Result):
     """A finished experiment.
 
     Parameters
@@ -155,6 +139,8 @@ class StudyRun:
     report : RunReport
         What was done.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.StudyRun/1"
 
     study: Path
     report: RunReport
@@ -176,24 +162,3 @@ class StudyRun:
             Where to draw; a new figure without it.
         """
         return self.report.plot(ax)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the run as plain values."""
-        return {"schema": RUN_SCHEMA, "study": str(self.study), "report": self.report.to_dict()}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "StudyRun":
-        """Return the run that :meth:`to_dict` wrote.
-
-        Parameters
-        ----------
-        values : mapping
-            What it returned.
-
-        Raises
-        ------
-        ValueError
-            When it is of another schema.
-        """
-        made = checked_values(values, RUN_SCHEMA)
-        return cls(Path(made["study"]), RunReport.from_dict(made["report"]))

@@ -3,18 +3,17 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.SpecificationCurve/1"
 
 #: What is chosen; columns of the table, and rows of dots of the figure.
 CHOICES = ("method", "baseline", "window_s", "cutoff_hz", "inertia_model")
@@ -51,8 +50,8 @@ class SpecificationEstimate:
         return self.status in _DECIDED and self.value is not None
 
 
-@dataclass(frozen=True, slots=True)
-class SpecificationCurve:
+@dataclass(frozen=True, slots=True, repr=False)
+class SpecificationCurve(Result):
     """A participant's estimates under every set of choices.
 
     Parameters
@@ -64,6 +63,8 @@ class SpecificationCurve:
     settings : mapping
         The choices that were combined.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.SpecificationCurve/1"
 
     participant: str
     estimates: tuple[SpecificationEstimate, ...]
@@ -168,33 +169,6 @@ class SpecificationCurve:
         axes.tick_params(labelbottom=False)
         _draw_choices(axes, found)
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "participant": self.participant,
-            "estimates": [asdict(e) for e in self.estimates],
-            "settings": dict(self.settings),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "SpecificationCurve":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["estimates"] = tuple(SpecificationEstimate(**e) for e in data["estimates"])
-        return cls(**values)
 
 
 def _draw_choices(axes: "Axes", found: Sequence[SpecificationEstimate]) -> None:

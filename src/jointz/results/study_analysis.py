@@ -1,12 +1,13 @@
 """The analysis of a whole study, with everything needed to reproduce it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
+from jointz.results.base import Result, plain
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.participant_model import ParticipantModel
@@ -14,7 +15,6 @@ from jointz.results.participant_model import ParticipantModel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.StudyAnalysis/1"
 
 #: Said where a bench has more than one "participant".
 NO_MEANS_ON_A_BENCH = (
@@ -53,8 +53,8 @@ class PopulationEstimate:
     ci_level: float = 0.95  # level of the interval
 
 
-@dataclass(frozen=True, slots=True)
-class StudyAnalysis:
+@dataclass(frozen=True, slots=True, repr=False)
+class StudyAnalysis(Result):
     """Result of analysing a study.
 
     Parameters
@@ -83,6 +83,8 @@ class StudyAnalysis:
     provenance : mapping
         Versions, hashes, history of every input.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.StudyAnalysis/1"
 
     cells: tuple[CellEstimate, ...]
     comparison: tuple[CellEstimate, ...] = ()
@@ -122,11 +124,11 @@ class StudyAnalysis:
 
     def strides_frame(self) -> pd.DataFrame:
         """Return every stride found, accepted or not."""
-        return pd.DataFrame(_plain(self.strides), columns=list(StrideRecord.__slots__))
+        return pd.DataFrame(plain(self.strides), columns=list(StrideRecord.__slots__))
 
     def pulses_frame(self) -> pd.DataFrame:
         """Return every pulse found, used or not."""
-        return pd.DataFrame(_plain(self.pulses), columns=list(PulseRecord.__slots__))
+        return pd.DataFrame(plain(self.pulses), columns=list(PulseRecord.__slots__))
 
     def single_frame(self) -> pd.DataFrame:
         """Return the pulses of a bench, each estimated by itself."""
@@ -190,63 +192,6 @@ class StudyAnalysis:
         axes.set_xlabel("gait cycle (%)" if walking else "")
         axes.set_ylabel(f"{parameter} ({unit})")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "cells": [c.to_dict() for c in self.cells],
-            "comparison": [c.to_dict() for c in self.comparison],
-            "population": [asdict(p) for p in self.population],
-            "pulses": _plain(self.pulses),
-            "strides": _plain(self.strides),
-            "gaps": [asdict(g) for g in self.gaps],
-            "single": [asdict(p) for p in self.single],
-            "pooled": [c.to_dict() for c in self.pooled],
-            "models": [m.to_dict() for m in self.models],
-            "certificate": self.certificate.to_dict() if self.certificate else None,
-            "statistics": dict(self.statistics),
-            "settings": dict(self.settings),
-            "provenance": dict(self.provenance),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "StudyAnalysis":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        if data.get("schema") != SCHEMA:
-            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
-        certificate = data.get("certificate")
-        return cls(
-            cells=tuple(CellEstimate.from_dict(c) for c in data["cells"]),
-            comparison=tuple(CellEstimate.from_dict(c) for c in data["comparison"]),
-            population=tuple(PopulationEstimate(**p) for p in data["population"]),
-            pulses=tuple(PulseRecord(**p) for p in data["pulses"]),
-            strides=tuple(StrideRecord(**s) for s in data["strides"]),
-            gaps=tuple(GapRecord(**g) for g in data["gaps"]),
-            single=tuple(PulseEstimate(**p) for p in data.get("single", ())),
-            pooled=tuple(CellEstimate.from_dict(c) for c in data.get("pooled", ())),
-            models=tuple(ParticipantModel.from_dict(m) for m in data.get("models", ())),
-            certificate=Certificate.from_dict(certificate) if certificate else None,
-            statistics=data["statistics"],
-            settings=data["settings"],
-            provenance=data["provenance"],
-        )
-
-
-def _plain(records: Sequence[StrideRecord] | Sequence[PulseRecord]) -> list[dict[str, Any]]:
-    """Return records of numbers and text; asdict would copy each, of which there are thousands."""
-    return [{name: getattr(record, name) for name in record.__slots__} for record in records]
 
 
 def _excluded(

@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-CHECK_SCHEMA = "jointz.CollectionCheck/1"
-BUILD_SCHEMA = "jointz.CatalogBuild/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +30,11 @@ class Finding:
         return f"{self.entry}: {self.where}: expected {self.expected}{found}. [{self.code}]"
 
 
-@dataclass(frozen=True, slots=True)
-class CollectionCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class CollectionCheck(Result):
     """What ``collect check`` found in a collection."""
+
+    SCHEMA: ClassVar[str] = "jointz.CollectionCheck/1"
 
     entries: tuple[str, ...]  # folders that were looked at
     findings: tuple[Finding, ...]  # everything found, by entry
@@ -70,27 +69,13 @@ class CollectionCheck:
         """Draw how many problems each entry has."""
         return _drawn({name: len(self.of(name)) for name in self.entries}, ax)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": CHECK_SCHEMA,
-            "entries": list(self.entries),
-            "findings": [asdict(finding) for finding in self.findings],
-            "accepted": [asdict(finding) for finding in self.accepted],
-            "not_sized": list(self.not_sized),
-        }
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "CollectionCheck":
-        """Rebuild from :meth:`to_dict`."""
-        held = checked_values(data, CHECK_SCHEMA)
-        findings, accepted = _findings(held["findings"]), _findings(held["accepted"])
-        return cls(tuple(held["entries"]), findings, accepted, tuple(held.get("not_sized", ())))
-
-
-@dataclass(frozen=True, slots=True)
-class CatalogBuild:
+@dataclass(frozen=True, slots=True, repr=False)
+class CatalogBuild(Result):
     """A catalog that was written."""
+
+    SCHEMA: ClassVar[str] = "jointz.CatalogBuild/1"
+    SHOWN: ClassVar[tuple[str, ...]] = ("skipped_entries",)
 
     catalog: str  # the file
     entries: tuple[str, ...]  # folders of the entries in it
@@ -129,36 +114,6 @@ class CatalogBuild:
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw how many problems each entry has: those with some are not in the catalog."""
         return _drawn(self._problems(), ax)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": BUILD_SCHEMA,
-            "catalog": self.catalog,
-            "entries": list(self.entries),
-            "skipped_entries": list(self.skipped_entries),
-            "skipped": [asdict(finding) for finding in self.skipped],
-            "accepted": [asdict(finding) for finding in self.accepted],
-            "rows": self.rows,
-            "people": self.people,
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "CatalogBuild":
-        """Rebuild from :meth:`to_dict`."""
-        held = checked_values(data, BUILD_SCHEMA)
-        return cls(
-            held["catalog"],
-            tuple(held["entries"]),
-            _findings(held["skipped"]),
-            held["rows"],
-            held["people"],
-            _findings(held["accepted"]),
-        )
-
-
-def _findings(data: list[Mapping[str, str]]) -> tuple[Finding, ...]:
-    return tuple(Finding(**one) for one in data)
 
 
 def _counted(n: int, noun: str) -> str:

@@ -3,24 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.ActuatorFit/1"
 
 _EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
 _REGIME_COLOURS = ("#2c5c8f", "#5b9bc4", "#a9c9dd", "#f0b88a", "#d9763f", "#9c3a1c")
@@ -42,20 +35,9 @@ class ActuatorSeries:
     velocity: tuple[float, ...] = ()  # at the output, rad/s; empty where none was given
     in_seconds: bool = True  # whether ``position`` is a time
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        numbers = ("position", "measured", "modelled", "velocity")
-        return {n: list(getattr(self, n)) for n in numbers} | {"in_seconds": self.in_seconds}
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "ActuatorSeries":
-        """Rebuild from :meth:`to_dict`."""
-        numbers = {n: tuple(v) for n, v in data.items() if n != "in_seconds"}
-        return cls(**numbers, in_seconds=data["in_seconds"])
-
-
-@dataclass(frozen=True, slots=True)
-class ActuatorFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class ActuatorFit(Fit):
     """A torque model (3.1 to 3.3) with what the record could not decide.
 
     Parameters
@@ -100,6 +82,8 @@ class ActuatorFit:
         For the figure.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.ActuatorFit/1"
+
     model: str
     parameters: tuple[ParameterEstimate, ...]
     rms_error_nm: float
@@ -116,21 +100,6 @@ class ActuatorFit:
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     series: ActuatorSeries = field(default_factory=ActuatorSeries)
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``torque_constant``.
-
-        Raises
-        ------
-        KeyError
-            When the model has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
@@ -213,41 +182,6 @@ class ActuatorFit:
             f"model {self.model} ({_EQUATIONS[self.model]}): "
             f"RMS error {self.rms_error_nm:.2g} N*m, torque constant {value}"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["fitted"] = list(self.fitted)
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["series"] = self.series.to_dict()
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "ActuatorFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["fitted"] = tuple(data["fitted"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["series"] = ActuatorSeries.from_dict(data["series"])
-        return cls(**values)
 
 
 def _sentence(parameter: ParameterEstimate) -> str:

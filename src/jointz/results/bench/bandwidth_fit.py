@@ -2,21 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.series.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.BandwidthFit/1"
 
-
-@dataclass(frozen=True, slots=True)
-class BandwidthFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class BandwidthFit(Result):
     """Frequency at which a torque loop has lost ``drop_db`` of its gain.
 
     Parameters
@@ -57,6 +55,8 @@ class BandwidthFit:
     warnings : tuple of str
         What a reader of the number must know.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.BandwidthFit/1"
 
     bandwidth_hz: float
     ci_low_hz: float
@@ -156,35 +156,3 @@ class BandwidthFit:
         )
         axes.legend(loc="lower left")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["reference_hz"] = list(self.reference_hz)
-        data["response"] = self.response.to_dict()
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "BandwidthFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        low, high = data["reference_hz"]
-        values["reference_hz"] = (low, high)
-        values["response"] = ResponseCurve.from_dict(data["response"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        return cls(**values)

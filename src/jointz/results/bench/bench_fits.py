@@ -1,19 +1,13 @@
 """What the bench estimators find: impedance of a load, and the lag of its torque record."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.joint_fit import FitSeries
 
@@ -23,8 +17,8 @@ if TYPE_CHECKING:
 _SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
 
 
-@dataclass(frozen=True, slots=True)
-class BenchFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class BenchFit(Fit):
     """Impedance of one load on a bench; base of :class:`FullRecordFit` and :class:`PulseFit`.
 
     Parameters
@@ -78,21 +72,6 @@ class BenchFit:
         needed = [self.parameter("stiffness"), self.parameter("inertia")]
         return next((p.status for p in needed if p.status != "ok"), "ok")
 
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness`` or ``torque_lag``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
         return parameter_frame(
@@ -138,39 +117,6 @@ class BenchFit:
         axes.set_title(f"{drawn}\nVAF of the torque {self.vaf_pct:.2f} %", fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": self.SCHEMA}
-        data |= {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["series"] = {n: list(getattr(self.series, n)) for n in FitSeries.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, cls.SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["series"] = FitSeries(**{n: tuple(v) for n, v in data["series"].items()})
-        return cls(**values)
 
 
 class FullRecordFit(BenchFit):

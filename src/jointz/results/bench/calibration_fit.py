@@ -4,18 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.bench.calibration_failure import CalibrationFailure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.CalibrationFit/1"
 #: The steps, in the order in which a lab takes them.
 STEPS = ("zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring")
 
@@ -55,8 +54,10 @@ ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrationEntry:
+class CalibrationEntry(Result):
     """One calibrated value."""
+
+    SHOWN: ClassVar[tuple[str, ...]] = ("unit",)
 
     name: str  # a key of :data:`ENTRY_UNITS`
     value: float | None  # SI; None where there is none
@@ -115,9 +116,12 @@ class CalibrationSeries:
     y_label: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class CalibrationFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class CalibrationFit(Result):
     """The result of one calibration step of one participant."""
+
+    SCHEMA: ClassVar[str] = "jointz.CalibrationFit/1"
+    SHOWN: ClassVar[tuple[str, ...]] = ("status",)
 
     step: str  # one of :data:`STEPS`
     entries: tuple[CalibrationEntry, ...]  # what goes into ``[calibration]``, also where it failed
@@ -187,50 +191,6 @@ class CalibrationFit:
         axes.title.set_fontsize("medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "step": self.step,
-            "status": self.status,
-            "entries": [_entry_to_dict(e) for e in self.entries],
-            "reported": [_entry_to_dict(e) for e in self.reported],
-            "method": self.method,
-            "n_samples": self.n_samples,
-            "notes": list(self.notes),
-            "settings": dict(self.settings),
-            "series": {
-                name: list(value) if isinstance(value, tuple) else value
-                for name in CalibrationSeries.__slots__
-                for value in (getattr(self.series, name),)
-            },
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "CalibrationFit":
-        """Rebuild from :meth:`to_dict`."""
-        values = checked_values(data, SCHEMA)
-        del values["status"]
-        for name in ("entries", "reported"):
-            values[name] = tuple(_entry_from_dict(entry) for entry in data[name])
-        values["notes"] = tuple(data["notes"])
-        values["settings"] = dict(data["settings"])
-        series: dict[str, Any] = {
-            n: tuple(v) if isinstance(v, list) else v for n, v in data["series"].items()
-        }
-        values["series"] = CalibrationSeries(**series)
-        return cls(**values)
-
-
-def _entry_to_dict(entry: CalibrationEntry) -> dict[str, Any]:
-    plain = {name: getattr(entry, name) for name in CalibrationEntry.__slots__}
-    return plain | {"unit": entry.unit, "uncertainty": dict(entry.uncertainty)}
-
-
-def _entry_from_dict(data: Mapping[str, Any]) -> CalibrationEntry:
-    values = {name: value for name, value in data.items() if name != "unit"}
-    return CalibrationEntry(**values | {"uncertainty": dict(data["uncertainty"])})
 
 
 def _line(entry: CalibrationEntry) -> str:

@@ -2,25 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_label,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-SCHEMA = "jointz.PairedRunsFit/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +35,8 @@ class MeanResponse:
     modelled: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class PairedRunsFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class PairedRunsFit(Fit):
     """Impedance out of the differences of perturbed and unperturbed runs.
 
     Parameters
@@ -75,6 +65,8 @@ class PairedRunsFit:
         For the figure.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.PairedRunsFit/1"
+
     parameters: tuple[ParameterEstimate, ...]
     pulses: tuple[PairedPulse, ...]
     left_out: tuple[str, ...]
@@ -93,21 +85,6 @@ class PairedRunsFit:
     def status(self) -> str:
         """``ok``, or ``undecided`` where a parameter is."""
         return next((p.status for p in self.parameters if p.status != "ok"), "ok")
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping`` or ``inertia``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
@@ -154,38 +131,3 @@ class PairedRunsFit:
         axes.set_title(", ".join(parameter_label(p) for p in self.parameters), fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["pulses"] = [asdict(pulse) for pulse in self.pulses]
-        for name in ("left_out", "shifts_s", "warnings"):
-            data[name] = list(data[name])
-        data["settings"] = dict(self.settings)
-        data["response"] = {n: list(getattr(self.response, n)) for n in MeanResponse.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "PairedRunsFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["pulses"] = tuple(PairedPulse(**pulse) for pulse in data["pulses"])
-        for name in ("left_out", "shifts_s", "warnings"):
-            values[name] = tuple(data[name])
-        values["settings"] = dict(data["settings"])
-        values["response"] = MeanResponse(**{n: tuple(v) for n, v in data["response"].items()})
-        return cls(**values)

@@ -2,24 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_line
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.StiffnessFit/1"
 
 _TITLES = {
     "static": "Static stiffness (3.2.2), slope of torque over angle",
@@ -36,8 +28,8 @@ class LoopSeries:
     modelled: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class StiffnessFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class StiffnessFit(Fit):
     """Stiffness of a bench out of one record of angle and torque.
 
     Parameters
@@ -68,6 +60,8 @@ class StiffnessFit:
         For the figure.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.StiffnessFit/1"
+
     method: str
     parameters: tuple[ParameterEstimate, ...]
     vaf_pct: float
@@ -84,21 +78,6 @@ class StiffnessFit:
     def status(self) -> str:
         """That of the stiffness: ``ok`` or ``undecided``."""
         return self.parameter("stiffness").status
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            Such as ``stiffness``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
@@ -147,34 +126,3 @@ class StiffnessFit:
         axes.set_title(parameter_line(self.parameter("stiffness")), fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["series"] = {n: list(getattr(self.series, n)) for n in LoopSeries.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "StiffnessFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["series"] = LoopSeries(**{n: tuple(v) for n, v in data["series"].items()})
-        return cls(**values)

@@ -2,19 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.series.frequency_response_curve import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.PhaseCurve/1"
 
 #: Whose curve the one over people is.
 MEAN = "mean over people"
@@ -51,8 +50,8 @@ class ParameterBand:
         return PARAMETER_UNITS[self.parameter]
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseCurve:
+@dataclass(frozen=True, slots=True, repr=False)
+class PhaseCurve(Result):
     """K and B over the gait cycle, of participants and of their mean.
 
     Parameters
@@ -70,6 +69,8 @@ class PhaseCurve:
     warnings : tuple of str
         Whose curve is missing, and what a reader must know.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.PhaseCurve/1"
 
     gait_pct: tuple[float, ...]
     bands: tuple[ParameterBand, ...]
@@ -173,53 +174,6 @@ class PhaseCurve:
         axes.set_xlabel("gait cycle (%)")
         axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        bands = [{n: getattr(band, n) for n in ParameterBand.__slots__} for band in self.bands]
-        for band in bands:
-            for name in ("value", "ci_low", "ci_high"):
-                band[name] = list(band[name])
-            band["points"] = [
-                {n: getattr(point, n) for n in CurvePoint.__slots__} for point in band["points"]
-            ]
-        return {
-            "schema": SCHEMA,
-            "gait_pct": list(self.gait_pct),
-            "bands": bands,
-            "ci_level": self.ci_level,
-            "ci_method": self.ci_method,
-            "settings": dict(self.settings),
-            "warnings": list(self.warnings),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "PhaseCurve":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["gait_pct"], values["warnings"] = tuple(data["gait_pct"]), tuple(data["warnings"])
-        values["settings"] = dict(data["settings"])
-        values["bands"] = tuple(_band_from(band) for band in data["bands"])
-        return cls(**values)
-
-
-def _band_from(data: Mapping[str, Any]) -> ParameterBand:
-    values = dict(data)
-    for name in ("value", "ci_low", "ci_high"):
-        values[name] = tuple(data[name])
-    values["points"] = tuple(CurvePoint(**point) for point in data["points"])
-    return ParameterBand(**values)
 
 
 def _told(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:

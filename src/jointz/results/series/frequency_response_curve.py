@@ -1,11 +1,12 @@
 """A frequency response with its confidence band, and how it is drawn."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
 INK, BAND, MODEL = "#0072b2", "#7fb2d3", "#d55e00"
 
 
-@dataclass(frozen=True, slots=True)
-class ResponseCurve:
+@dataclass(frozen=True, slots=True, repr=False)
+class ResponseCurve(Result):
     """A frequency response with its confidence band."""
 
     frequency_hz: tuple[float, ...] = ()  # frequencies
@@ -32,15 +33,6 @@ class ResponseCurve:
         """Return one row a frequency; the columns of a missing model are left out."""
         columns = {name: list(getattr(self, name)) for name in self.__slots__}
         return pd.DataFrame({name: values for name, values in columns.items() if values})
-
-    def to_dict(self) -> dict[str, list[float]]:
-        """Return plain lists, ready for JSON."""
-        return {name: list(getattr(self, name)) for name in self.__slots__}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Sequence[float]]) -> "ResponseCurve":
-        """Rebuild from :meth:`to_dict`."""
-        return cls(**{name: tuple(values) for name, values in data.items()})
 
 
 def draw_gain(ax: "Axes", curve: ResponseCurve, *, label: str) -> None:

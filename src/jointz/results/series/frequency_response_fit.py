@@ -2,19 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_label,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import INK, ResponseCurve, draw_gain, draw_phase
 from jointz.results.series.second_order_verdict import SecondOrderCheck
@@ -22,11 +14,9 @@ from jointz.results.series.second_order_verdict import SecondOrderCheck
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.FrequencyResponseFit/1"
 
-
-@dataclass(frozen=True, slots=True)
-class FrequencyResponseFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class FrequencyResponseFit(Fit):
     """Impedance of a joint over frequency (1.2), and K, B, J.
 
     Parameters
@@ -69,6 +59,8 @@ class FrequencyResponseFit:
         Whether the residual refutes a second-order joint.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.FrequencyResponseFit/1"
+
     model: str
     estimator: str
     input: str
@@ -88,21 +80,6 @@ class FrequencyResponseFit:
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping`` or ``inertia``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter; the curve is ``response.table()``."""
@@ -165,38 +142,3 @@ class FrequencyResponseFit:
         gain.set_title(f"{drawn}\n{vaf}, resolution {self.resolution_hz:.2g} Hz", fontsize="medium")
         gain.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["check"] = self.check.to_dict()
-        data["response"] = self.response.to_dict()
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "FrequencyResponseFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
-        values["response"] = ResponseCurve.from_dict(data["response"])
-        return cls(**values)

@@ -2,20 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_label,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import BAND, INK, MODEL
 from jointz.results.series.second_order_verdict import SecondOrderCheck
@@ -23,7 +15,6 @@ from jointz.results.series.second_order_verdict import SecondOrderCheck
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.ImpulseResponseFit/1"
 
 _UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
@@ -43,8 +34,8 @@ class ImpulseCurve:
         return pd.DataFrame({name: list(getattr(self, name)) for name in self.__slots__})
 
 
-@dataclass(frozen=True, slots=True)
-class ImpulseResponseFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class ImpulseResponseFit(Fit):
     """Impulse response of a joint (1.3, 1.4), and K, B, J.
 
     Parameters
@@ -92,6 +83,8 @@ class ImpulseResponseFit:
         Whether the residual refutes a second-order joint.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.ImpulseResponseFit/1"
+
     model: str
     estimator: str
     input: str
@@ -118,21 +111,6 @@ class ImpulseResponseFit:
     def unit(self) -> str:
         """Unit of the response."""
         return _UNITS[self.response_of]
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping`` or ``inertia``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter; the response is ``curve.table()``."""
@@ -194,38 +172,3 @@ class ImpulseResponseFit:
         axes.set_title(f"{drawn}\n{vaf}, {second}", fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["check"] = self.check.to_dict()
-        data["curve"] = {n: list(getattr(self.curve, n)) for n in ImpulseCurve.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "ImpulseResponseFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
-        values["curve"] = ImpulseCurve(**{n: tuple(v) for n, v in data["curve"].items()})
-        return cls(**values)

@@ -2,26 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_label,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.JointFit/1"
 
 _AXIS_LABELS = {"torque": "torque (N*m)", "angle": "angle (rad)"}
 
@@ -36,8 +27,8 @@ class FitSeries:
     modelled: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class JointFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class JointFit(Fit):
     """Impedance of a joint out of one time series.
 
     Parameters
@@ -78,6 +69,8 @@ class JointFit:
         Measured and modelled signal, for the figure.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.JointFit/1"
+
     model: str
     estimator: str
     input: str
@@ -96,21 +89,6 @@ class JointFit:
     warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
     series: FitSeries = field(default_factory=FitSeries)
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping`` or ``inertia``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
@@ -159,38 +137,3 @@ class JointFit:
         axes.set_title(f"{drawn}\nVAF of the {self.vaf_of} {self.vaf_pct:.1f} %", fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["check"] = self.check.to_dict()
-        data["series"] = {n: list(getattr(self.series, n)) for n in FitSeries.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "JointFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["check"] = SecondOrderCheck.from_dict(data.get("check", {}))
-        values["series"] = FitSeries(**{n: tuple(v) for n, v in data["series"].items()})
-        return cls(**values)

@@ -2,25 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import (
-    checked_values,
-    find_parameter,
-    parameter_frame,
-    parameter_line,
-    parameters_from_dict,
-    parameters_to_dict,
-)
+from jointz.results.base import Fit, parameter_frame, parameter_line
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.ReflexFit/1"
 
 _REFLEX = "#009e73"
 _INTRINSIC = "0.55"
@@ -48,8 +40,8 @@ class ReflexPath:
     p_value: float = 1.0  # that records without a reflex answer as much
 
 
-@dataclass(frozen=True, slots=True)
-class ReflexFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class ReflexFit(Fit):
     """Intrinsic and reflex impedance of a joint out of one time series.
 
     Parameters
@@ -96,6 +88,8 @@ class ReflexFit:
         Measured and modelled torque, for the figure.
     """
 
+    SCHEMA: ClassVar[str] = "jointz.ReflexFit/1"
+
     model: str
     estimator: str
     input: str
@@ -118,21 +112,6 @@ class ReflexFit:
     settings: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     series: ReflexSeries = field(default_factory=ReflexSeries)
-
-    def parameter(self, name: str) -> ParameterEstimate:
-        """Return a parameter by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping``, ``inertia``, ``reflex_gain`` or ``reflex_delay``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        return find_parameter(self.parameters, name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter."""
@@ -211,38 +190,3 @@ class ReflexFit:
             f"{drawn}\nVAF {self.vaf_pct:.1f} %; intrinsic alone {self.intrinsic_vaf_pct:.1f} %, "
             f"without reflex path {self.linear_vaf_pct:.1f} %"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON; see DESIGN section 5."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["parameters"] = parameters_to_dict(self.parameters)
-        data["covariance"] = [list(row) for row in self.covariance]
-        data["settings"] = dict(self.settings)
-        data["warnings"] = list(self.warnings)
-        data["path"] = {n: getattr(self.path, n) for n in ReflexPath.__slots__}
-        data["series"] = {n: list(getattr(self.series, n)) for n in ReflexSeries.__slots__}
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "ReflexFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["parameters"] = parameters_from_dict(data["parameters"])
-        values["covariance"] = tuple(tuple(row) for row in data["covariance"])
-        values["settings"] = dict(data["settings"])
-        values["warnings"] = tuple(data["warnings"])
-        values["path"] = ReflexPath(**data["path"])
-        values["series"] = ReflexSeries(**{n: tuple(v) for n, v in data["series"].items()})
-        return cls(**values)

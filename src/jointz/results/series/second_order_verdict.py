@@ -1,12 +1,12 @@
 """Result of testing a joint's residual for what a second-order joint does not have."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+
+from jointz.results.base import Result
 
 
-@dataclass(frozen=True, slots=True)
-class SecondOrderCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class SecondOrderCheck(Result):
     """Tests of the residual of K, B, J for a stretch reflex and for further dynamics."""
 
     # ``none``; ``reflex``: torque that follows rectified velocity after a latency;
@@ -70,12 +70,3 @@ class SecondOrderCheck:
             f"in a study, or shift the {late} column {size} ms earlier before identify; then run "
             "again"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "SecondOrderCheck":
-        """Rebuild from :meth:`to_dict`."""
-        return cls(**data)

@@ -2,19 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.TimeVaryingFit/1"
 
 _UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
@@ -53,8 +52,8 @@ class PhaseResponses:
     n_kept: tuple[int, ...] = ()  # directions of the input that were inverted at each phase
 
 
-@dataclass(frozen=True, slots=True)
-class TimeVaryingFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class TimeVaryingFit(Result):
     """Impulse response and K, B, J of a joint at phases of the gait cycle.
 
     Parameters
@@ -99,6 +98,8 @@ class TimeVaryingFit:
     warnings : tuple of str
         What a reader of the numbers must know.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.TimeVaryingFit/1"
 
     estimator: str
     input: str
@@ -227,59 +228,6 @@ class TimeVaryingFit:
         axes.set_title(f"{text}, {self.ci_level:.0%} bands", fontsize="medium")
         axes.legend(handles=lines, loc="upper right", ncols=2, frameon=False)
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: _plain(getattr(self, name)) for name in self.__slots__}
-        data["parameters"] = [
-            {name: _plain(getattr(curve, name)) for name in curve.__slots__}
-            for curve in self.parameters
-        ]
-        data["responses"] = {
-            name: _plain(getattr(self.responses, name)) for name in PhaseResponses.__slots__
-        }
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "TimeVaryingFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        for name in ("gait_pct", "vaf_pct", "second_order_vaf_pct", "warnings"):
-            values[name] = tuple(data[name])
-        for name in ("excluded", "settings"):
-            values[name] = dict(data[name])
-        values["parameters"] = tuple(
-            ParameterCurve(**{name: _frozen(value) for name, value in curve.items()})
-            for curve in data["parameters"]
-        )
-        values["responses"] = PhaseResponses(
-            **{name: _frozen(value) for name, value in data["responses"].items()}
-        )
-        return cls(**values)
-
-
-def _plain(value: Any) -> Any:
-    """Return lists for tuples, at any depth, and a copy of a mapping."""
-    if isinstance(value, tuple):
-        return [_plain(one) for one in value]
-    return dict(value) if isinstance(value, Mapping) else value
-
-
-def _frozen(value: Any) -> Any:
-    """Return tuples for lists, at any depth."""
-    return tuple(_frozen(one) for one in value) if isinstance(value, list) else value
 
 
 def _alone(values: np.ndarray) -> np.ndarray:

@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.errors import DataError
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.MixedModelFit/1"
 
 ADJUSTMENTS = ("bonferroni", "holm", "none")
 ERRORS = ("pooled", "paired")
@@ -108,8 +107,8 @@ class LevelPair:
     n_participants: int  # with a value at both levels
 
 
-@dataclass(frozen=True, slots=True)
-class MixedModelFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class MixedModelFit(Result):
     """A mixed model of one response on the levels of one factor within participants.
 
     Parameters
@@ -147,6 +146,8 @@ class MixedModelFit:
     notes : tuple of str
         What a reader of the numbers must know.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.MixedModelFit/1"
 
     response: str
     within: str
@@ -286,46 +287,6 @@ class MixedModelFit:
         axes.set_ylabel(f"{self.response}, mean and {100 * self.ci_level:g} % interval")
         axes.set_title(f"{_f_text(self.f_test)} ({_METHODS[self.df_method]})", fontsize="medium")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA} | asdict(self)
-        for name in ("levels", "random_effects", "means", "comparisons", "notes"):
-            data[name] = list(data[name])
-        data["missing"] = [list(cell) for cell in self.missing]
-        data["settings"] = dict(self.settings)
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "MixedModelFit":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        rm = values["repeated_measures"]
-        values |= {
-            "levels": tuple(values["levels"]),
-            "f_test": EffectTest(**values["f_test"]),
-            "variances": Variances(**values["variances"]),
-            "random_effects": tuple(RandomEffectTest(**t) for t in values["random_effects"]),
-            "icc": IntraclassCorrelation(**values["icc"]),
-            "repeated_measures": None if rm is None else RepeatedMeasuresTest(**rm),
-            "means": tuple(LevelMean(**m) for m in values["means"]),
-            "comparisons": tuple(LevelPair(**p) for p in values["comparisons"]),
-            "missing": tuple((who, level) for who, level in values["missing"]),
-            "settings": dict(values["settings"]),
-            "notes": tuple(values["notes"]),
-        }
-        return cls(**values)
 
 
 def _adjusted(p: "pd.Series[float]", adjust: str) -> "pd.Series[float]":

@@ -1,17 +1,18 @@
 """What the sign of a pulse, and its direction against the trajectory, do to the estimates."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
+
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.PulseEffects/1"
 
 _RESPONSE_SYMBOLS = {"stiffness": "K", "inertia": "J"}
 _EFFECT_MARKERS = {"type": "o", "direction": "s", "type:direction": "^", "joint": "D"}
@@ -95,7 +96,7 @@ class PulseMeans:
 
 
 @dataclass(frozen=True, slots=True)
-class PulseCount:
+class PulseCount(Result):
     """A count as section 2.4.2 of the dissertation gives them.
 
     Parameters
@@ -110,6 +111,8 @@ class PulseCount:
         How many of how many; undecided ones count in neither.
     """
 
+    SHOWN: ClassVar[tuple[str, ...]] = ("share_pct",)
+
     claim: str
     analysis: str
     response: str
@@ -123,8 +126,8 @@ class PulseCount:
         return 100.0 * self.count / self.of if self.of else None
 
 
-@dataclass(frozen=True, slots=True)
-class PulseEffects:
+@dataclass(frozen=True, slots=True, repr=False)
+class PulseEffects(Result):
     """Effects of pulse type and direction over the cases and trajectories of a study.
 
     Parameters
@@ -139,6 +142,9 @@ class PulseEffects:
     notes : tuple of str
         What a reader must know, such as the confounded trajectories.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.PulseEffects/1"
+    SHOWN: ClassVar[tuple[str, ...]] = ("counts",)
 
     tests: tuple[PulseTest, ...]
     means: tuple[PulseMeans, ...]
@@ -260,40 +266,6 @@ class PulseEffects:
         axes.set_ylabel("p, trial as a random factor")
         axes.legend(fontsize="small", ncols=2)
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "tests": [asdict(test) for test in self.tests],
-            "means": [asdict(mean) for mean in self.means],
-            "counts": [asdict(c) | {"share_pct": c.share_pct} for c in self.counts],
-            "alpha": self.alpha,
-            "notes": list(self.notes),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "PulseEffects":
-        """Rebuild from :meth:`to_dict`; the counts are made anew.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        if data.get("schema") != SCHEMA:
-            raise ValueError(f"expected schema {SCHEMA!r}, got {data.get('schema')!r}")
-        return cls(
-            tests=tuple(PulseTest(**test) for test in data["tests"]),
-            means=tuple(PulseMeans(**mean) for mean in data["means"]),
-            alpha=data["alpha"],
-            notes=tuple(data["notes"]),
-        )
 
 
 def finite_or_none(value: float) -> float | None:

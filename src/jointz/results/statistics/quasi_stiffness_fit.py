@@ -3,17 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "jointz.QuasiStiffness/1"
-COMPARISON_SCHEMA = "jointz.QuasiStiffnessComparison/1"
 
 #: Slope over the phase; slope over a window about the timing point; moment over angle.
 MEASURES = ("slope", "local_slope", "secant")
@@ -69,8 +68,8 @@ class QuasiStiffnessEstimate:
     doubts: tuple[str, ...] = ()  # see :class:`Doubt`
 
 
-@dataclass(frozen=True, slots=True)
-class QuasiStiffness:
+@dataclass(frozen=True, slots=True, repr=False)
+class QuasiStiffness(Result):
     """Quasi-stiffness of a mean stride: how moment goes with angle in unperturbed gait.
 
     Parameters
@@ -86,6 +85,8 @@ class QuasiStiffness:
     notes : tuple of str
         What a reader of the numbers must know.
     """
+
+    SCHEMA: ClassVar[str] = SCHEMA
 
     estimates: tuple[QuasiStiffnessEstimate, ...]
     unit: str
@@ -199,36 +200,6 @@ class QuasiStiffness:
             axes.legend(title=self.unit, fontsize="small")
         return axes
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA, "unit": self.unit}
-        data["estimates"] = [asdict(e) | {"doubts": list(e.doubts)} for e in self.estimates]
-        data |= {name: list(getattr(self, name)) for name in ("gait_pct", "angle", "moment")}
-        return data | {"settings": dict(self.settings), "notes": list(self.notes)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "QuasiStiffness":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        values["estimates"] = tuple(
-            QuasiStiffnessEstimate(**e | {"doubts": tuple(e["doubts"])}) for e in data["estimates"]
-        )
-        for name in ("gait_pct", "angle", "moment", "notes"):
-            values[name] = tuple(data[name])
-        values["settings"] = dict(data["settings"])
-        return cls(**values)
-
 
 @dataclass(frozen=True, slots=True)
 class ComparedPoint:
@@ -240,8 +211,8 @@ class ComparedPoint:
     difference_pct: float | None  # 100 (Q - K) / K, as published; None where K is 0
 
 
-@dataclass(frozen=True, slots=True)
-class QuasiStiffnessComparison:
+@dataclass(frozen=True, slots=True, repr=False)
+class QuasiStiffnessComparison(Result):
     """Quasi-stiffness beside stiffness, as section 4.3.2.3 compares them.
 
     Parameters
@@ -261,6 +232,8 @@ class QuasiStiffnessComparison:
     notes : tuple of str
         What a reader of the numbers must know.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.QuasiStiffnessComparison/1"
 
     points: tuple[ComparedPoint, ...]
     unit: str
@@ -319,29 +292,3 @@ class QuasiStiffnessComparison:
         axes.set_title(f"Welch's t: p = {self.p:.3g}, n = {self.n} and {self.n}", fontsize="medium")
         axes.legend()
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": COMPARISON_SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        data["points"] = [asdict(point) for point in self.points]
-        return data | {"notes": list(self.notes)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "QuasiStiffnessComparison":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, COMPARISON_SCHEMA)
-        values["points"] = tuple(ComparedPoint(**point) for point in data["points"])
-        values["notes"] = tuple(data["notes"])
-        return cls(**values)

@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
 from jointz.kernels.statistics.multivariate_random_effects import MultivariateFit
-from jointz.results.base import checked_values
+from jointz.results.base import Result, checked_values
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ class StudyMean:
         return self.value - reach, self.value + reach
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RandomEffects:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RandomEffects(Result):
     """One parameter over studies."""
 
     parameter: str
@@ -107,8 +107,8 @@ class RandomEffects:
         return cls(**values)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointRandomEffects:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class JointRandomEffects(Result):
     """Several parameters over studies, their errors and their spread going together."""
 
     parameters: tuple[str, ...]  # of what, in the order of all arrays

@@ -2,16 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import checked_values
+from jointz.results.base import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.WaveformTest/1"
 
 _CURVES = ("t", "difference", "ci_low", "ci_high", "p")
 _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-flip max-t test"}
@@ -37,8 +36,8 @@ class WaveformCluster:
         return self.end_node - self.start_node
 
 
-@dataclass(frozen=True, slots=True)
-class WaveformTest:
+@dataclass(frozen=True, slots=True, repr=False)
+class WaveformTest(Result):
     """Two sets of curves compared node by node, errors held over the whole curve.
 
     Parameters
@@ -90,6 +89,8 @@ class WaveformTest:
     one-sided tests of alpha / 2 each, held over all nodes at once; it is stricter than the
     usual two tests of alpha at one node.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.WaveformTest/1"
 
     method: str
     design: str
@@ -219,37 +220,6 @@ class WaveformTest:
         axes.set_title(title, fontsize="medium")
         axes.legend(fontsize="small")
         return axes
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        data: dict[str, Any] = {"schema": SCHEMA}
-        data |= {name: getattr(self, name) for name in self.__slots__}
-        for name in (*_CURVES, "untested_nodes", "warnings"):
-            data[name] = list(data[name])
-        data["clusters"] = [asdict(cluster) for cluster in self.clusters]
-        data["settings"] = dict(self.settings)
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "WaveformTest":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        values = checked_values(data, SCHEMA)
-        for name in (*_CURVES, "untested_nodes", "warnings"):
-            values[name] = tuple(data[name])
-        values["clusters"] = tuple(WaveformCluster(**cluster) for cluster in data["clusters"])
-        values["settings"] = dict(data["settings"])
-        return cls(**values)
 
 
 def _cluster_line(cluster: WaveformCluster) -> str:
