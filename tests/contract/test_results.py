@@ -629,15 +629,16 @@ def through_json(result: Any) -> Any:
 
 def subclasses(kind):
     for one in kind.__subclasses__():
-        yield one
-        yield from subclasses(one)
+        if getattr(sys.modules[one.__module__], one.__name__, None) is one:  # slots make two
+            yield one
+            yield from subclasses(one)
 
 
 def test_every_result_class_has_an_example():
     for module in pkgutil.walk_packages(jointz.__path__, "jointz."):
         if module.name.startswith(("jointz.results", "jointz.inspection", "jointz.reproduction")):
             importlib.import_module(module.name)
-    results = {c for c in subclasses(Result) if hasattr(c, "to_frame") and not c.__subclasses__()}
+    results = {c for c in subclasses(Result) if hasattr(c, "to_frame") and not [*subclasses(c)]}
 
     assert results == {type(make()) for make in EXAMPLES.values()}
 
