@@ -13,6 +13,7 @@ import os
 import struct
 import time
 import zlib
+from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
@@ -61,7 +62,7 @@ class ControlBox:
     Parameters
     ----------
     path : pathlib.Path
-        The file; one that is there, left by a stretch before, is replaced.
+        The file, there until the box closes; one that a killed session left is replaced.
 
     Raises
     ------
@@ -69,12 +70,12 @@ class ControlBox:
         When the disk does not take it.
     """
 
-    __slots__ = ("_file", "_map", "_taken", "refused")
+    __slots__ = ("_file", "_map", "_path", "_taken", "refused")
 
     def __init__(self, path: Path) -> None:
         with whole_file(path) as partial:
             partial.write_bytes(_MAGIC + bytes(_SIZE - len(_MAGIC)))
-        self._file = path.open("r+b")
+        self._path, self._file = path, path.open("r+b")
         self._map = mmap.mmap(self._file.fileno(), _SIZE)
         self._taken = 0
         #: Commands that could not be read, so far.
@@ -91,6 +92,8 @@ class ControlBox:
     ) -> None:
         self._map.close()
         self._file.close()
+        with suppress(OSError):  # gone, or held by the page (Windows)
+            self._path.unlink()
 
     @property
     def stop_asked(self) -> bool:
