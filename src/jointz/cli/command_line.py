@@ -25,7 +25,7 @@ from jointz.cli.demo import demo
 from jointz.cli.explore import explore
 from jointz.cli.identify import identify
 from jointz.cli.inspect import inspect
-from jointz.cli.main import EXIT_STOPPED
+from jointz.cli.main import EXIT_STOPPED, note_command
 from jointz.cli.protocols import protocols
 from jointz.cli.reproduce import reproduce
 from jointz.cli.run import run as run_experiment
@@ -76,6 +76,7 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def _jointz(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
@@ -96,6 +97,7 @@ def _jointz(
     Start with: jointz demo
     """
     del version, debug
+    note_command(context.invoked_subcommand)
     if memory_limit:
         os.environ[VARIABLE] = memory_limit  # workers inherit it
 

@@ -7,6 +7,18 @@ from jointz.experiment.stop_signals import end_listening, listen_for_stops
 
 STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
 EXIT_STOPPED = 130
+#: Commands that leave something else behind than nothing.
+_LEFT_BEHIND = {
+    "run": STILL_THERE,
+    "console": "The page was not open yet, and no session was begun.",
+}
+_command = ""
+
+
+def note_command(name: str | None) -> None:
+    """Take note of the command that was parsed, for what is said when it is stopped."""
+    global _command
+    _command = name or ""
 
 
 def run() -> None:
@@ -37,7 +49,8 @@ def run() -> None:
         # Python takes an interrupt that went through an exec of text for one that nobody caught,
         # and would kill itself by SIGINT in the end: the next eval of text makes it forget that.
         eval("None")
-        _report_stop(f"Stopped. {_left_behind()}")
+        left = _LEFT_BEHIND.get(_command, "Nothing half-written was left behind.")
+        _report_stop(f"Stopped. {left}")
     sys.exit(status)
 
 
@@ -47,11 +60,3 @@ def _report_stop(message: str) -> None:
 
         emit_error("KeyboardInterrupt", message)
     sys.stderr.write(f"jointz: {message}\n")
-
-
-def _left_behind() -> str:
-    if sys.argv[1:2] == ["run"]:
-        return STILL_THERE
-    if sys.argv[1:2] == ["console"]:
-        return "The page was not open yet, and no session was begun."
-    return "Nothing half-written was left behind."

@@ -146,6 +146,15 @@ def test_whatever_happens_there_is_no_traceback(
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
 
 
+def test_a_stopped_run_says_what_is_kept_whatever_stands_before_it(jointz, tmp_path, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jointz.workflows.run.run", stopped)
+    outcome = jointz("--memory-limit", "8GB", "run", "walking", "--out", tmp_path / "out")
+    assert (outcome.code, outcome.err) == (130, f"jointz: Stopped. {main.STILL_THERE}\n")
+
+
 def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):
     def broken(*_, **__):
         raise OSError(errno.ENOSPC, "no space left on device")

@@ -680,10 +680,14 @@ def hanging():
 
 def _keep_commanding(actuator):
     until_s = time.perf_counter() + TIMEOUT_S + ZERO_S
+    while time.perf_counter() < until_s:
+        actuator.command_torque(9.0)
+        time.sleep(0.002)
+
+
+def _command_until_refused(actuator):
     with pytest.raises(DeviceError, match="a call of opensourceleg hung"):
-        while time.perf_counter() < until_s:
-            actuator.command_torque(9.0)
-            time.sleep(0.002)
+        _keep_commanding(actuator)
 
 
 @pytest.mark.alone
@@ -694,7 +698,7 @@ def _keep_commanding(actuator):
         (OpenSourceLegActuator.close, ZERO_S),
         (lambda actuator: actuator.command_torque(0.0), ZERO_S),
         (lambda _: None, TIMEOUT_S + ZERO_S),
-        (_keep_commanding, TIMEOUT_S + ZERO_S),
+        (_command_until_refused, TIMEOUT_S + ZERO_S),
     ],
     ids=["stop", "close", "zero asked for", "no commands", "commands that nobody takes"],
 )
