@@ -36,8 +36,9 @@ nothing else; an error is then an object with `"status": "error"`, `error` and `
 
 A stop takes effect from about 0.1 s after the start; Python itself handles an earlier one and
 prints a traceback. While the command cleans up, further stops change nothing, and so do stops
-after the last result. A signal that is ignored from the start, as by `nohup` or in a script's
-background job, stays ignored.
+after the last result. Only a Ctrl-C later than 10 s after the first ends a clean-up that hangs, at
+once and with status 130; what is half-written then stays, under a name with `partial`. A signal
+that is ignored from the start, as by `nohup` or in a script's background job, stays ignored.
 """
 
 

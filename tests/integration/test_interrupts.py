@@ -239,6 +239,44 @@ def test_a_ctrl_c_that_a_library_swallows_is_acted_on(program, way):
     assert done.stdout == ("cleaned up\n" if way == "clean-up" else "")
 
 
+HANGING = {
+    "clean-up": """
+try:
+    press()
+finally:
+    print("hangs", flush=True)
+    time.sleep(60)
+""",
+    "exit": """
+import atexit
+atexit.register(lambda: [print("hangs", flush=True), time.sleep(60)])
+press()
+""",
+}
+
+
+@pytest.mark.parametrize("way", HANGING)
+def test_a_late_ctrl_c_ends_a_clean_up_that_hangs(program, way):
+    code = (
+        f"from jointz.experiment import stop_signals\nstop_signals._AT_ONCE_S = 1.0\n{HANGING[way]}"
+    )
+    running = subprocess.Popen(
+        [sys.executable, "-m", "program", "demo", code],
+        cwd=program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert running.stdout.readline() == "hangs\n"
+        running.send_signal(signal.SIGINT)  # too early
+        time.sleep(1.5)  # the first Ctrl-C comes again by itself in the meantime
+        assert running.poll() is None
+        running.send_signal(signal.SIGINT)
+        assert running.wait(5.0) == STOPPED
+        assert running.stderr.read().endswith("Ended at once: the clean-up was not done.\n")
+    finally:
+        running.kill()
+        running.communicate()
+
+
 def test_a_ctrl_c_that_is_ignored_from_the_start_stays_so(program):
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a job in the background has it
     done = subprocess.run(

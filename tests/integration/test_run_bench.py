@@ -246,7 +246,7 @@ jointz.run(short, out=sys.argv[2], clock="real", preset="clean")
     cold = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     subprocess.run(command, env=cold, check=True, timeout=200)
     [journal] = (tmp_path / "study").glob("sessions/*/journal.jsonl")
-    started, completed = read_journal(journal)
+    started, *_, completed = read_journal(journal)
     took_s = (completed["time_ns"] - started["time_ns"]) * 1e-9
     assert completed["event"] == "condition_completed"
     assert 2.8 <= took_s < 10.0

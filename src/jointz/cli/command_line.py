@@ -31,7 +31,7 @@ from jointz.reproduction.command import reproduce
 from jointz.session.command import run as run_experiment
 from jointz.session.protocols_command import protocols
 from jointz.session.stream_command import stream as stream_session
-from jointz.terminal.exit_status import EXIT_STOPPED
+from jointz.terminal.exit_status import EXIT_STOPPED, note_command
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,
@@ -76,6 +76,7 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def _jointz(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
@@ -96,6 +97,7 @@ def _jointz(
     Start with: jointz demo
     """
     del version, debug
+    note_command(context.invoked_subcommand)
     if memory_limit:
         os.environ[VARIABLE] = memory_limit  # workers inherit it
 

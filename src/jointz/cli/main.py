@@ -4,7 +4,7 @@ import os
 import sys
 
 from jointz.experiment.stop_signals import end_listening, listen_for_stops
-from jointz.terminal.exit_status import EXIT_STOPPED, STILL_THERE
+from jointz.terminal.exit_status import EXIT_STOPPED, last_words
 
 
 def run() -> None:
@@ -35,7 +35,7 @@ def run() -> None:
         # Python takes an interrupt that went through an exec of text for one that nobody caught,
         # and would kill itself by SIGINT in the end: the next eval of text makes it forget that.
         eval("None")
-        _report_stop(f"Stopped. {_left_behind()}")
+        _report_stop(f"Stopped. {last_words()}")
     sys.exit(status)
 
 
@@ -45,11 +45,3 @@ def _report_stop(message: str) -> None:
 
         emit_error("KeyboardInterrupt", message)
     sys.stderr.write(f"jointz: {message}\n")
-
-
-def _left_behind() -> str:
-    if sys.argv[1:2] == ["run"]:
-        return STILL_THERE
-    if sys.argv[1:2] == ["console"]:
-        return "The page was not open yet, and no session was begun."
-    return "Nothing half-written was left behind."

@@ -89,11 +89,7 @@ class Desk:
         self._lock = threading.Lock()
 
     def stop(self) -> int:
-        """Ask for a stop, at once, and return of how many sessions.
-
-        The sessions of a study that are over have no use for it and take no harm: which one
-        runs need not be known.
-        """
+        """Ask for a stop, at once, and return of how many sessions."""
         asked = 0
         for file in control_files(self._study):
             try:
@@ -114,8 +110,8 @@ class Desk:
             )
         if not asked:
             return (
-                "The session has not received the stop: it is still being loaded, or takes none "
-                "from a page. Use the emergency stop."
+                "The session has not received the stop: it is still being loaded, is over, or "
+                "takes none from a page. Use the emergency stop."
             )
         return ""
 

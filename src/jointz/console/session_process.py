@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointz.core.errors import DataError
-from jointz.session.live.live_session import holder_of
+from jointz.session.live.live_session import control_files, holder_of
 
 #: Of what the child says; the end of it is what counts.
 _LONGEST_WORDS = 2000
@@ -63,6 +63,8 @@ class SessionProcess:
                 time.sleep(_LOOK_S)
             if self.alive():
                 raise DataError(f"{self._study}: the session's process lives; nothing to start.")
+            for left in control_files(self._study):  # by a session that was killed
+                left.unlink(missing_ok=True)
             self._words.seek(0)
             self._words.truncate()
             # A session of its own: neither a Ctrl-C nor the end of the page's process reaches it.

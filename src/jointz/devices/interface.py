@@ -115,11 +115,12 @@ class Device(Protocol):
         ...
 
     def stop(self) -> None:
-        """Go to zero torque and ``INACTIVE``, whatever the state; never raises, never blocks.
+        """Go to zero torque and ``INACTIVE``, whatever the state; never raises.
 
-        A device in ``FAULT`` or ``FINALISED`` stays there. A driver that can tell whether the
-        device took the stop has a property ``stop_confirmed``; where that is False afterwards,
-        the session ends with "could not be stopped".
+        It waits up to 40 ms for a library that hangs. A device in ``FAULT`` or ``FINALISED``
+        stays there. A driver that can tell whether the device took the stop has a property
+        ``stop_confirmed``; where that is False afterwards, the session ends with "could not be
+        stopped".
         """
         ...
 

@@ -59,9 +59,14 @@ from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
 NO_HEARTBEAT = "not read; no heartbeat: only this program keeps the command timeout"
 #: Exceptions of opensourceleg's ``update`` that are faults of a device which still answers.
 FAULTS: Mapping[str, int] = MappingProxyType({"ThermalLimitException": 1, "I2tLimitException": 2})
-_DRIVER_ERROR = 4
+_DRIVER_ERROR, _HANG = 4, 8
 _FAULT_NAMES = MappingProxyType(
-    {1: "software thermal limit", 2: "I2t limit", _DRIVER_ERROR: "error of the motor driver"}
+    {
+        1: "software thermal limit",
+        2: "I2t limit",
+        _DRIVER_ERROR: "error of the motor driver",
+        _HANG: "a call of opensourceleg hung for longer than the command timeout",
+    }
 )
 _UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
 _ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
@@ -101,6 +106,7 @@ class OpenSourceLegActuator(Lived):
         self._setup, self._sign = setup, setup.sign
         self._constant = model.gear_ratio * model.torque_constant
         self._timeout_ns = round(setup.command_timeout_s * 1e9)
+        self._late_ns = max(self._timeout_ns, round(2e9 / self._device.sample_rate_hz))
         self._queue: deque[ActuatorSample] = deque(maxlen=QUEUE_LENGTH)
         self._wanted = (0.0, 0)  # torque (N*m) and when it was asked for (ns), in one write
         self._polled_ns = 0
@@ -145,8 +151,9 @@ class OpenSourceLegActuator(Lived):
         self._state = _INACTIVE
 
     def activate(self) -> None:
-        """Begin to queue samples and to obey; afterwards ``ACTIVE``."""
+        """Begin to queue samples and to obey; afterwards ``ACTIVE``, also after a hang."""
         self._require(_INACTIVE)
+        self._faults &= ~_HANG
         self._check_sound()
         self._wanted = (0.0, 0)
         self._queue.clear()
@@ -169,7 +176,10 @@ class OpenSourceLegActuator(Lived):
         self._device.wake()
 
     def stop(self) -> None:
-        """Go to zero torque and ``INACTIVE``; ``stop_confirmed`` tells whether zero was taken."""
+        """Go to zero torque and ``INACTIVE``; ``stop_confirmed`` tells whether zero was taken.
+
+        It takes up to 40 ms if the library hangs.
+        """
         if self._state is _ACTIVE:
             self._state = _INACTIVE
         self._wanted = (0.0, 0)
@@ -187,8 +197,10 @@ class OpenSourceLegActuator(Lived):
     def _check_sound(self) -> None:
         self._device.check()
         if self._faults:
-            names = [name for bit, name in _FAULT_NAMES.items() if bit & self._faults]
-            raise DeviceError(self._name, f"is in fault: {', '.join(names)}. Let it cool down.")
+            raise DeviceError(
+                self._name,
+                f"is in fault: {_names_of(self._faults)}. Let it cool down, or check its cable.",
+            )
 
     def _enter_mode(self) -> None:
         library, profile = self._device.library, self._profile
@@ -198,23 +210,25 @@ class OpenSourceLegActuator(Lived):
             library.set_current_gains(**profile.gains)
         self._output.write(0.0)
         self._is_new()  # what is there before the first update was not measured in this session
+        self._polled_ns = self._device.clock.now_ns()
 
     def _target_nm(self) -> float:
-        """Return the torque that holds now, N*m."""
-        torque_nm, asked_ns = self._wanted
-        held = self._device.clock.now_ns() - asked_ns <= self._timeout_ns
+        """Return the torque that holds now, N*m; a polling thread that is late is a fault."""
+        now_ns, (torque_nm, asked_ns) = self._device.clock.now_ns(), self._wanted
+        if torque_nm and self._state is _ACTIVE and now_ns - self._polled_ns > self._late_ns:
+            self._faults |= _HANG
+        held = now_ns - asked_ns <= self._timeout_ns
         return torque_nm if held and self.state is _ACTIVE else 0.0
 
     def _may_be_on(self) -> bool:
         """Tell whether a torque is asked for, and the polling thread could take it back."""
-        late_ns = self._device.clock.now_ns() - self._polled_ns
-        polled = self._device.failure is None and late_ns <= self._timeout_ns
-        return polled and self._target_nm() != 0.0
+        return self._device.failure is None and self._target_nm() != 0.0
 
     def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
+        target_nm = self._target_nm()  # first: it looks at when the last poll began
         self._polled_ns = self._device.clock.now_ns()
         try:
-            self._output.write(target_nm := self._target_nm())
+            self._output.write(target_nm)
             if target_nm and not self._target_nm():  # no longer, after a write that took long
                 self._output.write(0.0)
             if due:
@@ -232,12 +246,13 @@ class OpenSourceLegActuator(Lived):
             fault = FAULTS.get(type(exc).__name__, 0)
             if not fault:
                 raise
-            _log.exception("%s: in fault, it gives no torque any more.", self._name)
         if getattr(self._device.library, "error_info", None):  # TMotor: what its driver reports
             fault = _DRIVER_ERROR
-        self._faults |= fault
         if fault:
-            self._output.write(0.0)
+            is_known, self._faults = fault & self._faults, fault | self._faults
+            self._output.write(0.0)  # before the log, which may take its time
+            if not is_known:
+                _log.error("%s: in fault (%s), at zero torque.", self._name, _names_of(fault))
         if (self._is_new() or fault) and self._state is _ACTIVE:
             self._queue.append(self._sample())
 
@@ -275,6 +290,10 @@ class OpenSourceLegActuator(Lived):
             temperature_c=float(library.winding_temperature),
             faults=self._faults,
         )
+
+
+def _names_of(faults: int) -> str:
+    return ", ".join(name for bit, name in _FAULT_NAMES.items() if bit & faults)
 
 
 def open_actuator(keys: Mapping[str, Any], *, clock: Clock) -> OpenSourceLegActuator:

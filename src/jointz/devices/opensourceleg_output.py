@@ -12,8 +12,8 @@ LOOK_S = 0.005
 _LATE_S = 0.02
 #: A zero that is not confirmed after so many looks is reported.
 _REPORT_LOOKS = 10
-#: So many writes of zero may hang at a time.
-_MOST_HANGING = 4
+#: How long a thread goes on writing zero before another one replaces it, s: it may hang.
+_ATTEMPT_S = 1.0
 _log = logging.getLogger(__name__)
 
 
@@ -29,7 +29,8 @@ class TorqueOutput:
         self._name, self._write, self._may_be_on = name, write, may_be_on
         self._begun = self._ended = self._zeroed = 0  # writes other than zero; the last undone
         self._late_looks = 0
-        self._attempts: list[threading.Thread] = []
+        self._attempt = threading.Thread()
+        self._attempted_s = 0.0
 
     @property
     def is_zero(self) -> bool:
@@ -59,7 +60,7 @@ class TorqueOutput:
 
     def look(self) -> None:
         """Write the zero that the polling thread is late with; called by the watchdog."""
-        if self.is_zero or self._may_be_on():
+        if self._may_be_on() or self.is_zero:
             self._late_looks = 0
             return
         self._late_looks += 1
@@ -79,14 +80,17 @@ class TorqueOutput:
         return self.is_zero
 
     def _attempt_zero(self) -> None:
-        """Write zero in a thread of its own: it may hang as well."""
-        self._attempts = [one for one in self._attempts if one.is_alive()]
-        if len(self._attempts) < _MOST_HANGING:
+        """Have one thread write zero until it is confirmed; a second later by another."""
+        now_s = time.perf_counter()
+        if not self._attempt.is_alive() or now_s - self._attempted_s > _ATTEMPT_S:
             thread = threading.Thread(target=self._zero, name=f"zero {self._name}", daemon=True)
             with suppress(RuntimeError):  # no thread can be had now; the next look tries again
                 thread.start()
-                self._attempts.append(thread)
+                self._attempt, self._attempted_s = thread, now_s
 
     def _zero(self) -> None:
-        with suppress(Exception):  # the next look tries again
-            self.write(0.0)
+        until_s = time.perf_counter() + _ATTEMPT_S
+        while not (self.is_zero or self._may_be_on()) and time.perf_counter() < until_s:
+            with suppress(Exception):  # what a bus raises
+                self.write(0.0)
+            time.sleep(LOOK_S)

@@ -13,6 +13,7 @@ import os
 import struct
 import time
 import zlib
+from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
 from types import TracebackType
@@ -50,12 +51,12 @@ class Command(NamedTuple):
 class ControlBox:
     """The side of the session: made with it, read at every tick."""
 
-    __slots__ = ("_file", "_map", "_taken", "refused")
+    __slots__ = ("_file", "_map", "_path", "_taken", "refused")
 
     def __init__(self, path: Path) -> None:
         with whole_file(path) as partial:
             partial.write_bytes(_MAGIC + bytes(_SIZE - len(_MAGIC)))
-        self._file = path.open("r+b")
+        self._path, self._file = path, path.open("r+b")
         self._map = mmap.mmap(self._file.fileno(), _SIZE)
         self._taken = 0
         #: Commands that could not be read, so far.
@@ -72,6 +73,8 @@ class ControlBox:
     ) -> None:
         self._map.close()
         self._file.close()
+        with suppress(OSError):  # gone, or held by the page (Windows)
+            self._path.unlink()
 
     @property
     def stop_asked(self) -> bool:

@@ -1,6 +1,8 @@
 """The signals that ask for a stop: how they are noted, acted on, and made to wait."""
 
 import _thread
+import atexit
+import os
 import signal
 import sys
 import threading
@@ -19,10 +21,14 @@ STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(
 
 #: After what time a stop comes again that the main thread does not deal with yet, s.
 _AGAIN_S = 0.3
+#: How long after the first stop a Ctrl-C ends a clean-up at once, s.
+_AT_ONCE_S = 10.0
 #: A stop that came, and whether the work is over, so that none comes again.
 _noted = _over = False
 #: A session that ends its trial gently, so that none needs to come again.
 _acknowledged = False
+#: When the first stop came (s, 0 before), and whether the next is one that came again by itself.
+_first_s, _is_repeat = 0.0, False
 
 
 def listen_for_stops() -> None:
@@ -31,27 +37,32 @@ def listen_for_stops() -> None:
     So Python does itself with one that is raised in a callback of a compiler or of the garbage
     collector. What is ignored stays so: ``nohup`` is meant.
     """
-    global _noted, _over, _acknowledged
+    global _noted, _over, _acknowledged, _first_s
     _noted = _over = _acknowledged = False
+    _first_s = 0.0
     hide_consequences()
+    atexit.register(_ignore_stops)  # called last: Python restores the defaults next
     for number in STOP_SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _note_stop)
 
 
-def end_listening() -> bool:
-    """Ignore the signals from now on, and return whether one came since they are listened for."""
-    global _noted, _over
+def _ignore_stops() -> None:
     for number in STOP_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+
+
+def end_listening() -> bool:
+    """Let no signal interrupt from now on, and return whether one came since they are heard."""
+    global _noted, _over
     came, _noted, _over = _noted, False, True
     return came
 
 
 def acknowledge_stop() -> None:
     """Take note that the work ends by itself: the stop does not come again."""
-    global _acknowledged
-    _acknowledged = True
+    global _acknowledged, _first_s
+    _acknowledged, _first_s = True, _first_s or time.monotonic()
 
 
 def is_stop_noted() -> bool:
@@ -86,21 +97,31 @@ def interrupt() -> None:
 
 
 def _note_stop(number: int, frame: FrameType | None) -> None:
+    """Interrupt the work; a late Ctrl-C ends a clean-up that hangs, after devices are stopped."""
+    global _first_s, _is_repeat
     del frame
-    if not _noted:
+    _first_s = _first_s or time.monotonic()
+    is_repeat, _is_repeat = _is_repeat, False
+    if not (_noted or _over):
         with suppress(RuntimeError):  # Python ends, or no thread is to be had
             # No threading.Thread: its locks may be those that the main thread has just now.
             _thread.start_new_thread(_insist, (signal.Signals(number),))
-    interrupt()
+    if not _over:
+        interrupt()
+    if number == signal.SIGINT and not is_repeat and time.monotonic() - _first_s > _AT_ONCE_S:
+        with suppress(OSError):
+            os.write(2, b"jointz: Ended at once: the clean-up was not done.\n")
+        os._exit(128 + number)
 
 
 def _insist(number: signal.Signals) -> None:
     """Send a signal to the main thread until it ends its work, which it may be waiting in."""
+    global _is_repeat
     while True:
         time.sleep(_AGAIN_S)
         if _over or _acknowledged:
             return
-        main = threading.main_thread().ident
+        main, _is_repeat = threading.main_thread().ident, True
         if CAN_WAIT and main is not None:
             signal.pthread_kill(main, number)
         else:

@@ -20,6 +20,7 @@ from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment.files import file_lock
 from jointz.session import run
 from jointz.tasks.task_store import TaskStore
+from jointz.terminal import exit_status
 
 FEW = ("--resamples", 20)
 
@@ -147,6 +148,15 @@ def test_whatever_happens_there_is_no_traceback(
     assert word in outcome.err
     assert "Traceback" not in outcome.err
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
+
+
+def test_a_stopped_run_says_what_is_kept_whatever_stands_before_it(jointz, tmp_path, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jointz.workflows.run.run", stopped)
+    outcome = jointz("--memory-limit", "8GB", "run", "walking", "--out", tmp_path / "out")
+    assert (outcome.code, outcome.err) == (130, f"jointz: Stopped. {exit_status.STILL_THERE}\n")
 
 
 def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):

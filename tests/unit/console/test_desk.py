@@ -162,6 +162,12 @@ def test_a_stop_that_nobody_receives_is_told(room, lives, asked, why):
     assert ("emergency stop" in told) == bool(why)
 
 
+def test_a_session_that_is_over_receives_no_stop_while_the_next_is_loaded(room):
+    room.box.__exit__(None, None, None)
+    assert room.desk.stop() == 0
+    assert "has not received the stop" in room.desk.unheard(0)
+
+
 def test_a_stop_without_a_session_does_nothing(tmp_path):
     assert Desk(tmp_path, Process(), dict).stop() == 0
 

@@ -52,6 +52,17 @@ def test_a_session_that_ends_leaves_its_last_words(tmp_path, monkeypatch, made):
     assert process.last_words() == "-m jointz run walking --resume"
 
 
+def test_a_new_session_is_not_taken_for_one_that_was_killed(tmp_path, monkeypatch, made):
+    monkeypatch.setattr(session_process, "sys", Fake(tmp_path, ""))
+    left = tmp_path / "study" / "sessions" / "S01" / "control"
+    left.parent.mkdir(parents=True)
+    left.touch()
+    process = made("walking")
+    process.start(resume=True)
+    assert not left.exists()
+    wait_for(lambda: not process.alive())
+
+
 def test_a_session_that_lives_is_not_started_again(tmp_path, monkeypatch, made):
     fake = Fake(tmp_path, "import sys; sys.stdin.read(); import time; time.sleep(60)")
     monkeypatch.setattr(session_process, "sys", fake)

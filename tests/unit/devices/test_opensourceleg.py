@@ -22,6 +22,7 @@ from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DataError, DeviceError, NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
+from jointz.devices import opensourceleg_output as output_module
 from jointz.devices import opensourceleg_polling as polling_module
 from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, open_sensor
@@ -392,8 +393,10 @@ def test_nan_is_told_as_nan_for_the_safety_gate_to_see():
     assert math.isnan(actuator.read()[-1].angle)
 
 
-def test_the_thermal_limit_of_the_library_is_a_fault_at_zero_torque(caplog):
+def test_the_thermal_limit_of_the_library_is_a_fault_at_zero_torque(monkeypatch):
     fake, clock = DephyActuator(), PolledClock()
+    logger, currents = logging.getLogger("jointz.devices.opensourceleg"), []
+    monkeypatch.setattr(logger, "handle", lambda _: currents.append(fake.currents()[-1:]))
     actuator = active(fake, clock)
     actuator.command_torque(5.0)
     update, fake.update = fake.update, lambda: (_ for _ in ()).throw(ThermalLimitException("hot"))
@@ -410,7 +413,28 @@ def test_the_thermal_limit_of_the_library_is_a_fault_at_zero_torque(caplog):
     assert actuator.state is Lifecycle.FAULT
     actuator.close()
     assert actuator.state is Lifecycle.FINALISED
-    assert "in fault" in caplog.text
+    assert currents == [[], [0.0]]  # zero torque before the log tells of it, once
+
+
+def test_after_a_hang_it_gives_no_torque_until_it_is_stopped_and_activated_again():
+    fake, clock = DephyActuator(), PolledClock()
+    actuator = active(fake, clock, command_timeout_s=0.1)
+    actuator.command_torque(9.0)
+    clock.pollings[0].running = False
+    for _ in range(20):
+        clock.pass_ms(10)
+        actuator.command_torque(9.0)
+    clock.pollings[0].running = True
+    clock.pass_ms(4)
+    assert set(fake.currents()[-2:]) == {0.0}
+    assert actuator.state is Lifecycle.FAULT
+    assert actuator.read()[-1].faults == 8
+    with pytest.raises(DeviceError, match="a call of opensourceleg hung"):
+        actuator.command_torque(9.0)
+    actuator.stop()
+    actuator.activate()
+    actuator.command_torque(9.0)
+    assert fake.currents()[-1] == pytest.approx(10_000.0)
 
 
 def test_an_error_that_the_motor_driver_reports_is_a_fault():
@@ -661,6 +685,11 @@ def _keep_commanding(actuator):
         time.sleep(0.002)
 
 
+def _command_until_refused(actuator):
+    with pytest.raises(DeviceError, match="a call of opensourceleg hung"):
+        _keep_commanding(actuator)
+
+
 @pytest.mark.alone
 @pytest.mark.parametrize(
     ("end", "allowed_s"),
@@ -669,7 +698,7 @@ def _keep_commanding(actuator):
         (OpenSourceLegActuator.close, ZERO_S),
         (lambda actuator: actuator.command_torque(0.0), ZERO_S),
         (lambda _: None, TIMEOUT_S + ZERO_S),
-        (_keep_commanding, TIMEOUT_S + ZERO_S),
+        (_command_until_refused, TIMEOUT_S + ZERO_S),
     ],
     ids=["stop", "close", "zero asked for", "no commands", "commands that nobody takes"],
 )
@@ -702,6 +731,36 @@ def test_a_stop_that_the_library_holds_up_is_reported_and_sent_as_soon_as_it_can
     fake.released.set()
     assert fake.zero_after_s(released_s) < ZERO_S
     _stop("actuator", actuator, {"actuator"}, None, None, None)
+
+
+def _raise():
+    raise OSError("bus is gone")
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("hangs", [False, True], ids=["raises", "hangs"])
+def test_zero_is_tried_until_the_library_takes_it_with_few_threads(hangs, monkeypatch):
+    monkeypatch.setattr(output_module, "_ATTEMPT_S", 0.05)
+    released, threads, attempts = threading.Event(), set(), []
+
+    def write(torque_nm):
+        if torque_nm == 0.0:
+            threads.add(threading.current_thread())
+            attempts.append(time.perf_counter())
+            if len(attempts) < 7:
+                released.wait(10.0) if hangs else _raise()
+
+    output = output_module.TorqueOutput("knee", write, lambda: False)
+    output.write(9.0)
+    until_s = time.perf_counter() + 2.0
+    while not output.is_zero and time.perf_counter() < until_s:
+        output.look()
+        time.sleep(output_module.LOOK_S)
+    released.set()
+    assert output.is_zero
+    assert len(attempts) == 7
+    assert len(threads) == (7 if hangs else 1)
+    assert attempts[-1] - attempts[0] > 6 * 0.9 * (0.05 if hangs else output_module.LOOK_S)
 
 
 @pytest.mark.alone

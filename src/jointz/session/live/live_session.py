@@ -335,7 +335,7 @@ def newest_session(study: Path) -> Path | None:
 
 
 def control_files(study: Path) -> list[Path]:
-    """Return the control files of a study, those of sessions that are over too."""
+    """Return the control files of a study: of the session that runs, and of killed ones."""
     return sorted((study / SESSIONS).glob(f"*/{CONTROL_FILE}"))
 
 
