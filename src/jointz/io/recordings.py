@@ -18,7 +18,8 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
-from jointz.io.column_readers import LARGEST_SAMPLE, RawTable, check_samples, read_table
+from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples
+from jointz.io.formats.registry import read_table
 from jointz.io.study_reader import channel_unit, named_as_written, needed_channels
 from jointz.io.text.delimited import is_number
 from jointz.io.text.units import conversion

@@ -23,7 +23,7 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
-from jointz.io.column_readers import list_columns
+from jointz.io.formats.registry import list_columns
 from jointz.io.text.units import conversion, si_unit_of
 from jointz.io.toml_problems import parse_toml, shape_problems
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
 from jointz.io.c3d.c3d_clock import single
 from jointz.io.c3d.c3d_events import read_events
 from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, take_frames
@@ -16,7 +15,7 @@ from jointz.io.c3d.c3d_parameters import BLOCK, read_parameters
 from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_told, plan
 from jointz.io.c3d.c3d_values import text_of
 from jointz.io.c3d.c3d_write import c3d_bytes
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.group_format import GroupFormat
 from jointz.io.text.column_names import READING
 from jointz.io.text.signal_names import distinct_names, filled
 
@@ -24,8 +23,7 @@ _LOWEST_WORD = -0x8000
 _FLOATS_OF_A_ROTATION = 17  # a matrix of 4 x 4, and how reliable it is
 
 
-@register_format(".c3d")
-class C3dFormat:
+class C3dFormat(GroupFormat):
     """Points and analog channels, rotations where there are any, events and parameters."""
 
     name = "C3D"
@@ -57,11 +55,9 @@ class C3dFormat:
         """Return what of a content a C3D file cannot hold."""
         return plan(content)[1]
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write what a C3D file can hold, in single precision."""
-        raw = c3d_bytes(plan(content)[0], path)
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(raw)
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return what a C3D file can hold, in single precision."""
+        return c3d_bytes(plan(content)[0], path)
 
 
 def _remarks(file: Source) -> dict[str, str]:

@@ -57,6 +57,17 @@ def has_text(signal: Signal, fits: Callable[[str], bool]) -> bool:
     return signal.is_text and not all(fits(str(text)) for text in signal.values)
 
 
+def lost_letters(groups: Iterable[SignalGroup]) -> list[str]:
+    """Say which texts have NUL or half letters, where a format has place for neither."""
+    return [
+        sentence
+        for group in groups
+        for sentence in lost_signals(
+            group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
+        )
+    ]
+
+
 def has_infinity(signal: Signal) -> bool:
     """Whether a signal of numbers holds an infinite one."""
     return not signal.is_text and bool(np.isinf(signal.values).any())
@@ -88,3 +99,11 @@ def listed(names: Iterable[str]) -> str:
     shown = list(names)
     more = len(shown) - _MOST_NAMES
     return ", ".join(shown[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def text_array(texts: Iterable[str]) -> np.ndarray:
+    """Return texts as an array of str objects, whatever their lengths."""
+    words = list(texts)
+    array = np.empty(len(words), dtype=object)
+    array[:] = words
+    return array

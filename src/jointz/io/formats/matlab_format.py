@@ -22,7 +22,9 @@ recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
 read as a group a recording, and one more for its pulses.
 """
 
-from collections.abc import Mapping, Sequence
+import io
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,14 +32,17 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
-from jointz.io.formats.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
-from jointz.io.formats.matlab_columns import load_variables, series_names, value_at
-from jointz.io.formats.matlab_names import cells, column, field_names, number_or_empty
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import (
+    RawTable,
+    TableRequest,
+    damaged,
+    file_error,
+    make_table,
+    missing_columns,
+)
+from jointz.io.formats.losses import is_plain, listed, lost_letters, plainly, text_array, words_of
+from jointz.io.formats.matlab_variables import load_variables, series_at, series_names, value_at
 from jointz.io.text.column_names import READING, is_time, unique_names, with_clock
 
 ROOT = "jointz"
@@ -46,9 +51,45 @@ _VERSION, STUDY = 2.0, 3.0
 _DAMAGE = (KeyError, ValueError, TypeError, IndexError, AttributeError)
 
 
-@register_format(".mat")
+_OBJECT_HINT = (
+    "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
+    "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
+)
+#: namelengthmax of MATLAB; scipy writes no longer field.
+LONGEST_NAME = 63
+_NO_LETTER = re.compile(r"\W", re.ASCII)
+_KEYWORDS = frozenset(
+    [
+        "break",
+        "case",
+        "catch",
+        "classdef",
+        "continue",
+        "else",
+        "elseif",
+        "end",
+        "for",
+        "function",
+        "global",
+        "if",
+        "otherwise",
+        "parfor",
+        "persistent",
+        "return",
+        "spmd",
+        "switch",
+        "try",
+        "while",
+    ]
+)
+
+
 class MatlabFormat:
-    """Reads series of any .mat file by length, and its own layout exactly; writes all."""
+    """Reads series of any .mat file by length, and its own layout exactly; writes all.
+
+    A column is a dotted name through structs, ``data.knee.angle``; ``data.signals.3`` is the
+    third column of a matrix (samples in rows), or the third element of a struct or cell array.
+    """
 
     name = "MATLAB .mat"
 
@@ -64,65 +105,95 @@ class MatlabFormat:
                 raise damaged(path, exc) from exc
         return _foreign(path, content, has_objects=has_objects)
 
+    def read_columns(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the requested series, flattened."""
+        names = [str(c) for c in request.columns]
+        content, has_objects = load_variables(path, {name.partition(".")[0] for name in names})
+        values = {name: value_at(content, name.split(".")) for name in names}
+        missing = [name for name, value in values.items() if value is None]
+        if missing:
+            content, has_objects = load_variables(path, None)
+            hint = _OBJECT_HINT if has_objects else ""
+            raise missing_columns(path, missing, list(series_names(content)), hint)
+        return make_table(path, request, lambda c: series_at(path, c, values[c]), {})
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
+        """Return None: the names inside structs are known only after reading all."""
+        return None
+
     def losses(self, content: Acquisition) -> list[str]:
         """Say what version 5 cannot hold: NUL and half letters."""
-        lost = []
-        for group in content.groups:
-            lost += lost_signals(
-                group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
-            )
+        lost = lost_letters(content.groups)
         odd = [repr(word) for word in words_of(content) if not is_plain(word)]
         if odd:
             lost.append(f"It cannot hold as they are (NUL, half letters): {listed(odd)}.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write the struct ``jointz`` (layout: this module's docstring)."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the struct ``jointz`` (layout: this module's docstring)."""
         names = field_names([group.name or "data" for group in content.groups])
         groups = {
             name: _group(group, content.metadata)
             for name, group in zip(names, content.groups, strict=True)
         }
         events = np.array([(e.time_s, e.duration_s) for e in content.events]).reshape(-1, 2)
-        write_struct(
-            {
-                "version": _VERSION,
-                "groups": groups,
-                "events": {
-                    "time_s": events[:, :1],
-                    "duration_s": events[:, 1:],
-                    "label": cells(plainly(event.label) for event in content.events),
-                },
-                "metadata": {
-                    "key": cells(plainly(key) for key in content.metadata),
-                    "value": cells(plainly(text) for text in content.metadata.values()),
-                },
+        struct = {
+            "version": _VERSION,
+            "groups": groups,
+            "events": {
+                "time_s": events[:, :1],
+                "duration_s": events[:, 1:],
+                "label": cells(event.label for event in content.events),
             },
-            path,
-        )
+            "metadata": {"key": cells(content.metadata), "value": cells(content.metadata.values())},
+        }
+        return struct_bytes(struct, path)
 
 
-def write_struct(content: Mapping[str, Any], path: Path) -> None:
-    """Write one struct ``jointz`` as a version 5 file, compressed."""
+def struct_bytes(content: Mapping[str, Any], path: Path) -> bytes:
+    """Return a version 5 file of one struct ``jointz``, compressed."""
     from scipy.io import savemat
     from scipy.io.matlab import MatWriteError
 
-    with whole_file(path, "Make room or name another place.") as partial:
-        try:
-            with partial.open("wb") as stream:
-                savemat(
-                    stream,
-                    {ROOT: dict(content)},
-                    long_field_names=True,
-                    do_compression=True,
-                    oned_as="column",
-                )
-        except (MatWriteError, OverflowError) as exc:
-            raise DataError(
-                f"{path.name}: a .mat file of version 5 cannot hold it ({exc}). Write fewer "
-                "signals, or .nc.",
-                path=str(path),
-            ) from exc
+    stream = io.BytesIO()
+    variables = {ROOT: dict(content)}
+    try:
+        savemat(stream, variables, long_field_names=True, do_compression=True, oned_as="column")
+    except (MatWriteError, OverflowError) as exc:
+        raise file_error(
+            path,
+            f"a .mat file of version 5 cannot hold it ({exc}). Write fewer signals, or .nc.",
+        ) from exc
+    return stream.getvalue()
+
+
+def field_names(names: Sequence[str]) -> list[str]:
+    """Return a field name of MATLAB for each name; they differ where the names do not."""
+    # The number of a repeated name may not make it too long.
+    longest = LONGEST_NAME - len(f"_{len(names) + 1}")
+    return unique_names([_identifier(name, longest) for name in names])
+
+
+def _identifier(name: str, longest: int) -> str:
+    word = _NO_LETTER.sub("_", name)
+    if not word[:1].isalpha():
+        word = f"x{word}"
+    return f"{word}_" if word in _KEYWORDS else word[:longest]
+
+
+def column(values: np.ndarray) -> np.ndarray:
+    """Return samples as MATLAB has them: a column of doubles."""
+    return values.reshape(-1, 1)
+
+
+def cells(texts: Iterable[str]) -> np.ndarray:
+    """Return a column of cells with a text each."""
+    return text_array(plainly(str(text)) for text in texts).reshape(-1, 1)
+
+
+def number_or_empty(value: float | None) -> Any:
+    """Return a number, or ``[]`` where there is none."""
+    return np.empty((0, 0)) if value is None else float(value)
 
 
 # --- the layout of jointz ---------------------------------------------------------------------
@@ -131,24 +202,19 @@ def write_struct(content: Mapping[str, Any], path: Path) -> None:
 def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
     time = group.times_s()
     names = field_names([signal.name for signal in group.signals])
+    clock = "none" if group.time_s is None else "stamps"
     return {
         "name": plainly(group.name),
         "rate_hz": number_or_empty(group.rate_hz),
         "start_s": float(group.start_s),
         "time": np.empty((0, 0)) if time is None else column(time),
-        "clock": _clock(group),
+        "clock": "rate" if group.rate_hz is not None else clock,
         "n": float(group.n_samples),
         "signals": {
             name: _signal(signal, _positive(group.name, signal.name, metadata))
             for name, signal in zip(names, group.signals, strict=True)
         },
     }
-
-
-def _clock(group: SignalGroup) -> str:
-    if group.rate_hz is not None:
-        return "rate"
-    return "none" if group.time_s is None else "stamps"
 
 
 def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
@@ -159,17 +225,13 @@ def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
 
 
 def _signal(signal: Signal, positive: str) -> dict[str, Any]:
-    if signal.is_text:
-        values = cells(plainly(str(text)) for text in signal.values)
-    else:
-        values = column(signal.values)
     return {
         "name": plainly(signal.name),
         "unit": plainly(signal.unit),
         "description": plainly(signal.description),
         "positive": plainly(positive),
         "kind": "text" if signal.is_text else "number",
-        "values": values,
+        "values": cells(signal.values) if signal.is_text else column(signal.values),
     }
 
 
@@ -177,7 +239,7 @@ def _own(found: Mapping[str, Any]) -> Acquisition:
     events, metadata = found["events"], found["metadata"]
     times, lengths = _numbers(events["time_s"]), _numbers(events["duration_s"])
     labels = _texts(events["label"], len(times))
-    n = _length(metadata["key"])
+    n = len(metadata["key"]) if isinstance(metadata["key"], list) else 1
     pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
     return Acquisition(
         tuple(_own_group(name, group) for name, group in (found["groups"] or {}).items()),
@@ -271,11 +333,6 @@ def _texts(value: Any, n: int) -> np.ndarray:
     return texts
 
 
-def _length(value: Any) -> int:
-    """Return how many cells a column of texts that are not empty has."""
-    return len(value) if isinstance(value, list) else 1
-
-
 def _word(value: Any) -> str:
     """Return a text; an empty one is kept as an empty array."""
     return value if isinstance(value, str) else ""
@@ -299,10 +356,9 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
             left_out.append(name)
     if not by_length:
         hint = " It holds MATLAB objects, which only MATLAB reads." if has_objects else ""
-        raise DataError(
-            f"{path.name}: expected series of numbers, found none.{hint} Save vectors or structs "
-            "of vectors.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"expected series of numbers, found none.{hint} Save vectors or structs of vectors.",
         )
     if has_objects or left_out:
         what = [*left_out, *(["MATLAB objects"] if has_objects else [])]
@@ -310,7 +366,9 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
-        group, told = _with_clock(name, _named_shortly(signals))
+        names = unique_names([signal.name for signal in signals])
+        signals = [replace(s, name=own) for s, own in zip(signals, names, strict=True)]
+        group, told = _with_clock(name, signals)
         groups.append(group)
         metadata |= told
     return Acquisition(tuple(groups), (), metadata)
@@ -344,11 +402,3 @@ def _series(value: Any) -> np.ndarray | None:
     if value.ndim > 1 and max(value.shape) < value.size:
         return None
     return value.ravel().astype(np.float64)
-
-
-def _named_shortly(signals: list[Signal]) -> list[Signal]:
-    names = unique_names([signal.name for signal in signals])
-    return [
-        signal if signal.name == name else Signal(name, signal.values)
-        for signal, name in zip(signals, names, strict=True)
-    ]

@@ -17,14 +17,9 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.formats.losses import (
-    NOTE,
-    first_group,
-    lost_groups,
-    lost_signals,
-)
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import file_error
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import NOTE, first_group, lost_groups, lost_signals
 from jointz.io.text.column_names import READING, unique_names
 from jointz.io.text.side_information import filled, read_beside, written_beside
 
@@ -62,8 +57,7 @@ class _Header:
     n_lines: int  # with endheader
 
 
-@register_format(".mot", ".sto")
-class OpenSimFormat:
+class OpenSimFormat(GroupFormat):
     """Reads and writes .mot and .sto; what the header has no words for is a line of JSON in it."""
 
     name = "OpenSim .mot/.sto"
@@ -100,28 +94,26 @@ class OpenSimFormat:
             lost.append("It needs a time column, and the group has no clock.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group's signals of numbers."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the first group's signals of numbers."""
         group = first_group(content)
         time = group.times_s()
         if time is None or not len(time):
-            raise DataError(
-                f"{path.name}: expected a group with a clock and samples, found none. OpenSim "
-                "needs a time column: choose another format.",
-                path=str(path),
+            raise file_error(
+                path,
+                "expected a group with a clock and samples, found none. OpenSim needs a time "
+                "column: choose another format.",
             )
         if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-            raise DataError(
-                f"{path.name}: the time stamps of group '{group.name}' do not increase, and "
-                "OpenSim refuses such a table. Choose another format.",
-                path=str(path),
+            raise file_error(
+                path,
+                f"the time stamps of group '{group.name}' do not increase, and OpenSim refuses "
+                "such a table. Choose another format.",
             )
         other = _other_angles(group)
         kept = tuple(s for s in group.signals if not s.is_text and s.name not in other)
         held = SignalGroup(group.name, kept, group.rate_hz, group.start_s, group.time_s)
-        text = _written(content, held, time, path.stem)
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+        return _written(content, held, time, path.stem).encode("utf-8", errors="replace")
 
 
 def _lines(path: Path) -> list[str]:
@@ -360,5 +352,4 @@ def _one_line(text: str) -> str:
 def _bad(
     path: Path, message: str, row: int | None = None, *, todo: str = "Export it again."
 ) -> DataError:
-    where = path.name if row is None else f"{path.name}, row {row}"
-    return DataError(f"{where}: {message} {todo}", path=str(path), row=row)
+    return file_error(path, f"{message} {todo}", row=row)

@@ -26,13 +26,13 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import (
+from jointz.io.formats.columns import (
     RawTable,
     TableRequest,
     damaged,
+    file_error,
     label_column,
     missing_columns,
-    register_reader,
 )
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
@@ -71,9 +71,7 @@ class _Layout:
     def error(
         self, message: str, *, row: int | None = None, channel: str | None = None
     ) -> DataError:
-        where = self.path.name + (f", row {row}" if row is not None else "")
-        where += f", column '{channel}'" if channel is not None else ""
-        return DataError(f"{where}: {message}", path=str(self.path), channel=channel, row=row)
+        return file_error(self.path, message, row=row, channel=channel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,36 +85,38 @@ class _Scan:
     last_lines: tuple[str, ...]
 
 
-@register_reader(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
-class DelimitedReader:
-    """Reads delimited text; columns by name, or by number where there is no header."""
+def read_delimited(path: Path, request: TableRequest) -> RawTable:
+    """Return the requested columns, by name, or by number where there is no header."""
+    layout = replace(_layout(path, request.files), as_written=request.as_written)
+    positions = _positions(layout, request)
+    numeric = sorted({positions[c] for c in request.numeric})
+    labels = sorted({positions[c] for c in request.labels})
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        scanning = pool.submit(_scan, layout, len(labels))
+        if _compressed(path):
+            scanning.result()  # refuses what unpacks to too much, before pandas holds it
+        parsed = _parse(layout, numeric=numeric, labels=labels)
+        scan = scanning.result()
+    frame = _trusted(layout, numeric, parsed, scan)
+    # No copies: the columns are the frame's own, and nobody writes to them.
+    columns = {str(c): frame[positions[c]].to_numpy(np.float64) for c in request.numeric}
+    for c in request.labels:
+        texts = frame[positions[c]].to_numpy(dtype=object)
+        columns[str(c)] = label_column(path, str(c), texts, as_written=request.as_written)
+    return RawTable(columns, {}, scan.sha256, layout.first_row)
 
-    def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns."""
-        layout = replace(_layout(path, request.files), as_written=request.as_written)
-        wanted = _positions(layout, request)
-        numeric = sorted({wanted[c] for c in request.numeric})
-        labels = sorted({wanted[c] for c in request.labels})
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            scanning = pool.submit(_scan, layout, len(labels))
-            if _compressed(path):
-                scanning.result()  # refuses what unpacks to too much, before pandas holds it
-            parsed = _parse(layout, numeric=numeric, labels=labels)
-            scan = scanning.result()
-        frame = _trusted(layout, numeric, parsed, scan)
-        # No copies: the columns are the frame's own, and nobody writes to them.
-        columns = {str(c): frame[wanted[c]].to_numpy(np.float64) for c in request.numeric}
-        for c in request.labels:
-            texts = frame[wanted[c]].to_numpy(dtype=object)
-            columns[str(c)] = label_column(path, str(c), texts, as_written=request.as_written)
-        return RawTable(columns, {}, scan.sha256, layout.first_row)
 
-    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names in the header, or numbers from 1 where there is none."""
-        layout = _layout(path, files)
-        if _holds_numbers(layout) and not all(name.isdigit() for name in layout.names):
-            _refuse_header_of_numbers(layout)
-        return list(layout.names)
+def list_delimited(path: Path, files: FilesSpec) -> list[str]:
+    """Return the names in the header, or numbers from 1 where there is none."""
+    layout = _layout(path, files)
+    if _holds_numbers(layout) and not all(name.isdigit() for name in layout.names):
+        _refuse_header_of_numbers(layout)
+    return list(layout.names)
+
+
+def default_delimiter(path: Path) -> str:
+    """Return the delimiter that a file's suffix says."""
+    return "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
 
 
 # --- the first lines --------------------------------------------------------------------------
@@ -141,7 +141,7 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
         raise damaged(path, exc) from exc
     found = [line for line in lines if line]
     if not found:
-        raise DataError(f"{path.name}: holds nothing. Export it again.", path=str(path))
+        raise file_error(path, "holds nothing. Export it again.")
     return [text.rstrip("\r\n") for text in _decoded(path, found)]
 
 
@@ -151,16 +151,15 @@ def check_signs(path: Path, delimiter: str, decimal: str) -> None:
         tab = " A tab is written $'\\t' in most shells." if delimiter == "\\t" else ""
         raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.{tab}")
     if delimiter == decimal:
-        raise DataError(
-            f"{path.name}: '{delimiter}' cannot be both delimiter and decimal sign. "
-            'Set [files] delimiter, most likely ";".',
-            path=str(path),
+        raise file_error(
+            path,
+            f"'{delimiter}' cannot be both delimiter and decimal sign. Set [files] delimiter, "
+            'most likely ";".',
         )
 
 
 def _layout(path: Path, files: FilesSpec) -> _Layout:
-    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
-    delimiter = files.delimiter or default
+    delimiter = files.delimiter or default_delimiter(path)
     check_signs(path, delimiter, files.decimal)
     n_head = files.skip_rows + files.header
     with _decompression_errors(path), _open_bytes(path) as stream:
@@ -169,10 +168,9 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     text = _decoded(path, lines[n_head - 1 : n_head + 1] if files.header else lines[-1:])
     if not text[-1].strip("\r\n"):
         what = "only a header" if any(lines) else "nothing"
-        raise DataError(
-            f"{path.name}: holds {what}, no samples under row {n_head}. Export it again"
-            f"{', or correct [files] skip_rows' if files.skip_rows else ''}.",
-            path=str(path),
+        todo = ", or correct [files] skip_rows" if files.skip_rows else ""
+        raise file_error(
+            path, f"holds {what}, no samples under row {n_head}. Export it again{todo}."
         )
     cells = next(csv.reader(text[:1], delimiter=delimiter, skipinitialspace=True), [])
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
@@ -186,10 +184,10 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
 def _decoded(path: Path, lines: list[bytes]) -> list[str]:
     for line in lines:
         if len(line) == _LONGEST_LINE_BYTES or b"\r" in line.rstrip(b"\r\n"):
-            raise DataError(
-                f"{path.name}: its first lines do not end as lines of text do. Is it a text "
-                "table? Export it with Unix or Windows line ends.",
-                path=str(path),
+            raise file_error(
+                path,
+                "its first lines do not end as lines of text do. Is it a text table? Export it "
+                "with Unix or Windows line ends.",
             )
     try:
         return [line.decode("utf-8-sig") for line in lines]
@@ -198,10 +196,9 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
 
 
 def _not_utf8(path: Path, exc: UnicodeDecodeError) -> DataError:
-    return DataError(
-        f"{path.name}: expected UTF-8 text, found {exc.object[exc.start : exc.start + 1]!r} "
-        f"({exc.reason}). Save the file as UTF-8.",
-        path=str(path),
+    byte = exc.object[exc.start : exc.start + 1]
+    return file_error(
+        path, f"expected UTF-8 text, found {byte!r} ({exc.reason}). Save the file as UTF-8."
     )
 
 
@@ -540,8 +537,8 @@ def _decompression_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except _DECOMPRESSION_ERRORS as exc:
-        raise DataError(
-            f"{path.name}: the recording is cut off or damaged; its compressed stream does not "
-            f"end as it should ({exc}). Copy the file again.",
-            path=str(path),
+        raise file_error(
+            path,
+            "the recording is cut off or damaged; its compressed stream does not end as it should "
+            f"({exc}). Copy the file again.",
         ) from exc

@@ -17,9 +17,8 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
 from jointz.io.text.column_names import READING
 from jointz.io.text.signal_names import distinct_names
 from jointz.io.xdf.xdf_chunks import Stream, walk
@@ -49,8 +48,7 @@ _NOT_IN_HEADER = ("segments", "clock_segments")
 _LARGEST_EXACT = 2**53
 
 
-@register_format(".xdf")
-class XdfFormat:
+class XdfFormat(GroupFormat):
     """A group a stream; streams of markers are events too."""
 
     name = "XDF"
@@ -77,11 +75,9 @@ class XdfFormat:
         """Return what of a content an XDF file cannot hold."""
         return plan(content)[1]
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
-        raw = xdf_bytes(plan(content)[0])
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(raw)
+    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
+        """Return XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
+        return xdf_bytes(plan(content)[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,9 +116,8 @@ def _load(path: Path, content: bytes) -> _Loaded:
     try:
         import pyxdf
     except ImportError as exc:
-        raise DataError(
-            f"{path.name}: XDF files need pyxdf. Install it: pip install 'jointz[formats]'.",
-            path=str(path),
+        raise file_error(
+            path, "XDF files need pyxdf. Install it: pip install 'jointz[formats]'."
         ) from exc
     try:
         with (
@@ -140,10 +135,10 @@ def _load(path: Path, content: bytes) -> _Loaded:
     if errors:
         raise damaged(path, ValueError(errors[0].getMessage()))
     if any("clock_segments" not in stream["info"] for stream in streams):
-        raise DataError(
-            f"{path.name}: XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. "
-            "Update it: pip install --upgrade 'jointz[formats]'.",
-            path=str(path),
+        raise file_error(
+            path,
+            "XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. Update it: "
+            "pip install --upgrade 'jointz[formats]'.",
         )
     unused = [match for record in said if (match := _UNUSED.match(record.getMessage()))]
     by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}

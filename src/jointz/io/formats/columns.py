@@ -1,17 +1,12 @@
-"""Tables out of files of any format: one door, readers behind it by suffix.
-
-A reader is registered for its suffixes and loaded when a file needs it, so that
-looking at a CSV file costs nothing of netCDF, MATLAB or parquet.
-"""
+"""Columns of a file as numbers and labels, and the errors of reading them."""
 
 import difflib
 import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,18 +14,6 @@ import pandas as pd
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 
-#: Where the readers of jointz live; the module registers them when it is loaded.
-_HOMES: Mapping[str, str] = {
-    **dict.fromkeys(
-        (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"), "jointz.io.text.delimited"
-    ),
-    ".parquet": "jointz.io.formats.columnar",
-    ".nc": "jointz.io.formats.netcdf_recording",
-    ".mat": "jointz.io.formats.matlab_columns",
-    **dict.fromkeys(
-        (".c3d", ".xdf", ".mot", ".sto", ".xlsx"), "jointz.io.formats.acquisition_tables"
-    ),
-}
 _MOST_NAMES = 40
 #: Of a sample: far above nanoseconds since 1970; its eighth power still fits into a float.
 LARGEST_SAMPLE = 1e30
@@ -72,62 +55,21 @@ class RawTable:
     history: tuple[dict[str, Any], ...] = ()  # what was done before, as a recording of jointz says
 
 
-class Reader(Protocol):
-    """What a file format has to offer."""
-
-    def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns."""
-
-    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names of the columns, None where that means reading the file."""
-
-
-_R = TypeVar("_R", bound=Reader)
-
-_READERS: dict[str, Reader] = {}
-
-
-def register_reader(*suffixes: str) -> Callable[[type[_R]], type[_R]]:
-    """Register a reader class for files with these suffixes."""
-
-    def register(reader: type[_R]) -> type[_R]:
-        _READERS.update(dict.fromkeys(suffixes, reader()))
-        return reader
-
-    return register
-
-
-def read_table(
+def make_table(
     path: Path,
+    request: TableRequest,
+    values: Callable[[str], np.ndarray],
+    units: Mapping[str, str],
     *,
-    numeric: Sequence[str | int],
-    labels: Sequence[str | int] = (),
-    files: FilesSpec,
+    labels: Callable[[str], np.ndarray] | None = None,
     as_written: bool = False,
-    from_zero: bool = False,
+    history: tuple[dict[str, Any], ...] = (),
 ) -> RawTable:
-    """Read columns of a file; the file is never modified."""
-    reader = _reader_of(path)
-    request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
-    both = {str(c) for c in numeric} & {str(c) for c in labels}
-    if both:
-        raise DataError(
-            f"{path.name}: column '{min(both)}' is asked for both as numbers and as labels. "
-            "Use it for one of them.",
-            path=str(path),
-        )
-    try:
-        table = reader.read(path, request)
-    except OSError as exc:
-        raise damaged(path, exc) from exc
-    lengths = {name: len(values) for name, values in table.columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise DataError(
-            f"{path.name}: columns differ in length: {lengths}. "
-            "Choose columns that were sampled together.",
-            path=str(path),
-        )
-    return table
+    """Return a table of typed columns, given the values and labels of a column by its name."""
+    columns = {c: number_column(path, c, values(c)) for c in map(str, request.numeric)}
+    for c in map(str, request.labels):
+        columns[c] = label_column(path, c, (labels or values)(c), as_written=as_written)
+    return RawTable(columns, units, file_sha256(path), history=history)
 
 
 def check_samples(path: Path, table: RawTable) -> None:
@@ -138,22 +80,13 @@ def check_samples(path: Path, table: RawTable) -> None:
         absurd = np.isfinite(values) & (np.abs(values) > LARGEST_SAMPLE)
         if absurd.any():
             at = int(np.argmax(absurd))
-            raise DataError(
-                f"{path.name}, row {table.first_row + at}, column '{name}': {values[at]:.4g} is no "
-                f"possible reading ({int(absurd.sum())} such). Correct the cell or leave it empty.",
-                path=str(path),
-                channel=name,
+            raise file_error(
+                path,
+                f"{values[at]:.4g} is no possible reading ({int(absurd.sum())} such). Correct the "
+                "cell or leave it empty.",
                 row=table.first_row + at,
+                channel=name,
             )
-
-
-def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
-    """List the columns of a file without reading its samples."""
-    reader = _reader_of(path)
-    try:
-        return reader.list_columns(path, files)
-    except OSError as exc:
-        raise damaged(path, exc) from exc
 
 
 def file_sha256(path: Path) -> str:
@@ -162,13 +95,22 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def file_error(
+    path: Path, message: str, *, row: int | None = None, channel: str | None = None
+) -> DataError:
+    """Return the error about a file, one of its rows or one of its columns."""
+    where = path.name + (f", row {row}" if row is not None else "")
+    where += f", column '{channel}'" if channel is not None else ""
+    return DataError(f"{where}: {message}", path=str(path), channel=channel, row=row)
+
+
 def damaged(path: Path, cause: Exception) -> DataError:
     """Make the error for a file that a format's own library could not read."""
     reason = f"{type(cause).__name__}: {cause}".strip().rstrip(".")
-    return DataError(
-        f"{path.name}: cannot be read as a {path.suffix} file; it is cut off, damaged or of "
-        f"another kind ({reason}). Copy or export it again.",
-        path=str(path),
+    return file_error(
+        path,
+        f"cannot be read as a {path.suffix} file; it is cut off, damaged or of another kind "
+        f"({reason}). Copy or export it again.",
     )
 
 
@@ -193,11 +135,10 @@ def number_column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
     """Return a column of a typed format as (n,) float64."""
     _check_series(path, name, values)
     if values.dtype.kind not in "fiub":
-        raise DataError(
-            f"{path.name}, column '{name}': expected numbers, found {_kind(values)}. "
-            "Choose a numeric column.",
-            path=str(path),
-            channel=name,
+        kinds = {"c": "complex numbers", "M": "dates", "m": "durations"}
+        kind = kinds.get(values.dtype.kind, "text")
+        raise file_error(
+            path, f"expected numbers, found {kind}. Choose a numeric column.", channel=name
         )
     return values.astype(np.float64, copy=False)
 
@@ -207,9 +148,9 @@ def label_column(
 ) -> np.ndarray:
     """Return a column as (n,) str objects; 1.0 becomes "1", a missing value ""."""
     _check_series(path, name, values)
-    codes, found = pd.factorize(values)
+    codes, distinct = pd.factorize(values)
     write = _text if as_written else _label
-    texts = np.array([*(write(v) for v in found), ""], dtype=object)
+    texts = np.array([*(write(v) for v in distinct), ""], dtype=object)
     return texts[codes]  # the code of a missing value is -1
 
 
@@ -229,34 +170,9 @@ def _label(value: Any) -> str:
 
 def _check_series(path: Path, name: str, values: np.ndarray) -> None:
     if values.ndim != 1:
-        raise DataError(
-            f"{path.name}, column '{name}': expected one series of samples, found an array of "
-            f"shape {values.shape}. Choose a column that is a vector.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"expected one series of samples, found an array of shape {values.shape}. Choose a "
+            "column that is a vector.",
             channel=name,
         )
-
-
-def _kind(values: np.ndarray) -> str:
-    kinds = {"c": "complex numbers", "M": "dates", "m": "durations"}
-    return kinds.get(values.dtype.kind, "text")
-
-
-def _reader_of(path: Path) -> Reader:
-    name = path.name.lower()
-    known = sorted({*_HOMES, *_READERS})
-    fitting = [suffix for suffix in known if name.endswith(suffix)]
-    if not fitting:
-        raise DataError(
-            f"{path.name}: no reader for this kind of file; expected one of {', '.join(known)}. "
-            "Convert the file, or correct its suffix.",
-            path=str(path),
-        )
-    if not path.is_file():
-        raise DataError(
-            f"{path}: no such file. Correct the name or bring the file.", path=str(path)
-        )
-    suffix = max(fitting, key=len)
-    if suffix not in _READERS:
-        import_module(_HOMES[suffix])
-    return _READERS[suffix]
