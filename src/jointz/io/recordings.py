@@ -18,7 +18,7 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
-from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples
+from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
 from jointz.io.formats.registry import read_table
 from jointz.io.study_reader import channel_unit, named_as_written, needed_channels
 from jointz.io.text.delimited import is_number
@@ -87,11 +87,10 @@ def _pulse_table(path: Path) -> pd.DataFrame:
     table = _text_table(path)
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
-        raise DataError(
-            f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
-            f"(onset_s is required), got {', '.join(map(str, table.columns))}. "
-            f"{_todo(table, 'Correct the header.')}",
-            path=str(path),
+        raise file_error(
+            path,
+            f"a pulse table has the columns {', '.join(_PULSE_COLUMNS)} (onset_s is required), "
+            f"got {', '.join(map(str, table.columns))}. {_todo(table, 'Correct the header.')}",
         )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
     for name in ("duration_s", "amplitude_nm"):
@@ -144,10 +143,10 @@ def _text_table(path: Path) -> pd.DataFrame:
             skip_blank_lines=False,  # they count as rows
         )
     except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
-        raise DataError(
-            f"{path.name}: not a readable pulse table ({str(exc).strip()}). Correct it, or export "
-            "it again, as plain text that is not compressed.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"not a readable pulse table ({str(exc).strip()}). Correct it, or export it again, "
+            "as plain text that is not compressed.",
         ) from exc
     if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
         raise DataError(
@@ -167,12 +166,11 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
     bad = ~(np.abs(values) <= LARGEST_SAMPLE) & (required | (text != "").to_numpy())
     if bad.any():
         row = int(text.index[bad][0])
-        raise DataError(
-            f"{path.name}, row {row}, column '{name}': expected a number, found "
-            f"'{text.loc[row]}'. Correct the cell.",
-            path=str(path),
-            channel=name,
+        raise file_error(
+            path,
+            f"expected a number, found '{text.loc[row]}'. Correct the cell.",
             row=row,
+            channel=name,
         )
     return values
 

@@ -5,7 +5,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -392,7 +392,7 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
             if not isinstance(name, str) or (name, *needed) in checked:
                 continue
             place = f"recordings[{i}].{key}"
-            path_problem = _problem_of(lambda n=name: _existing(root, n))  # type: ignore[misc]
+            path_problem = _path_problem(root, name)
             if path_problem:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
@@ -402,19 +402,16 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
     return problems
 
 
-def _existing(root: Path, name: str) -> None:
-    path = data_file(root, name)
-    if not os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
-        shown = name if "$" in name else path
-        raise DataError(f"file '{shown}' does not exist. Correct the name or bring the file.")
-
-
-def _problem_of(check: Callable[[], object]) -> str | None:
+def _path_problem(root: Path, name: str) -> str:
+    """Return why a file cannot be read, "" where it is there."""
     try:
-        check()
+        path = data_file(root, name)
     except DataError as exc:
         return str(exc)
-    return None
+    if os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
+        return ""
+    shown = name if "$" in name else path
+    return f"file '{shown}' does not exist. Correct the name or bring the file."
 
 
 def _column_problems(

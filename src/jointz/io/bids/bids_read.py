@@ -25,6 +25,7 @@ from jointz.io.bids.bids_tables import (
     read_samples,
     read_tsv,
 )
+from jointz.io.formats.columns import file_error
 from jointz.io.text.column_names import READING
 
 DESCRIPTION = "dataset_description.json"
@@ -197,10 +198,8 @@ def _belonging(root: Path, file: Path, ending: str) -> list[Path]:
 def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     files = _belonging(root, file, "_motion.json")
     if not files:
-        raise DataError(
-            f"{file.name}: no sidecar *_motion.json says its rate. Bring the file that belongs to "
-            "it.",
-            path=str(file),
+        raise file_error(
+            file, "no sidecar *_motion.json says its rate. Bring the file that belongs to it."
         )
     content: dict[str, Any] = {}
     for path in files:
@@ -208,10 +207,7 @@ def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     for path in _belonging(root, file, "_channels.json"):
         own = read_json(path).get(OWN, {})
         if not isinstance(own, dict):
-            raise DataError(
-                f"{path.name}: key '{OWN}': expected an object, found {own!r}. Correct it.",
-                path=str(path),
-            )
+            raise file_error(path, f"key '{OWN}': expected an object, found {own!r}. Correct it.")
         content |= own
     return files[-1], content
 
@@ -220,19 +216,16 @@ def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...], str]:
     """Return the table of channels, what it says, and a note on its end."""
     files = _belonging(root, file, "_channels.tsv")
     if not files:
-        raise DataError(
-            f"{file.name}: no *_channels.tsv names its columns. Bring the file that belongs to it.",
-            path=str(file),
+        raise file_error(
+            file, "no *_channels.tsv names its columns. Bring the file that belongs to it."
         )
     table = read_tsv(files[-1], ("name", "type", "units"))
     names = [row["name"] for row in table.rows]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if not all(names) or repeated:
         what = f"'{repeated[0]}' more than once" if repeated else "a row without a name"
-        raise DataError(
-            f"{files[-1].name}: expected a name of its own for each channel, found {what}. "
-            "Correct it.",
-            path=str(files[-1]),
+        raise file_error(
+            files[-1], f"expected a name of its own for each channel, found {what}. Correct it."
         )
     channels = tuple(
         _Channel(
@@ -272,29 +265,27 @@ def _check_duration(
     elif isinstance(told, int | float) and not isinstance(told, bool):
         expected = told * rate_hz
         if abs(expected - n_samples) > max(_SAMPLES_OFF, 0.01 * expected):
-            raise DataError(
-                f"{file.name}: expected {expected:.0f} samples ({told:g} s at {rate_hz:g} Hz by "
-                f"its sidecar), found {n_samples}. Copy it again, or correct RecordingDuration.",
-                path=str(file),
+            raise file_error(
+                file,
+                f"expected {expected:.0f} samples ({told:g} s at {rate_hz:g} Hz by its sidecar), "
+                f"found {n_samples}. Copy it again, or correct RecordingDuration.",
             )
 
 
 def _check_count(file: Path, found: int, expected: int, what: str) -> None:
     if found != expected:
-        raise DataError(
-            f"{file.name}: expected {expected} {what}, as *_channels.json says under {OWN}, found "
-            f"{found}: it was cut off or changed. Copy it again.",
-            path=str(file),
+        raise file_error(
+            file,
+            f"expected {expected} {what}, as *_channels.json says under {OWN}, found {found}: it "
+            "was cut off or changed. Copy it again.",
         )
 
 
 def _start(file: Path, sidecar: Mapping[str, Any]) -> float:
     value = sidecar.get(CLOCK_START, 0.0)
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise DataError(
-            f"{file.name}: key '{CLOCK_START}': expected a number of seconds, found {value!r}. "
-            "Correct it.",
-            path=str(file),
+        raise file_error(
+            file, f"key '{CLOCK_START}': expected a number of seconds, found {value!r}. Correct it."
         )
     return float(value)
 
@@ -307,10 +298,10 @@ def _clock_column(
     if named is not None:
         found = [k for k, c in enumerate(channels) if c.name == named]
         if not found or not _increases(samples[:, found[0]]):
-            raise DataError(
-                f"{file.name}: expected channel {named!r} to hold increasing time stamps, as its "
-                f"sidecar says under {CLOCK_CHANNEL}. Correct one of them.",
-                path=str(file),
+            raise file_error(
+                file,
+                f"expected channel {named!r} to hold increasing time stamps, as its sidecar says "
+                f"under {CLOCK_CHANNEL}. Correct one of them.",
             )
         return found[0], ""
     latency = [k for k, c in enumerate(channels) if c.kind == "LATENCY"]

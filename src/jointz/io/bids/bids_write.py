@@ -111,7 +111,8 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         columns = ("onset", "duration", "trial_type", "amplitude", "timing_point")
         rows = [_event_row(e, float(recording.time_s[0])) for e in recording.events]
         files["events.tsv"] = _table(columns, sorted(rows, key=lambda row: float(row[0])))
-        files["events.json"] = _json(_about_events(recording.amplitude_unit))
+        amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(recording.amplitude_unit)}
+        files["events.json"] = _json({**_EVENTS_JSON, "amplitude": amplitude})
     folder = root / recording.folder
     folder.mkdir(parents=True, exist_ok=True)
     names = []
@@ -120,11 +121,6 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         (root / name).write_text(text, encoding="utf-8", newline="\n")
         names.append(name)
     return names
-
-
-def _about_events(amplitude_unit: str) -> dict[str, Any]:
-    amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(amplitude_unit)}
-    return {**_EVENTS_JSON, "amplitude": amplitude}
 
 
 def even_clock(time_s: np.ndarray) -> tuple[float | None, float]:
@@ -219,11 +215,7 @@ def _event_row(event: Mapping[str, Any], start_s: float) -> list[str]:
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [columns, *rows]
-    return "".join("\t".join(_one_cell(cell) for cell in line) + "\n" for line in lines)
-
-
-def _one_cell(text: str) -> str:
-    return " ".join(text.split())
+    return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
 
 def _json(content: Mapping[str, Any]) -> str:

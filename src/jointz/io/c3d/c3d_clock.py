@@ -85,7 +85,8 @@ def aligned(
         if group.n_samples != n_frames * times[role]:
             cut = group.n_samples - n_frames * times[role]
             lost.append(f"Group '{group.name}' is cut to whole frames, by {cut} samples.")
-            kept[role] = _first(group, n_frames * times[role])
+            cells = [replace(s, values=s.values[: n_frames * times[role]]) for s in group.signals]
+            kept[role] = replace(group, signals=tuple(cells))
     clock = Clock(
         rate_hz=_rate(base),
         first_frame=_first_frame(base, lost),
@@ -146,8 +147,3 @@ def _rate_of(stamps: np.ndarray) -> float | None:
 
 def _rate(group: SignalGroup) -> float:
     return float(group.rate_hz or 0.0)
-
-
-def _first(group: SignalGroup, count: int) -> SignalGroup:
-    signals = tuple(replace(s, values=s.values[:count]) for s in group.signals)
-    return replace(group, signals=signals)

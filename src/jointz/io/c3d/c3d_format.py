@@ -1,7 +1,7 @@
 """C3D: trajectories of points, analog channels at a rate of their own, and events."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +82,7 @@ def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | N
     stated = filled(file.parameters.texts("POINT.LABELS"), file.n_points)
     labels = distinct_names(stated, file.n_points, "point")
     notes = filled(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
-    units = map(_point_units(file), stated)
+    units = _point_units(file, stated)
     factor = 1.0 if file.in_floats else file.scale
     values = np.where(frames[:, :, 3:] < 0, np.nan, frames[:, :, :3] * factor)
     signals = [
@@ -98,7 +98,8 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
     if not n:
         return None
     offsets, factors = _offsets(file), _factors(file)
-    if _unsigned(file):
+    # Words from 32768 on, and offsets that look negative, are no negative numbers.
+    if "UNSIGNED" in [text.upper() for text in parameters.texts("ANALOG.FORMAT")]:
         samples = samples if file.in_floats else samples & SATURATED
         offsets = np.where(offsets < 0, offsets + SATURATED + 1, offsets)
     else:
@@ -125,35 +126,28 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
 
 def _factors(file: Source) -> np.ndarray:
     """Return the scale of each channel: a unit without it would be that of other numbers."""
-    scales = file.parameters.numbers("ANALOG.SCALE")
-    if scales.size < file.n_channels:
-        raise file.refuse(
-            f"ANALOG:SCALE holds {scales.size} scales for {file.n_channels} channels; expected one "
-            "each."
-        )
+    scales = _per_channel(file, "SCALE", "scales")
     if "ANALOG.GEN_SCALE" not in file.parameters.values:
         file.notes["analog.gen_scale"] = "ANALOG:GEN_SCALE is missing; taken as 1."
-    general = file.parameters.number("ANALOG.GEN_SCALE", 1.0)
-    return np.asarray(general * scales[: file.n_channels])
+    return np.asarray(file.parameters.number("ANALOG.GEN_SCALE", 1.0) * scales)
 
 
 def _offsets(file: Source) -> np.ndarray:
     """Return the offset of each channel; some programs write none where all are 0."""
-    offsets = file.parameters.numbers("ANALOG.OFFSET")
     if "ANALOG.OFFSET" not in file.parameters.values:
         file.notes["analog.offset"] = "ANALOG:OFFSET is missing; taken as 0."
         return np.zeros(file.n_channels)
-    if offsets.size < file.n_channels:
+    return _per_channel(file, "OFFSET", "offsets")
+
+
+def _per_channel(file: Source, name: str, what: str) -> np.ndarray:
+    numbers = file.parameters.numbers(f"ANALOG.{name}")
+    if numbers.size < file.n_channels:
         raise file.refuse(
-            f"ANALOG:OFFSET holds {offsets.size} offsets for {file.n_channels} channels; expected "
+            f"ANALOG:{name} holds {numbers.size} {what} for {file.n_channels} channels; expected "
             "one each."
         )
-    return offsets[: file.n_channels]
-
-
-def _unsigned(file: Source) -> bool:
-    """Whether words from 32768 on, and offsets that look negative, are no negative numbers."""
-    return "UNSIGNED" in [text.upper() for text in file.parameters.texts("ANALOG.FORMAT")]
+    return numbers[: file.n_channels]
 
 
 def _unsigned_all_the_same(file: Source, samples: np.ndarray, offsets: np.ndarray) -> np.ndarray:
@@ -212,7 +206,8 @@ def _clock(rate_hz: float, start_s: float) -> tuple[float | None, float]:
     return rate_hz, start_s
 
 
-def _point_units(file: Source) -> "_Units":
+def _point_units(file: Source, labels: Sequence[str]) -> list[str]:
+    """Return the unit of each point: that of its kind, else the usual one."""
     parameters = file.parameters
     own = {
         label: unit
@@ -221,13 +216,5 @@ def _point_units(file: Source) -> "_Units":
         for label in parameters.texts(f"POINT.{kind}")
         if label
     }
-    return _Units(own, next(iter(parameters.texts("POINT.UNITS")), ""))
-
-
-@dataclass(frozen=True, slots=True)
-class _Units:
-    own: dict[str, str]
-    usual: str
-
-    def __call__(self, label: str) -> str:
-        return self.own.get(label, self.usual)
+    usual = next(iter(parameters.texts("POINT.UNITS")), "")
+    return [own.get(label, usual) for label in labels]

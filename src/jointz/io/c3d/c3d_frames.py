@@ -15,6 +15,7 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.io.c3d.c3d_clock import MOST_VALUES, single
 from jointz.io.c3d.c3d_parameters import BLOCK, Header, Machine, Parameters
+from jointz.io.formats.columns import file_error
 
 SATURATED = 0xFFFF
 #: Two floats that are to say the same; both are of single precision.
@@ -77,7 +78,7 @@ class Source:
 
     def refuse(self, what: str, todo: str = "Export it again.") -> DataError:
         """Return the error about the file."""
-        return DataError(f"{self.path.name}: {what} {todo}", path=str(self.path))
+        return file_error(self.path, f"{what} {todo}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,26 +60,9 @@ LONGEST_NAME = 63
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 _KEYWORDS = frozenset(
     [
-        "break",
-        "case",
-        "catch",
-        "classdef",
-        "continue",
-        "else",
-        "elseif",
-        "end",
-        "for",
-        "function",
-        "global",
-        "if",
-        "otherwise",
-        "parfor",
-        "persistent",
-        "return",
-        "spmd",
-        "switch",
-        "try",
-        "while",
+        *("break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for"),
+        *("function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd"),
+        *("switch", "try", "while"),
     ]
 )
 

@@ -246,7 +246,8 @@ def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
     if rate is None:
         return SignalGroup(name, signals, None, start, stamps, column), ""
     told = SignalGroup(name, signals, float(rate), start, time_column=column)
-    if stamps is not None and _same(stamps, told.times_s()):
+    times = told.times_s()
+    if stamps is not None and times is not None and np.array_equal(stamps, times, equal_nan=True):
         return told, ""
     # Another program took samples or the clock out, and left the rate as it was.
     note = (
@@ -254,11 +255,6 @@ def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
         f"of its samples, {'which have no clock' if stamps is None else 'whose stamps are taken'}"
     )
     return SignalGroup(name, signals, None, 0.0, stamps, column), note
-
-
-def _same(stamps: np.ndarray, times: np.ndarray | None) -> bool:
-    """Whether a clock is the one of a rate, to the last digit as jointz writes it."""
-    return times is not None and np.array_equal(stamps, times, equal_nan=True)
 
 
 # --- files of others --------------------------------------------------------------------------

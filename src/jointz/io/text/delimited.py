@@ -288,6 +288,9 @@ def _parse(
 ) -> tuple[pd.DataFrame | None, Exception | None]:
     """Parse with pandas; a failure is returned, to be explained row by row."""
     wanted, n_columns = {*numeric, *labels}, len(layout.names)
+    missing: list[str] | dict[int, list[str]] = _MISSING_CELLS
+    if layout.as_written:
+        missing = dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
     options: dict[str, Any] = {
         "sep": layout.delimiter,
         "decimal": layout.decimal,
@@ -298,7 +301,7 @@ def _parse(
         "usecols": sorted(wanted) if 2 * len(wanted) < n_columns else None,
         "dtype": dict.fromkeys(labels, object) | dict.fromkeys(numeric, np.float64),
         "keep_default_na": False,
-        "na_values": _missing_of(layout, numeric, labels),
+        "na_values": missing,
         "skip_blank_lines": False,
         "skipinitialspace": True,
     }
@@ -313,14 +316,6 @@ def _parse(
                 return pd.read_csv(stream, **options), None
     except (ValueError, OverflowError, *_DECOMPRESSION_ERRORS) as exc:
         return None, exc
-
-
-def _missing_of(
-    layout: _Layout, numeric: list[int], labels: list[int]
-) -> list[str] | dict[int, list[str]]:
-    if not layout.as_written:
-        return _MISSING_CELLS
-    return dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
 
 
 def _pandas_may_open(layout: _Layout) -> bool:

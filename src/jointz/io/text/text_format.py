@@ -206,12 +206,9 @@ def _one_line(text: str) -> str:
 
 def _plain_name(name: str) -> str:
     """Return a name that a header can hold: one line, no blanks at its ends, no number."""
-    plain = " ".join(name.replace("\0", "").split()) if not is_plain(name) or _odd(name) else name
+    odd = not is_plain(name) or name != name.strip() or _one_line(name) != name
+    plain = " ".join(name.replace("\0", "").split()) if odd else name
     return f"column {plain}" if _NUMBER.fullmatch(plain) or not plain else plain
-
-
-def _odd(name: str) -> bool:
-    return name != name.strip() or _one_line(name) != name
 
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
@@ -232,8 +229,4 @@ def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
 def _cells(signal: Signal) -> list[str]:
     if signal.is_text:
         return [_one_line(str(text)).strip() for text in signal.values]
-    return [_number(value) for value in signal.values.tolist()]
-
-
-def _number(value: float) -> str:
-    return "NaN" if value != value else repr(value)
+    return ["NaN" if value != value else repr(value) for value in signal.values.tolist()]

@@ -14,8 +14,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import file_error
 from jointz.io.text.delimited import MISSING_TEXT, check_signs, decompressed_text, is_number
 
 _LINES = 400
@@ -55,24 +55,8 @@ _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
 _UNIT_WORDS = frozenset(
     [
         *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
-        *(
-            "n.m",
-            "mnm",
-            "nmm",
-            "n",
-            "m",
-            "mm",
-            "cm",
-            "a",
-            "ma",
-            "v",
-            "mv",
-            "volts",
-            "n/a",
-            "-",
-            "1",
-        ),
-        *("%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
+        *("n.m", "mnm", "nmm", "n", "m", "mm", "cm", "a", "ma", "v", "mv", "volts", "n/a", "-"),
+        *("1", "%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
     ]
 )
 
@@ -110,10 +94,10 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
             if skipped
             else f"in its first {len(lines)} lines"
         )
-        raise DataError(
-            f"{path.name}: no table of numbers {where}. Say where it begins (--skip-rows), give "
-            "its layout (--delimiter, --decimal, --no-header), or another file.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"no table of numbers {where}. Say where it begins (--skip-rows), give its layout "
+            "(--delimiter, --decimal, --no-header), or another file.",
         )
     layout = _layout(best, known)
     above = lines[: skipped + (best.start or 0)]

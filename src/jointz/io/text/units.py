@@ -124,9 +124,10 @@ def conversion(unit: str, si_unit: str) -> tuple[float, float]:
         what, examples = _QUANTITIES.get(si_unit, ("something else", si_unit))
         known = _known_si(found.dimension)
         measured = _QUANTITIES[known][0].split(" ", 1)[1] if known else _base_si(found.dimension)
+        hint = " A torque is written N*m, not J." if (known, si_unit) == ("J", "N*m") else ""
         raise UnitError(
             f"'{unit}' measures {measured}, expected {what} such as {examples}."
-            f"{_energy_hint(known, si_unit)} Correct the unit."
+            f"{hint} Correct the unit."
         )
     return found.factor / wanted.factor, found.offset
 
@@ -154,10 +155,6 @@ def _base_si(dimension: Mapping[str, float]) -> str:
 
 def _power(name: str, power: float) -> str:
     return name if power == 1 else f"{name}^{power:g}"
-
-
-def _energy_hint(found: str | None, si_unit: str) -> str:
-    return " A torque is written N*m, not J." if (found, si_unit) == ("J", "N*m") else ""
 
 
 @cache

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.io.formats.losses import text_array
 from jointz.io.text.column_names import READING, clock_column, unique_names
 from jointz.io.text.side_information import first_other_time
 from jointz.io.text.workbook_tables import LARGEST, Sheet
@@ -97,7 +98,9 @@ def _put_group(sheet: Any, group: SignalGroup, content: Acquisition, most_rows: 
     time = group.times_s()
     names = [signal.name for signal in group.signals]
     units = [signal.unit for signal in group.signals]
-    columns: list[Sequence[Any]] = [_samples(signal) for signal in group.signals]
+    columns: list[Sequence[Any]] = [
+        list(map(str, s.values)) if s.is_text else _finite(s.values) for s in group.signals
+    ]
     if time is not None:
         names.insert(0, clock_column(group, content.metadata))
         units.insert(0, "s")
@@ -106,12 +109,6 @@ def _put_group(sheet: Any, group: SignalGroup, content: Acquisition, most_rows: 
     sheet.append([_cell(sheet, unit) for unit in units])
     for k in range(min(group.n_samples, most_rows)):
         sheet.append([_cell(sheet, column[k]) for column in columns])
-
-
-def _samples(signal: Signal) -> list[Any]:
-    if signal.is_text:
-        return [str(text) for text in signal.values]
-    return _finite(signal.values)
 
 
 def _finite(values: np.ndarray) -> list[float | None]:
@@ -247,9 +244,7 @@ def _values(table: _OwnTable, column: int, kind: str) -> np.ndarray:
                 said = f"expected a number, found '{str(cell)[:40]}'. Correct or empty it."
                 table.sheet.refuse(_HEAD + i, column, said)
         return np.array([np.nan if c is None else float(c) for c in cells], dtype=np.float64)
-    texts = np.empty(len(cells), dtype=object)
-    texts[:] = ["" if cell is None else str(cell) for cell in cells]
-    return texts
+    return text_array("" if cell is None else str(cell) for cell in cells)
 
 
 def _is_number(cell: Any) -> bool:

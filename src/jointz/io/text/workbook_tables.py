@@ -17,7 +17,7 @@ import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError, UnitError
-from jointz.io.formats.losses import NOTE
+from jointz.io.formats.losses import NOTE, text_array
 from jointz.io.text.column_names import is_time, seconds_of_one, unit_in_name, with_clock
 from jointz.io.text.units import si_unit_of
 
@@ -336,9 +336,10 @@ def _signal(sheet: Sheet, table: Table, column: int, *, name: str, rows: range) 
     if kind == "number":
         values = [np.nan if _kind(c) == "empty" else float(c) for c in cells]
         return Signal(name, np.array(values, dtype=np.float64), unit)
-    texts = np.empty(len(cells), dtype=object)
-    texts[:] = ["" if cell is None else _text(cell) for cell in cells]
-    return Signal(name, texts, unit, _DATE_NOTE if kind == "date" else "")
+    texts = [
+        "" if c is None else c.isoformat() if hasattr(c, "isoformat") else str(c) for c in cells
+    ]
+    return Signal(name, text_array(texts), unit, _DATE_NOTE if kind == "date" else "")
 
 
 def _unit(sheet: Sheet, table: Table, column: int, name: str) -> str:
@@ -378,7 +379,3 @@ def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Set[s
         sheet.refuse(row, column, f"expected a number, found the date {value}. Correct it.")
     elif kind == "number" and abs(value) > LARGEST:
         sheet.refuse(row, column, "the number is larger than any that a cell holds. Correct it.")
-
-
-def _text(cell: Any) -> str:
-    return cell.isoformat() if isinstance(cell, dt.date | dt.time) else str(cell)

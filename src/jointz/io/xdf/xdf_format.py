@@ -19,6 +19,7 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import text_array
 from jointz.io.text.column_names import READING
 from jointz.io.text.signal_names import distinct_names
 from jointz.io.xdf.xdf_chunks import Stream, walk
@@ -27,16 +28,8 @@ from jointz.io.xdf.xdf_tree import flat
 from jointz.io.xdf.xdf_write import xdf_bytes
 
 _LIBRARY_ERRORS = (
-    ValueError,
-    ArithmeticError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    RuntimeError,
-    MemoryError,
-    EOFError,
-    SyntaxError,  # of XML
-    struct.error,
+    *(ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError),
+    *(MemoryError, EOFError, SyntaxError, struct.error),
 )
 #: What pyxdf logs where offsets of a clock lead to no correction.
 _UNUSED = re.compile(r"Stream (\d+): Clock offsets .* cannot be used for synchronization")
@@ -105,7 +98,9 @@ def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> A
             groups.append(group)
             metadata |= _described(stream, name, own)
             metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
-        if own.get(EVENTS, "yes" if _is_markers(stream) else "no") != "no":
+        irregular = float(_first(stream, "nominal_srate")) == 0
+        markers = irregular and _first(stream, "channel_format") == "string"
+        if own.get(EVENTS, "yes" if markers else "no") != "no":
             events += events_of(group)
     events.sort(key=lambda event: event.time_s)
     return Acquisition(tuple(groups), tuple(events), metadata)
@@ -284,14 +279,7 @@ def _column(series: Any, i: int) -> np.ndarray:
         texts = [str(v) for v in column.tolist()]
     else:
         texts = [row[i] for row in series]
-    found = np.empty(len(texts), dtype=object)
-    found[:] = texts
-    return found
-
-
-def _is_markers(stream: Mapping[str, Any]) -> bool:
-    irregular = float(_first(stream, "nominal_srate")) == 0
-    return irregular and _first(stream, "channel_format") == "string"
+    return text_array(texts)
 
 
 def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:

@@ -153,7 +153,7 @@ def _markers(
     for group in groups:
         if not group.signals[0].is_text:
             continue
-        found = Counter(events_of_safely(group))
+        found = Counter(_events_if_any(group))
         marked[group.name] = "yes" if found and found <= left else "no"
         if marked[group.name] == "yes":
             left -= found
@@ -165,7 +165,7 @@ def _markers(
     return marked, _event_group(rest)
 
 
-def events_of_safely(group: SignalGroup) -> list[Event]:
+def _events_if_any(group: SignalGroup) -> list[Event]:
     """Return the events of a stream of texts, none where a duration in it is no number."""
     try:
         return events_of(group)
@@ -218,14 +218,11 @@ def _stream(
     free = {k: v for k, v in free.items() if not k.startswith(OWN)}
     tree, unfit = grown({**fixed, **free})
     unfit += [k for k in metadata if k not in kept or k not in {*free}]
-    unfit = [k for k in dict.fromkeys(unfit) if k in metadata and (k, metadata[k]) != _told(fixed)]
+    written = ("nominal_srate", nominal)
+    unfit = [k for k in dict.fromkeys(unfit) if k in metadata and (k, metadata[k]) != written]
     if unfit:
         lost.append(f"It has no place for metadata: {listed(f'{original}.{k}' for k in unfit)}.")
     return XdfStream(tree, replace(group, signals=_encoded(group.signals, lost)), clock)
-
-
-def _told(fixed: Mapping[str, str]) -> tuple[str, str]:
-    return "nominal_srate", fixed["nominal_srate"]
 
 
 def _nominal(

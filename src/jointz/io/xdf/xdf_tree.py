@@ -19,7 +19,7 @@ def flat(tree: Any, prefix: str = "") -> dict[str, str]:
             name = f"{prefix}{tag}" + (f".{i}" if i > 1 else "")
             if isinstance(node, Mapping):
                 found |= flat(node, f"{name}.")
-            elif node is not None and str(node) and not _is_layout(str(node)):
+            elif node is not None and str(node) and str(node).strip():
                 found[name] = str(node)
     return found
 
@@ -91,10 +91,6 @@ def _fill(element: ElementTree.Element, tree: Tree) -> None:
                 _fill(child, node)
             else:
                 child.text = node
-
-
-def _is_layout(text: str) -> bool:
-    return not text.strip()
 
 
 def _xml_holds(text: str) -> bool:
