@@ -105,12 +105,12 @@ def _fitting(body: memoryview, size: int) -> np.ndarray:
     checks = np.frombuffer(
         body, dtype=np.dtype([("body", f"V{size - 4}"), ("crc", "<u4")]), count=count
     )["crc"]
-    found = np.fromiter(
+    computed = np.fromiter(
         (crc32(body[at : at + size - 4]) for at in range(0, count * size, size)),
         dtype=np.uint32,
         count=count,
     )
-    return np.asarray(found == checks)
+    return np.asarray(computed == checks)
 
 
 def _further_records(body: memoryview, at: int, size: int) -> Iterator[int]:

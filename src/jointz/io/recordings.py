@@ -202,9 +202,9 @@ def _agreed(
     spec: StudySpec, entry: RecordingSpec, name: str, stated: str, *, declared: Unit
 ) -> Unit:
     """Settle the unit a file states against the one the study declares."""
-    own = spec.channels[name].unit
+    declared_unit = spec.channels[name].unit
     try:
-        if own is None:
+        if declared_unit is None:
             return channel_unit(name, stated)
         from_file = conversion(stated, declared[0])
     except UnitError as exc:
@@ -212,7 +212,7 @@ def _agreed(
     if not np.allclose(from_file, declared[1:], rtol=1e-9, atol=0.0):
         raise UnitError(
             f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
-            f"{own!r}. Correct one of them.",
+            f"{declared_unit!r}. Correct one of them.",
             channel=name,
         )
     return (declared[0], *from_file)

@@ -89,18 +89,18 @@ def data_file(root: Path, file: str) -> Path:
 
     def value(match: re.Match[str]) -> str:
         name = match.group(1) or match.group(3)
-        found = os.environ.get(name, match.group(2))
-        if found is None:
+        expanded = os.environ.get(name, match.group(2))
+        if expanded is None:
             raise DataError(f"'{file}': the environment variable {name} is not set. Set it.")
-        return found
+        return expanded
 
     return root / _VARIABLE.sub(value, file)
 
 
 def shown_file(file: str) -> str:
     """Return the name people know a file by: what stands behind the folders of variables."""
-    own = _VARIABLE.sub("$", file).rpartition("/")[2]
-    return file if "$" in own or "$" not in file else own
+    name = _VARIABLE.sub("$", file).rpartition("/")[2]
+    return file if "$" in name or "$" not in file else name
 
 
 @contextmanager
@@ -124,11 +124,11 @@ def needed_channels(
     names: Iterable[str], condition: str | None, *, moments_only: bool = False
 ) -> list[str]:
     """Return the channels that the file of a recording must hold."""
-    kept = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
+    used = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
     return [
         name
         for name in names
-        if not (name == "condition" and condition) and (condition != "no_device" or name in kept)
+        if not (name == "condition" and condition) and (condition != "no_device" or name in used)
     ]
 
 
@@ -316,7 +316,9 @@ def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
     """Ask for a rate where there is no time; a line that only proposes one is named."""
     if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
         return []
-    line = next((n for n, said in enumerate(text.splitlines(), 1) if _RATE_LINE.match(said)), None)
+    line = next(
+        (n for n, content in enumerate(text.splitlines(), 1) if _RATE_LINE.match(content)), None
+    )
     todo = f"correct line {line} and take its '#' away" if line else "give it"
     return [
         "channels.time: missing; without a time column sample_rate_hz is needed: "
@@ -329,16 +331,21 @@ def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> It
     if name in ("time", "contact", *LABEL_CHANNELS):
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
-    own = raw.get("positive", StudySpec.model_fields["positive"].default)
-    known = isinstance(own, str) and own in OPPOSITE_DIRECTION and isinstance(direction, str)
+    study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
+    comparable = (
+        isinstance(study_direction, str)
+        and study_direction in OPPOSITE_DIRECTION
+        and isinstance(direction, str)
+    )
     if (
-        known
+        comparable
         and direction in OPPOSITE_DIRECTION
-        and direction not in (own, OPPOSITE_DIRECTION[own])
+        and direction not in (study_direction, OPPOSITE_DIRECTION[study_direction])
     ):
         yield (
-            f"channels.{name}.positive: expected the study's '{own}' or its opposite "
-            f"'{OPPOSITE_DIRECTION[own]}', got '{direction}'. Correct it, or the study's positive."
+            f"channels.{name}.positive: expected the study's '{study_direction}' or its opposite "
+            f"'{OPPOSITE_DIRECTION[study_direction]}', got '{direction}'. Correct it, or the "
+            "study's positive."
         )
 
 
@@ -419,29 +426,29 @@ def _column_problems(
 ) -> Problems:
     try:
         with named_as_written(root, file) as path:
-            there = list_columns(path, files)
+            columns_of_file = list_columns(path, files)
     except DataError as exc:
         return [f"{place}: {exc}"]
-    if there is None or not files.header:
+    if columns_of_file is None or not files.header:
         return []
-    missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in there}
+    missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in columns_of_file}
     if not missing:
         return []
     shown = shown_file(file) if "$" in file else path.name
-    wanted = []
+    sentences = []
     for channel, column in missing.items():
-        close = difflib.get_close_matches(column, there, n=1)
+        close = difflib.get_close_matches(column, columns_of_file, n=1)
         hint = f" (did you mean '{close[0]}'?)" if close else ""
-        wanted.append(f"'{column}' for channel '{channel}'{hint}")
+        sentences.append(f"'{column}' for channel '{channel}'{hint}")
     return [
-        f"{place}: {shown} has no column {', no column '.join(wanted)}. It has: "
-        f"{', '.join(there)}.{_layout_hint(there)}"
+        f"{place}: {shown} has no column {', no column '.join(sentences)}. It has: "
+        f"{', '.join(columns_of_file)}.{_layout_hint(columns_of_file)}"
     ]
 
 
-def _layout_hint(there: list[str]) -> str:
+def _layout_hint(columns: list[str]) -> str:
     for mark, name in ((";", "a semicolon"), ("\t", "a tab")):
-        if len(there) == 1 and mark in there[0]:
+        if len(columns) == 1 and mark in columns[0]:
             return f" The columns seem to be separated by {name}: set delimiter under [files]."
     return ""
 

@@ -93,7 +93,7 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         taken = {channel.name for channel in channels}
         channels = (*_clock_channels(recording.time_s, taken), *channels)
     _check_finite(recording.stem, channels)
-    own = {
+    about = {
         "Description": "About the recording: what Motion-BIDS has no keys for.",
         CLOCK_START: start,
         SAMPLE_COUNT: recording.time_s.size,
@@ -105,7 +105,7 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         "motion.tsv": _samples(channels),
         "motion.json": _json(_sidecar(recording, channels, rate=rate)),
         "channels.tsv": _table(_COLUMNS, [_channel_row(c) for c in channels]),
-        "channels.json": _json({**_CHANNELS_JSON, OWN: own}),
+        "channels.json": _json({**_CHANNELS_JSON, OWN: about}),
     }
     if recording.events:
         columns = ("onset", "duration", "trial_type", "amplitude", "timing_point")
@@ -184,17 +184,17 @@ def _sidecar(
 ) -> dict[str, Any]:
     time = recording.time_s
     seconds = float(time[-1] - time[0])
-    found: dict[str, Any] = {"TaskName": recording.entities["task"]}
-    found["SamplingFrequency"] = recording.nominal_hz if rate is None else rate
-    found["SamplingFrequencyEffective"] = (time.size - 1) / seconds
-    found["RecordingDuration"] = time.size * seconds / (time.size - 1)
-    found["RecordingType"] = "continuous"
-    found["MotionChannelCount"] = len(channels)
-    found |= {f"{kind}ChannelCount": sum(c.kind == kind for c in channels) for kind in _TYPES}
+    content: dict[str, Any] = {"TaskName": recording.entities["task"]}
+    content["SamplingFrequency"] = recording.nominal_hz if rate is None else rate
+    content["SamplingFrequencyEffective"] = (time.size - 1) / seconds
+    content["RecordingDuration"] = time.size * seconds / (time.size - 1)
+    content["RecordingType"] = "continuous"
+    content["MotionChannelCount"] = len(channels)
+    content |= {f"{kind}ChannelCount": sum(c.kind == kind for c in channels) for kind in _TYPES}
     points = {c.tracked_point for c in channels} - {NOTHING}
-    found["TrackedPointsCount"] = len(points)
-    found["MissingValues"] = NOTHING
-    return found | dict(recording.sidecar)
+    content["TrackedPointsCount"] = len(points)
+    content["MissingValues"] = NOTHING
+    return content | dict(recording.sidecar)
 
 
 def _channel_row(channel: MotionChannel) -> list[str]:

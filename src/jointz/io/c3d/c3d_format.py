@@ -16,8 +16,7 @@ from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_told, plan
 from jointz.io.c3d.c3d_values import text_of
 from jointz.io.c3d.c3d_write import c3d_bytes
 from jointz.io.formats.group_format import GroupFormat
-from jointz.io.text.column_names import READING
-from jointz.io.text.signal_names import distinct_names, filled
+from jointz.io.text.column_names import READING, distinct_names, padded
 
 _LOWEST_WORD = -0x8000
 _FLOATS_OF_A_ROTATION = 17  # a matrix of 4 x 4, and how reliable it is
@@ -63,25 +62,25 @@ class C3dFormat(GroupFormat):
 def _remarks(file: Source) -> dict[str, str]:
     """Say what looks odd about a file."""
     parameters, header = file.parameters, file.header
-    found = dict(file.notes)
+    remarks = dict(file.notes)
     if not math.isclose(file.rate_hz, header.rate_hz, rel_tol=SAME):
-        found["rate"] = f"The header says {header.rate_hz:g} Hz; POINT:RATE holds."
+        remarks["rate"] = f"The header says {header.rate_hz:g} Hz; POINT:RATE holds."
     if parameters.unread:
-        found["parameters"] = f"{parameters.unread} bytes behind the last parameter are not read."
+        remarks["parameters"] = f"{parameters.unread} bytes behind the last parameter are not read."
     counts = {"POINT.LABELS": file.n_points, "ANALOG.LABELS": file.n_channels}
     for name, count in counts.items():
         n_labels = len(parameters.texts(name))
         if n_labels < count:
-            found[name.lower()] = f"{count - n_labels} of {count} have no label and are counted."
-    return {f"{READING}{key}": text for key, text in found.items()}
+            remarks[name.lower()] = f"{count - n_labels} of {count} have no label and are counted."
+    return {f"{READING}{key}": text for key, text in remarks.items()}
 
 
 def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | None:
     if not file.n_points:
         return None
-    stated = filled(file.parameters.texts("POINT.LABELS"), file.n_points)
+    stated = padded(file.parameters.texts("POINT.LABELS"), file.n_points)
     labels = distinct_names(stated, file.n_points, "point")
-    notes = filled(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
+    notes = padded(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
     units = _point_units(file, stated)
     factor = 1.0 if file.in_floats else file.scale
     values = np.where(frames[:, :, 3:] < 0, np.nan, frames[:, :, :3] * factor)
@@ -107,8 +106,8 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
     with np.errstate(over="ignore", invalid="ignore"):
         values = (samples - offsets) * factors
     names = distinct_names(parameters.texts("ANALOG.LABELS"), n, "analog")
-    units = filled(parameters.texts("ANALOG.UNITS"), n)
-    notes = filled(parameters.texts("ANALOG.DESCRIPTIONS"), n)
+    units = padded(parameters.texts("ANALOG.UNITS"), n)
+    notes = padded(parameters.texts("ANALOG.DESCRIPTIONS"), n)
     signals = [
         Signal(name, np.ascontiguousarray(values[:, i]), unit, note)
         for i, (name, unit, note) in enumerate(zip(names, units, notes, strict=True))
@@ -209,7 +208,7 @@ def _clock(rate_hz: float, start_s: float) -> tuple[float | None, float]:
 def _point_units(file: Source, labels: Sequence[str]) -> list[str]:
     """Return the unit of each point: that of its kind, else the usual one."""
     parameters = file.parameters
-    own = {
+    special = {
         label: unit
         for kind, unit_name in KINDS.items()
         for unit in parameters.texts(f"POINT.{unit_name}")[:1]
@@ -217,4 +216,4 @@ def _point_units(file: Source, labels: Sequence[str]) -> list[str]:
         if label
     }
     usual = next(iter(parameters.texts("POINT.UNITS")), "")
-    return [own.get(label, usual) for label in labels]
+    return [special.get(label, usual) for label in labels]

@@ -88,15 +88,15 @@ class Parameters:
 
     def number(self, name: str, default: float) -> float:
         """Return the first number of a parameter."""
-        found = self.numbers(name)
-        return float(found[0]) if found.size else default
+        numbers = self.numbers(name)
+        return float(numbers[0]) if numbers.size else default
 
     def count(self, name: str, default: int) -> int:
         """Return an unsigned number."""
-        found = self.number(name, default)
-        if not np.isfinite(found):
+        number = self.number(name, default)
+        if not np.isfinite(number):
             return default
-        return int(found) & 0xFFFF if found < 0 else int(found)
+        return int(number) & 0xFFFF if number < 0 else int(number)
 
     def _parts(self, name: str) -> list[Values]:
         parts, number = [], 2
@@ -146,7 +146,7 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
     data_start = BLOCK * (data_block - 1)
     end = data_start if data_start > start else len(content)
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, Values]] = []
+    entries: list[tuple[int, str, Values]] = []
     at, tail, step = start + 4, start + 4, 1
     while step and at + 1 < end:  # some programs write no last entry
         length, number = struct.unpack("bb", _cut(path, content, at, 2))
@@ -164,11 +164,11 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
         else:
             values, tail = parameter_values(path, machine, content, step_at + 2)
             _check_step(path, name, (step_at, step, tail))
-            found.append((number, name, values))
+            entries.append((number, name, values))
         tail += 1 + sum(content[tail : tail + 1])  # the description
         at = step_at + step
     unread = sum(map(bool, content[tail:end])) if data_start > start else 0
-    named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in found}
+    named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in entries}
     return Parameters(named, unread, (start, tail))
 
 

@@ -81,8 +81,8 @@ def plan(content: Acquisition) -> tuple[C3dContent, list[str]]:
     columns = {role: _columns(role, group, lost) for role, group in groups.items()}
     if "points" in columns:
         columns["points"], kinds = _of_kinds(columns["points"], lost)
-    for role, found in columns.items():
-        lost += _rounded(role, found)
+    for role, part in columns.items():
+        lost += _rounded(role, part)
     if not columns:
         lost.append("No group of it can be written.")
     events = _events(content.events, lost)
@@ -120,13 +120,13 @@ def _roles(content: Acquisition, lost: list[str]) -> dict[str, SignalGroup]:
     order = [taken[g.name] for g in content.groups if g.name in taken]
     if order != [role for role in ROLES if role in order]:
         lost.append(f"Its groups come in the order {', '.join(ROLES)}.")
-    found = {taken[g.name]: g for g in content.groups if g.name in taken}
-    for role, group in found.items():
+    by_role = {taken[g.name]: g for g in content.groups if g.name in taken}
+    for role, group in by_role.items():
         text = [s.name for s in group.signals if s.is_text]
         if text:
             lost.append(f"It has no place for text signals: {listed(text)}.")
-        found[role] = replace(group, signals=tuple(_numbers(group)))
-    return {role: found[role] for role in ROLES if role in found}
+        by_role[role] = replace(group, signals=tuple(_numbers(group)))
+    return {role: by_role[role] for role in ROLES if role in by_role}
 
 
 def _suits(group: SignalGroup, role: str) -> bool:
@@ -186,25 +186,25 @@ def _of_kinds(points: Columns, lost: list[str]) -> tuple[Columns, dict[str, tupl
     units = list(dict.fromkeys(points.units))
     usual = next((u for u in units if u not in _KIND_OF_UNIT), units[0] if units else "")
     kinds: dict[str, tuple[str, list[str]]] = {}
-    left: list[int] = []
+    excluded: list[int] = []
     for i, (label, unit) in enumerate(zip(points.labels, points.units, strict=True)):
         kind = _KIND_OF_UNIT.get(unit, "SCALARS")
         if unit == usual:
             continue
         if kinds.setdefault(kind, (unit, []))[0] != unit:
-            left.append(i)
+            excluded.append(i)
             continue
         kinds[kind][1].append(label)
-    if left:
-        names = [f"{points.labels[i]} ({points.units[i]})" for i in left]
+    if excluded:
+        names = [f"{points.labels[i]} ({points.units[i]})" for i in excluded]
         lost.append(f"Points of one kind have one unit; left out: {listed(names)}.")
-    kept = [i for i in range(len(points.labels)) if i not in left]
+    fitting = [i for i in range(len(points.labels)) if i not in excluded]
     return (
         Columns(
-            tuple(points.labels[i] for i in kept),
-            tuple(points.units[i] for i in kept),
-            tuple(points.notes[i] for i in kept),
-            points.values[:, kept],
+            tuple(points.labels[i] for i in fitting),
+            tuple(points.units[i] for i in fitting),
+            tuple(points.notes[i] for i in fitting),
+            points.values[:, fitting],
         ),
         kinds,
     )
@@ -264,9 +264,9 @@ def _joined(side: str, label: str) -> str:
 
 
 def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]:
-    found: dict[str, Values] = {}
+    parameters: dict[str, Values] = {}
     groups: set[str] = set()
-    left = []
+    excluded = []
     for key, text in metadata.items():
         if key.startswith(READING):
             continue
@@ -275,13 +275,13 @@ def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]
         group = name.partition(".")[0]
         held = text not in ("", "[]") and not is_told(name) and name.lower() == key
         if not held or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS:
-            left.append(key)
+            excluded.append(key)
             continue
         groups.add(group)
-        found[name] = values
-    if left:
-        lost.append(f"It has no place for metadata: {listed(left)}.")
-    return found
+        parameters[name] = values
+    if excluded:
+        lost.append(f"It has no place for metadata: {listed(excluded)}.")
+    return parameters
 
 
 def _clean(text: str) -> str:

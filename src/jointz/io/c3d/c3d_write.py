@@ -64,13 +64,15 @@ def _parameters(content: C3dContent, starts: tuple[int, int]) -> Iterator[tuple[
     yield "POINT.RATE", np.array([clock.rate_hz])
     yield "POINT.DATA_START", _word(data_block)
     yield "POINT.FRAMES", _word(frames)
-    unit = [u for u in points.units if u not in {own for own, _ in content.kinds.values()}]
+    unit = [
+        u for u in points.units if u not in {kind_unit for kind_unit, _ in content.kinds.values()}
+    ]
     yield "POINT.UNITS", tuple(unit[:1]) or ("",)
     yield from _lists("POINT.LABELS", points.labels)
     yield from _lists("POINT.DESCRIPTIONS", points.notes)
-    for kind, (own, labels) in content.kinds.items():
+    for kind, (kind_unit, labels) in content.kinds.items():
         yield from _lists(f"POINT.{kind}", labels)
-        yield f"POINT.{KINDS[kind]}", (own,)
+        yield f"POINT.{KINDS[kind]}", (kind_unit,)
     if clock.first_frame + max(clock.n_frames, 1) > _SATURATED:
         yield "POINT.LONG_FRAMES", np.array([float(clock.n_frames)])
         yield "TRIAL.ACTUAL_START_FIELD", _words(clock.first_frame + 1)

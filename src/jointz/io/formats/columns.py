@@ -119,7 +119,7 @@ def missing_columns(
 ) -> DataError:
     """Make the error that names every missing column and those there are."""
     close = {name: difflib.get_close_matches(name, available, n=1) for name in missing}
-    guesses = [f"'{found[0]}' for '{name}'" for name, found in close.items() if found]
+    guesses = [f"'{names[0]}' for '{name}'" for name, names in close.items() if names]
     shown = ", ".join(available[:_MOST_NAMES]) or "no column"
     more = len(available) - _MOST_NAMES
     parts = [

@@ -61,8 +61,8 @@ class GroupFormat(ABC):
         content = self.read(path, files)
         short = _short_names(content)
         clocks = [TIME] if any(name.endswith(f"/{TIME}") for name in short) else []
-        own = [group.time_column for group in content.groups if group.time_column]
-        names = [*clocks, *short, *_full_names(content), *own, *_clock_names(content)]
+        time_columns = [group.time_column for group in content.groups if group.time_column]
+        names = [*clocks, *short, *_full_names(content), *time_columns, *_clock_names(content)]
         return list(dict.fromkeys(names))
 
 
@@ -117,7 +117,9 @@ def _places(path: Path, content: Acquisition, names: Sequence[str]) -> dict[str,
     if len(groups) == 1:
         (group,) = groups.values()
         clocks = {name: known.get(f"{group.name}/{name}") for name in (TIME, group.time_column)}
-        places |= {n: own for n, own in clocks.items() if own and n in names and n not in places}
+        places |= {
+            n: place for n, place in clocks.items() if place and n in names and n not in places
+        }
     missing = [name for name in names if name not in places]
     if missing:
         raise _missing(path, missing, list(short), list(full))
@@ -144,10 +146,10 @@ def _check_together(path: Path, places: Mapping[str, Place]) -> None:
 
 
 def _same_clock(a: SignalGroup, b: SignalGroup) -> bool:
-    one, other = a.times_s(), b.times_s()
-    if one is None or other is None:
-        return one is other and a.n_samples == b.n_samples
-    return np.array_equal(one, other)
+    times, other_times = a.times_s(), b.times_s()
+    if times is None or other_times is None:
+        return times is other_times and a.n_samples == b.n_samples
+    return np.array_equal(times, other_times)
 
 
 def _clock(group: SignalGroup) -> str:

@@ -23,8 +23,8 @@ def lost_groups(content: Acquisition) -> list[str]:
         return []
     if not content.groups:
         return ["It has no group of signals, and the file would hold nothing."]
-    left = listed(f"'{group.name}'" for group in content.groups[1:])
-    return [f"It holds one table, group '{content.groups[0].name}'; left out: {left}."]
+    others = listed(f"'{group.name}'" for group in content.groups[1:])
+    return [f"It holds one table, group '{content.groups[0].name}'; left out: {others}."]
 
 
 def lost_events(content: Acquisition) -> list[str]:
@@ -35,8 +35,8 @@ def lost_events(content: Acquisition) -> list[str]:
 
 def lost_metadata(content: Acquisition) -> list[str]:
     """Say which metadata are left out; what a reader noted is none."""
-    own = {time_column_key(group.name) for group in content.groups}
-    lost = [k for k in content.metadata if not k.startswith(READING) and k not in own]
+    clock_keys = {time_column_key(group.name) for group in content.groups}
+    lost = [k for k in content.metadata if not k.startswith(READING) and k not in clock_keys]
     return [f"It has no place for metadata: {listed(lost)}."] if lost else []
 
 

@@ -79,11 +79,11 @@ class MatlabFormat:
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
         """Return numeric and text series; those of one length make a group."""
         content, has_objects = load_variables(path, None)
-        own = content.get(ROOT)
-        version = own.get("version") if isinstance(own, Mapping) else None
-        if isinstance(own, Mapping) and version in (_VERSION, STUDY):
+        struct = content.get(ROOT)
+        version = struct.get("version") if isinstance(struct, Mapping) else None
+        if isinstance(struct, Mapping) and version in (_VERSION, STUDY):
             try:
-                return _own(own) if version == _VERSION else _study(own)
+                return _own(struct) if version == _VERSION else _study(struct)
             except _DAMAGE as exc:
                 raise damaged(path, exc) from exc
         return _foreign(path, content, has_objects=has_objects)
@@ -202,8 +202,8 @@ def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
 
 def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
     """Return what positive means: said of the group's signal, a signal, the group or all."""
-    own = f"{group}.positive"
-    keys = (f"{own}.{name}", f"positive.{name}", own, "positive")
+    group_key = f"{group}.positive"
+    keys = (f"{group_key}.{name}", f"positive.{name}", group_key, "positive")
     return next((metadata[key] for key in keys if key in metadata), "")
 
 
@@ -218,14 +218,14 @@ def _signal(signal: Signal, positive: str) -> dict[str, Any]:
     }
 
 
-def _own(found: Mapping[str, Any]) -> Acquisition:
-    events, metadata = found["events"], found["metadata"]
+def _own(struct: Mapping[str, Any]) -> Acquisition:
+    events, metadata = struct["events"], struct["metadata"]
     times, lengths = _numbers(events["time_s"]), _numbers(events["duration_s"])
     labels = _texts(events["label"], len(times))
     n = len(metadata["key"]) if isinstance(metadata["key"], list) else 1
     pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
     return Acquisition(
-        tuple(_own_group(name, group) for name, group in (found["groups"] or {}).items()),
+        tuple(_own_group(name, group) for name, group in (struct["groups"] or {}).items()),
         tuple(
             Event(float(t), label, float(d))
             for t, label, d in zip(times, labels, lengths, strict=True)
@@ -234,8 +234,8 @@ def _own(found: Mapping[str, Any]) -> Acquisition:
     )
 
 
-def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
-    n, clock = int(found["n"]), _word(found["clock"])
+def _own_group(field: str, struct: Mapping[str, Any]) -> SignalGroup:
+    n, clock = int(struct["n"]), _word(struct["clock"])
     place = f"{ROOT}.groups.{field}"
     signals = tuple(
         Signal(
@@ -247,25 +247,29 @@ def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
             _word(signal["description"]),
             f"{place}.signals.{key}.values",
         )
-        for key, signal in (found["signals"] or {}).items()
+        for key, signal in (struct["signals"] or {}).items()
     )
     return SignalGroup(
-        _word(found["name"]),
+        _word(struct["name"]),
         signals,
-        float(found["rate_hz"]) if clock == "rate" else None,
-        float(found["start_s"]),
-        _numbers(found["time"]) if clock == "stamps" else None,
+        float(struct["rate_hz"]) if clock == "rate" else None,
+        float(struct["start_s"]),
+        _numbers(struct["time"]) if clock == "stamps" else None,
         "" if clock == "none" else f"{place}.time",
     )
 
 
-def _study(found: Mapping[str, Any]) -> Acquisition:
+def _study(struct: Mapping[str, Any]) -> Acquisition:
     """Return the recordings of a study as groups, and their pulses."""
-    recordings = _entries(found["recordings"])
-    wanted = ("participant", "condition", "session", "side", "trial")
-    labels = ["_".join(w for key in wanted if (w := _word(own[key]))) for own in recordings]
+    recordings = _entries(struct["recordings"])
+    keys = ("participant", "condition", "session", "side", "trial")
+    labels = [
+        "_".join(w for key in keys if (w := _word(recording[key]))) for recording in recordings
+    ]
     groups = []
-    for k, (name, own) in enumerate(zip(unique_names(labels), recordings, strict=True), start=1):
+    for k, (name, recording) in enumerate(
+        zip(unique_names(labels), recordings, strict=True), start=1
+    ):
         number = f".{k}" if len(recordings) > 1 else ""
         place = f"{ROOT}.recordings.signals{number}"
         signals = tuple(
@@ -275,31 +279,31 @@ def _study(found: Mapping[str, Any]) -> Acquisition:
                 _word(signal["unit"]),
                 column=f"{place}.{key}.values",
             )
-            for key, signal in (own["signals"] or {}).items()
+            for key, signal in (recording["signals"] or {}).items()
         )
-        time, column = _numbers(own["time"]), f"{ROOT}.recordings.time{number}"
+        time, column = _numbers(recording["time"]), f"{ROOT}.recordings.time{number}"
         groups.append(SignalGroup(name, signals, time_s=time, time_column=column))
-        groups += _pulses(f"{name}.pulses", own["pulses"])
-    told = {key: _word(found[key]) for key in ("kind", "joint", "positive", "study_toml")}
-    return Acquisition(tuple(groups), (), told)
+        groups += _pulses(f"{name}.pulses", recording["pulses"])
+    metadata = {key: _word(struct[key]) for key in ("kind", "joint", "positive", "study_toml")}
+    return Acquisition(tuple(groups), (), metadata)
 
 
-def _entries(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _entries(struct: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the structs of an array, which is read as a struct of lists."""
-    if isinstance(found["n"], list):
-        return [{key: found[key][k] for key in found} for k in range(len(found["n"]))]
-    return [dict(found)]
+    if isinstance(struct["n"], list):
+        return [{key: struct[key][k] for key in struct} for k in range(len(struct["n"]))]
+    return [dict(struct)]
 
 
-def _pulses(name: str, found: Mapping[str, Any]) -> list[SignalGroup]:
-    onset = _numbers(found["onset_s"])
+def _pulses(name: str, struct: Mapping[str, Any]) -> list[SignalGroup]:
+    onset = _numbers(struct["onset_s"])
     if not len(onset):
         return []
     signals = (
         Signal("onset_s", onset, "s"),
-        Signal("duration_s", _numbers(found["duration_s"]), "s"),
-        Signal("amplitude", _numbers(found["amplitude"])),
-        Signal("timing_point", _texts(found["timing_point"], len(onset))),
+        Signal("duration_s", _numbers(struct["duration_s"]), "s"),
+        Signal("amplitude", _numbers(struct["amplitude"])),
+        Signal("timing_point", _texts(struct["timing_point"], len(onset))),
     )
     return [SignalGroup(name, signals)]
 
@@ -350,10 +354,10 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
         names = unique_names([signal.name for signal in signals])
-        signals = [replace(s, name=own) for s, own in zip(signals, names, strict=True)]
-        group, told = _with_clock(name, signals)
+        signals = [replace(s, name=unique) for s, unique in zip(signals, names, strict=True)]
+        group, notes = _with_clock(name, signals)
         groups.append(group)
-        metadata |= told
+        metadata |= notes
     return Acquisition(tuple(groups), (), metadata)
 
 
@@ -365,13 +369,13 @@ def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict
     # A series alone, such as times of events, is the clock of nothing.
     prefix = shared[0] if shared and len(signals) > 1 else ""
     bare = [replace(s, name=s.name.removeprefix(prefix), column=s.name) for s in signals]
-    group, told = with_clock(name, bare)
+    group, notes = with_clock(name, bare)
     if times and not shared and group.time_s is None:
-        told[f"{READING}clock.{name}"] = (
+        notes[f"{READING}clock.{name}"] = (
             f"not the clock, as its struct does not hold all series of this length: {listed(times)}"
         )
     whole = tuple(replace(signal, name=signal.column, column="") for signal in group.signals)
-    return replace(group, signals=whole), told
+    return replace(group, signals=whole), notes
 
 
 def _series(value: Any) -> np.ndarray | None:

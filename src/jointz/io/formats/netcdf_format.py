@@ -55,12 +55,12 @@ class NetcdfFormat:
         """Return every variable along one dimension, grouped by group and dimension."""
         _check_seal(path)
         with opened_netcdf(path) as file:
-            own = file.attrs.get(_LAYOUT)
+            layout = file.attrs.get(_LAYOUT)
             contents = {
                 name: load_group(file[name] if name else file) for name in _groups_in(file, "")
             }
         try:
-            if own is not None:
+            if layout is not None:
                 return _own(contents)
             return _foreign(contents)
         except (KeyError, ValueError, TypeError, IndexError, AttributeError) as exc:
@@ -189,12 +189,12 @@ def _put_group(place: Any, group: SignalGroup) -> None:
             signal.name if easy else next(n for i in range(k, 2**31) if (n := f"s{i}") not in names)
         )
         names.add(name)
-        told = {"name": signal.name, "units": signal.unit, "description": signal.description}
+        attributes = {"name": signal.name, "units": signal.unit, "description": signal.description}
         _put(
             place,
             name,
             signal.values,
-            {k: _attribute(v) for k, v in told.items() if v or k == "name"},
+            {k: _attribute(v) for k, v in attributes.items() if v or k == "name"},
         )
     time = group.times_s()
     if time is not None:
@@ -245,10 +245,10 @@ def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
     start = float(content.attrs["start_s"])
     if rate is None:
         return SignalGroup(name, signals, None, start, stamps, column), ""
-    told = SignalGroup(name, signals, float(rate), start, time_column=column)
-    times = told.times_s()
+    uniform = SignalGroup(name, signals, float(rate), start, time_column=column)
+    times = uniform.times_s()
     if stamps is not None and times is not None and np.array_equal(stamps, times, equal_nan=True):
-        return told, ""
+        return uniform, ""
     # Another program took samples or the clock out, and left the rate as it was.
     note = (
         f"group '{name}' is not as jointz wrote it: its {rate:g} Hz from {start:g} s are not those "
@@ -267,13 +267,13 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     for place, content in contents.items():
         prefix = f"{place.replace('/', '.')}." if place else ""
         metadata |= {f"{prefix}{key}": str(value) for key, value in content.attrs.items()}
-        found, left = _columns(place, content)
-        left_out += [f"{place}/{name}" if place else name for name in left]
-        for dimension, signals in found.items():
-            name = "/".join(p for p in (place, dimension if len(found) > 1 else "") if p)
-            group, told = with_clock(name, signals)
+        by_dimension, names = _columns(place, content)
+        left_out += [f"{place}/{name}" if place else name for name in names]
+        for dimension, signals in by_dimension.items():
+            name = "/".join(p for p in (place, dimension if len(by_dimension) > 1 else "") if p)
+            group, notes = with_clock(name, signals)
             groups.append(group)
-            metadata |= told
+            metadata |= notes
     if left_out:
         metadata[f"{READING}left_out"] = f"no series of samples: {listed(left_out)}"
     return Acquisition(tuple(groups), (), metadata)
@@ -281,7 +281,7 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
 
 def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
     """Return signals by dimension, and the variables that are no series."""
-    found: dict[str, list[Signal]] = {}
+    by_dimension: dict[str, list[Signal]] = {}
     left_out = []
     for key, variable in content.variables.items():
         name = str(key)
@@ -296,11 +296,13 @@ def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], l
             else {f"{name}.{k + 1}": values[:, k] for k in range(variable.shape[1])}
         )
         unit = str(variable.attrs.get("units", "")) or unit_in_name(name)
-        said = str(variable.attrs.get("description") or variable.attrs.get("long_name") or "")
-        place = found.setdefault(str(variable.dims[0]), [])
+        description = str(
+            variable.attrs.get("description") or variable.attrs.get("long_name") or ""
+        )
+        place = by_dimension.setdefault(str(variable.dims[0]), [])
         prefix = f"{path}/" if path else ""
-        place += [Signal(n, v, unit, said, f"{prefix}{n}") for n, v in columns.items()]
-    return found, left_out
+        place += [Signal(n, v, unit, description, f"{prefix}{n}") for n, v in columns.items()]
+    return by_dimension, left_out
 
 
 def _samples(variable: Any) -> np.ndarray:

@@ -95,8 +95,8 @@ def load_group(group: Any, only: Collection[str] | None = None) -> xr.Dataset:
     dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
     if only is None:
         return dataset.load()
-    there = {n if n in dataset.variables else n.rpartition(".")[0] for n in only}
-    return dataset[sorted(there)].load()
+    names = {n if n in dataset.variables else n.rpartition(".")[0] for n in only}
+    return dataset[sorted(names)].load()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ column has no unit, and its description says so.
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -70,8 +70,8 @@ class OpenSimFormat(GroupFormat):
         columns = {name: samples[:, k] for k, name in enumerate(names) if k > 0}
         if header.beside:
             try:
-                told = read_beside(header.beside)
-                return filled(told, columns, samples[:, 0], labels=_labels(told.group))
+                side = read_beside(header.beside)
+                return filled(side, columns, samples[:, 0], labels=_labels(side.group))
             except ValueError as exc:
                 raise _bad(path, f"{exc}.", todo="Remove that line of the header.") from exc
         signals = tuple(
@@ -111,8 +111,8 @@ class OpenSimFormat(GroupFormat):
                 "such a table. Choose another format.",
             )
         other = _other_angles(group)
-        kept = tuple(s for s in group.signals if not s.is_text and s.name not in other)
-        held = SignalGroup(group.name, kept, group.rate_hz, group.start_s, group.time_s)
+        signals = tuple(s for s in group.signals if not s.is_text and s.name not in other)
+        held = replace(group, signals=signals)
         return _written(content, held, time, path.stem).encode("utf-8", errors="replace")
 
 
@@ -270,10 +270,8 @@ def _taken_apart(
 
 
 def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -> np.ndarray:
-    if any("_" in cell for cells in rows for cell in cells):  # Python takes 1_0 for 10
-        raise _first_bad_cell(path, labels, rows, first)
     try:
-        samples = np.array(rows, dtype=np.float64)
+        samples = np.array([[_number(cell) for cell in cells] for cells in rows])
     except ValueError as exc:
         raise _first_bad_cell(path, labels, rows, first) from exc
     time = samples[:, 0]
@@ -286,11 +284,15 @@ def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -
     return samples
 
 
+def _number(cell: str) -> float:
+    return float(cell.replace("_", "x"))  # Python takes 1_0 for 10
+
+
 def _first_bad_cell(path: Path, labels: list[str], rows: list[list[str]], first: int) -> DataError:
     for k, cells in enumerate(rows):
         for label, cell in zip(labels, cells, strict=True):
             try:
-                float(cell.replace("_", "x"))
+                _number(cell)
             except ValueError:
                 return _bad(path, f"expected a number for '{label}', found '{cell}'.", first + k)
     return _bad(path, "it holds what is no number.")
@@ -321,7 +323,7 @@ def _other_angles(group: SignalGroup) -> set[str]:
 
 
 def _written(content: Acquisition, group: SignalGroup, time: np.ndarray, stem: str) -> str:
-    kept = Acquisition((group,), content.events, content.metadata)
+    content_of_group = Acquisition((group,), content.events, content.metadata)
     stated = [_ANGLES[s.unit] for s in group.signals if s.unit in _ANGLES]
     stated = stated[:1] or [_one_line(content.metadata.get("inDegrees", ""))]
     lines = [
@@ -330,7 +332,7 @@ def _written(content: Acquisition, group: SignalGroup, time: np.ndarray, stem: s
         f"nRows={len(time)}",
         f"nColumns={len(group.signals) + 1}",
         *(f"inDegrees={word}" for word in stated if word),  # unknown is not said to be "no"
-        f"{_SIDE}={written_beside(kept, group)}",
+        f"{_SIDE}={written_beside(content_of_group, group)}",
         "endheader",
         "\t".join(["time", *_labels(group)]),
     ]

@@ -219,9 +219,9 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     metadata = schema.metadata or {}
     changed = ""
     if _SIDE in metadata:
-        told = read_beside(metadata[_SIDE].decode())
+        side = read_beside(metadata[_SIDE].decode())
         try:
-            return _own(told, metadata.get(b"jointz_clock", b"").decode(), signals)
+            return _own(side, metadata.get(b"jointz_clock", b"").decode(), signals)
         except ValueError as exc:
             changed = str(exc)
     group, notes = with_clock("", signals)
@@ -232,12 +232,12 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     return Acquisition((group,), (), notes)
 
 
-def _own(told: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
+def _own(side: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
     """Return what jointz wrote."""
     time = next((s.values for s in signals if clock and s.name == clock), None)
     columns = {s.name: s.values for s in signals if not clock or s.name != clock}
-    labels = unique_names([plainly(signal.name) for signal in told.group.signals])
-    content = filled(told, columns, time, labels=labels)
+    labels = unique_names([plainly(signal.name) for signal in side.group.signals])
+    content = filled(side, columns, time, labels=labels)
     (group,) = content.groups
     named = tuple(replace(s, column=n) for s, n in zip(group.signals, labels, strict=True))
     return replace(content, groups=(replace(group, signals=named, time_column=clock),))
@@ -264,9 +264,9 @@ def _signal(arrow: Any, column: Any, field: Any) -> Signal | None:
 
 
 def _field(arrow: Any, name: str, signal: Signal) -> Any:
-    told = {"units": plainly(signal.unit), "description": plainly(signal.description)}
+    attributes = {"units": plainly(signal.unit), "description": plainly(signal.description)}
     kind = arrow.string() if signal.is_text else arrow.float64()
-    return arrow.field(name, kind, metadata={key: text for key, text in told.items() if text})
+    return arrow.field(name, kind, metadata={key: text for key, text in attributes.items() if text})
 
 
 def _column(arrow: Any, signal: Signal) -> Any:

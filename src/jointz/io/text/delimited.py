@@ -139,10 +139,10 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
     except OSError as exc:
         raise damaged(path, exc) from exc
-    found = [line for line in lines if line]
-    if not found:
+    filled = [line for line in lines if line]
+    if not filled:
         raise file_error(path, "holds nothing. Export it again.")
-    return [text.rstrip("\r\n") for text in _decoded(path, found)]
+    return [text.rstrip("\r\n") for text in _decoded(path, filled)]
 
 
 def check_signs(path: Path, delimiter: str, decimal: str) -> None:
@@ -227,21 +227,21 @@ def _positions(layout: _Layout, request: TableRequest) -> dict[str | int, int]:
     """Find where the wanted columns stand, counted from 0; all missing ones in one message."""
     numbers = {c: _number_of(layout, c) for c in request.columns}
     base = 0 if request.from_zero or 0 in numbers.values() else 1
-    found: dict[str | int, int] = {}
+    positions: dict[str | int, int] = {}
     missing = []
     for column, number in numbers.items():
         if number is not None and 0 <= number - base < len(layout.names):
-            found[column] = number - base
+            positions[column] = number - base
         elif number is None and (name := str(column).strip()) in layout.names:
             _refuse_duplicate(layout, name)
-            found[column] = layout.names.index(name)
+            positions[column] = layout.names.index(name)
         else:
             missing.append(str(column))
     if _holds_numbers(layout) and (missing or None not in numbers.values()):
         _refuse_header_of_numbers(layout)
     if missing:
         raise missing_columns(layout.path, missing, layout.names, _missing_hint(layout))
-    return found
+    return positions
 
 
 def _number_of(layout: _Layout, column: str | int) -> int | None:
@@ -287,7 +287,7 @@ def _parse(
     layout: _Layout, *, numeric: list[int], labels: list[int]
 ) -> tuple[pd.DataFrame | None, Exception | None]:
     """Parse with pandas; a failure is returned, to be explained row by row."""
-    wanted, n_columns = {*numeric, *labels}, len(layout.names)
+    columns, n_columns = {*numeric, *labels}, len(layout.names)
     missing: list[str] | dict[int, list[str]] = _MISSING_CELLS
     if layout.as_written:
         missing = dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
@@ -298,7 +298,7 @@ def _parse(
         "names": range(n_columns),
         "index_col": False,
         # pandas reads in parallel only without usecols: worth it unless most is thrown away.
-        "usecols": sorted(wanted) if 2 * len(wanted) < n_columns else None,
+        "usecols": sorted(columns) if 2 * len(columns) < n_columns else None,
         "dtype": dict.fromkeys(labels, object) | dict.fromkeys(numeric, np.float64),
         "keep_default_na": False,
         "na_values": missing,
@@ -333,12 +333,12 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
     digest = hashlib.sha256()
     for block in _blocks(layout.path, digest):
         body, skip = block[skip:], max(0, skip - len(block))
-        found = body.translate(None, others)
+        signs = body.translate(None, others)
         phase = seen % len(period)
-        if broken_at is None and found != pattern[phase : phase + len(found)]:
-            expected = pattern[phase : phase + len(found)]
-            broken_at = seen + next(i for i, b in enumerate(found) if b != expected[i])
-        seen += len(found)
+        if broken_at is None and signs != pattern[phase : phase + len(signs)]:
+            expected = pattern[phase : phase + len(signs)]
+            broken_at = seen + next(i for i, b in enumerate(signs) if b != expected[i])
+        seen += len(signs)
         if _compressed(layout.path):
             texts = n_labels * seen // len(period)
             check_unpacked(layout.path, NUMBER_BYTES * seen + OBJECT_BYTES * texts)
@@ -423,8 +423,8 @@ def _refuse_cut_number(layout: _Layout, scan: _Scan, n_rows: int) -> None:
         return
     customs = {_n_digits(cell, layout.decimal) for cell in before}
     custom = customs.pop() if len(customs) == 1 and len(before) >= _ROWS_FOR_A_CUSTOM else (0, 0)
-    found = _n_digits(last, layout.decimal)
-    if not last or any(a < b for a, b in zip(found, custom, strict=True)):
+    digits = _n_digits(last, layout.decimal)
+    if not last or any(a < b for a, b in zip(digits, custom, strict=True)):
         raise _cut_off(layout, n_rows + layout.first_row - 1, f"ends with '{last}'")
 
 
@@ -490,8 +490,8 @@ def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> Dat
 
 def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
     swapped = cell.translate(_OTHER_DECIMAL)
-    own, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
-    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(own):
+    with_point, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
+    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(with_point):
         return
     hint = "Correct the cell or leave it empty."
     if _NUMBER.fullmatch(other):

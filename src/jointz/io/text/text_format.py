@@ -76,10 +76,10 @@ class TextFormat:
         signals, vendor = with_vendor_units(
             [Signal(n, columns[n], unit_in_name(n)) for n in map(str, names)]
         )
-        group, told = with_clock("", signals, row=tables[0].first_row)
+        group, clock_notes = with_clock("", signals, row=tables[0].first_row)
         if vendor:
             notes[f"{READING}log"] = f"taken for a log of {vendor}: units by its documentation"
-        return Acquisition((group,), (), {**notes, **told})
+        return Acquisition((group,), (), {**notes, **clock_notes})
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested columns, by name, or by number where there is no header."""
@@ -129,11 +129,11 @@ def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, 
     lines = decompressed_text(path, files.skip_rows + files.header + 1)[files.skip_rows :]
     if not lines or _width(lines, default_delimiter(path)) > 1:
         return files, {}
-    found = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
-    if found is None:
+    delimiter = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
+    if delimiter is None:
         return files, {}
-    note = f"columns stand apart by {DELIMITERS[found]}"
-    return files.model_copy(update={"delimiter": found}), {f"{READING}delimiter": note}
+    note = f"columns stand apart by {DELIMITERS[delimiter]}"
+    return files.model_copy(update={"delimiter": delimiter}), {f"{READING}delimiter": note}
 
 
 def _width(lines: list[str], delimiter: str) -> int:
@@ -212,9 +212,9 @@ def _plain_name(name: str) -> str:
 
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
-    kept = [signal for signal in group.signals if not _reads_as_numbers(signal)]
-    names = unique_names([_plain_name(name_with_unit(s)) for s in kept])
-    columns = [_cells(signal) for signal in kept]
+    signals = [signal for signal in group.signals if not _reads_as_numbers(signal)]
+    names = unique_names([_plain_name(name_with_unit(s)) for s in signals])
+    columns = [_cells(signal) for signal in signals]
     time = group.times_s()
     if time is not None:
         names.insert(0, clock_column(group, content.metadata))

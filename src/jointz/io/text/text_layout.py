@@ -123,13 +123,13 @@ def _stated_rate(line: str) -> float | None:
 
 def _frequencies(plain: str) -> list[float]:
     """Return every number above 0 that stands beside Hz or kHz, in Hz."""
-    found = []
+    rates = []
     for after, unit, before_unit, before in _FREQUENCY.findall(plain):
         text, unit = after or before, unit or before_unit
         number = float(text.replace(",", "."))
         exact = number < _SLOWEST_HZ and _THOUSANDS.fullmatch(text)
-        found.append(number * (1000 if unit == "khz" or exact else 1))
-    return [hz for hz in found if hz]
+        rates.append(number * (1000 if unit == "khz" or exact else 1))
+    return [hz for hz in rates if hz]
 
 
 def _plain(line: str) -> str:

@@ -64,9 +64,9 @@ class WorkbookFormat(GroupFormat):
         groups: list[SignalGroup] = []
         metadata: dict[str, str] = {}
         for sheet in sheets:
-            found, told = groups_of(sheet)
-            groups += found
-            metadata |= told
+            tables, notes = groups_of(sheet)
+            groups += tables
+            metadata |= notes
         if hidden:
             metadata[f"{READING}hidden_sheets"] = f"not read: {', '.join(hidden)}"
         if not groups:
@@ -155,12 +155,12 @@ def _check_parts(path: Path) -> None:
 
 def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
     """Yield how many elements a part has, block by block; of merged ranges each cell is one."""
-    found = [0]
+    counted = [0]
 
     def count(tag: str, attributes: dict[str, str]) -> None:
-        found[0] += 1
+        counted[0] += 1
         if tag.rpartition(":")[2] in ("mergeCell", "hyperlink"):
-            found[0] += _cells_of(attributes.get("ref", ""))
+            counted[0] += _cells_of(attributes.get("ref", ""))
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = count
@@ -170,8 +170,8 @@ def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
             parser.Parse(block if is_xml else b"")
         except expat.ExpatError:  # an image; what is wrong with a sheet openpyxl says
             is_xml = False
-        yield found[0]
-        found[0] = 0
+        yield counted[0]
+        counted[0] = 0
 
 
 def _cells_of(ref: str) -> int:

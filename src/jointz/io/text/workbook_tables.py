@@ -91,10 +91,10 @@ def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
     groups = []
     for block in blocks:
         name = sheet.title if len(blocks) == 1 else f"{sheet.title}!{letters(block[0])}"
-        own = [k for k in clocks if k in block]
-        group, told = _group(sheet, table, name, ({k: names[k] for k in block}, own))
+        own_clocks = [k for k in clocks if k in block]
+        group, notes = _group(sheet, table, name, ({k: names[k] for k in block}, own_clocks))
         groups.append(group)
-        metadata |= told
+        metadata |= notes
     return groups, metadata
 
 
@@ -102,11 +102,11 @@ def _find_table(sheet: Sheet) -> Table | None:
     """Find the row of names under which most columns hold numbers."""
     best: Table | None = None
     for row in range(min(len(sheet.rows), _MOST_HEADER_ROWS)):
-        found = _table_at(sheet, row)
-        if found is not None and (
-            best is None or _n_numbers(sheet, found) > _n_numbers(sheet, best)
+        candidate = _table_at(sheet, row)
+        if candidate is not None and (
+            best is None or _n_numbers(sheet, candidate) > _n_numbers(sheet, best)
         ):
-            best = found
+            best = candidate
     return best
 
 
