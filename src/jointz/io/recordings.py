@@ -57,13 +57,15 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
+    # Columns count from 0 where one of them says so, be it one that this recording does not need.
+    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     with named_as_written(study.root, entry.file) as path:
         table = read_table(
             path,
             numeric=[columns[n] for n in numeric],
             labels=[columns[n] for n in labels],
             files=spec.files,
-            from_zero=_counts_from_zero(spec),
+            from_zero=any(channel.column in zeros for channel in spec.channels.values()),
         )
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
@@ -175,12 +177,6 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
     return values
 
 
-def _counts_from_zero(spec: StudySpec) -> bool:
-    """Tell whether columns are counted from 0, be it by one that this recording does not need."""
-    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
-    return any(channel.column in zeros for channel in spec.channels.values())
-
-
 def _in_si(
     study: Study, entry: RecordingSpec, name: str, table: RawTable
 ) -> tuple[np.ndarray, str]:
@@ -252,7 +248,10 @@ def _piece(
     if "cycle" in labels:
         data["cycle"] = pd.factorize(labels["cycle"][rows])[0].astype(float)
     time = _time(spec, entry, channels, rows)
-    contact = spec.channels.get("contact")
+    contact, trial = spec.channels.get("contact"), ""
+    if "trial" in labels:
+        value = str(labels["trial"][rows][0])
+        trial = (spec.channels["trial"].values or {}).get(value, value)  # noqa: PD011 - a field
     recording = build_recording(
         time,
         data,
@@ -263,7 +262,7 @@ def _piece(
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,
         session=entry.session or "",
-        trial=_trial(spec, str(labels["trial"][rows][0])) if "trial" in labels else "",
+        trial=trial,
         side=entry.side or "",
         joint=spec.joint,
         positive=spec.positive,
@@ -293,11 +292,6 @@ def _time(
             channel="time",
         )
     return time
-
-
-def _trial(spec: StudySpec, value: str) -> str:
-    names = spec.channels["trial"].values or {}  # noqa: PD011 - a field, not a frame
-    return names.get(value, value)
 
 
 def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:

@@ -66,7 +66,11 @@ def open_study(path: str | os.PathLike[str]) -> Study:
         )
     text = file.read_bytes()
     raw = parse_toml(str(file), text, error=StudyError)
-    spec, problems = _validate(raw)
+    spec, problems = None, []
+    try:
+        spec = StudySpec.model_validate(raw)
+    except ValidationError as exc:
+        problems = shape_problems(exc, StudySpec, raw)
     units, edges, unit_problems = _units(raw)
     problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
     problems += _file_problems(raw, file.parent)
@@ -130,13 +134,6 @@ def needed_channels(
         for name in names
         if not (name == "condition" and condition) and (condition != "no_device" or name in used)
     ]
-
-
-def _validate(raw: Mapping[str, Any]) -> tuple[StudySpec | None, Problems]:
-    try:
-        return StudySpec.model_validate(raw), []
-    except ValidationError as exc:
-        return None, shape_problems(exc, StudySpec, raw)
 
 
 def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:

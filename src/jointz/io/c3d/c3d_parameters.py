@@ -163,20 +163,15 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
             groups[-number] = name
         else:
             values, tail = parameter_values(path, machine, content, step_at + 2)
-            _check_step(path, name, (step_at, step, tail))
+            if step and tail > step_at + step:
+                expected = f"parameter {name} to end before byte {step_at + step}"
+                raise _broken(path, step_at, expected, f"its end at {tail}")
             entries.append((number, name, values))
         tail += 1 + sum(content[tail : tail + 1])  # the description
         at = step_at + step
     unread = sum(map(bool, content[tail:end])) if data_start > start else 0
     named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in entries}
     return Parameters(named, unread, (start, tail))
-
-
-def _check_step(path: Path, name: str, places: tuple[int, int, int]) -> None:
-    at, step, after = places
-    if step and after > at + step:
-        expected = f"parameter {name} to end before byte {at + step}"
-        raise _broken(path, at, expected, f"its end at {after}")
 
 
 def parameter_values(path: Path, machine: Machine, content: bytes, at: int) -> tuple[Values, int]:

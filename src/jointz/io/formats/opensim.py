@@ -183,7 +183,10 @@ def _table(
         body.pop()
     rows = [_cells(line, separator) for line in body]
     _check_counts(path, header, len(labels), len(rows))
-    _check_widths(path, rows, len(labels), at + 2)
+    for k, cells in enumerate(rows):
+        if len(cells) != len(labels):
+            message = f"expected {len(labels)} values, found {len(cells)}."
+            raise _bad(path, message, at + 2 + k)
     pieces = _PIECES.match(header.metadata.get("DataType", ""))
     if pieces is not None and rows:
         labels, rows = _taken_apart(path, labels, rows, at + 2)
@@ -237,12 +240,6 @@ def _check_counts(path: Path, header: _Header, n_columns: int, n_rows: int) -> N
             )
     if not n_rows:
         raise _bad(path, "expected samples under the names of the columns, found none.")
-
-
-def _check_widths(path: Path, rows: list[list[str]], n_columns: int, first: int) -> None:
-    for k, cells in enumerate(rows):
-        if len(cells) != n_columns:
-            raise _bad(path, f"expected {n_columns} values, found {len(cells)}.", first + k)
 
 
 def _check_labels(path: Path, labels: list[str], row: int) -> None:

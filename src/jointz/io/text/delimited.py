@@ -305,23 +305,19 @@ def _parse(
         "skip_blank_lines": False,
         "skipinitialspace": True,
     }
+    # Where pandas would count the lines before the samples in another way.
+    odd = any(line.count(b'"') % 2 or b"\r" in line.rstrip(b"\r\n") for line in layout.head)
     try:
         with warnings.catch_warnings():
             # About columns nobody asked for, and long rows, which the scan finds.
             warnings.simplefilter("ignore", category=pd.errors.DtypeWarning)
             warnings.simplefilter("ignore", category=pd.errors.ParserWarning)
-            if _pandas_may_open(layout):
+            if not odd and not _compressed(layout.path):
                 return pd.read_csv(layout.path, skiprows=len(layout.head), **options), None
             with _open_text(layout) as stream:
                 return pd.read_csv(stream, **options), None
     except (ValueError, OverflowError, *_DECOMPRESSION_ERRORS) as exc:
         return None, exc
-
-
-def _pandas_may_open(layout: _Layout) -> bool:
-    """Whether pandas counts the lines before the samples as we do."""
-    odd = any(line.count(b'"') % 2 or b"\r" in line.rstrip(b"\r\n") for line in layout.head)
-    return not odd and not _compressed(layout.path)
 
 
 def _scan(layout: _Layout, n_labels: int) -> _Scan:

@@ -9,7 +9,7 @@ import datetime as dt
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -74,7 +74,10 @@ def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
     """Return the groups of a sheet, and its prose and what was read how as metadata."""
     table = _find_table(sheet)
     last = len(sheet.rows) if table is None else table.names_row
-    metadata = dict(_prose(sheet, last))
+    prose = {
+        row: " | ".join(str(sheet.rows[row][k]) for k in _filled(sheet, row)) for row in range(last)
+    }
+    metadata = {f"{sheet.title}.row {row + 1}": text for row, text in prose.items() if text}
     if table is None:
         return [], metadata
     for first_row, first_column, last_row, _ in sheet.merged:
@@ -169,13 +172,6 @@ def _is_unit(text: str) -> bool:
     except UnitError:
         return text.lower() in _NO_UNIT
     return True
-
-
-def _prose(sheet: Sheet, last: int) -> Iterator[tuple[str, str]]:
-    for row in range(last):
-        cells = [str(sheet.rows[row][k]) for k in _filled(sheet, row)]
-        if cells:
-            yield f"{sheet.title}.row {row + 1}", " | ".join(cells)
 
 
 def _names(sheet: Sheet, table: Table) -> dict[int, str]:
