@@ -39,7 +39,7 @@ class _File(CheckedModel):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFile:
-    """What a calibration file says."""
+    """Content of a calibration file."""
 
     common: CalibrationSpec  # entries for everybody
     participants: Mapping[str, CalibrationSpec]  # participant -> entries of their own

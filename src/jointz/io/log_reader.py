@@ -100,7 +100,7 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
 
 
 def _fitting(body: memoryview, size: int) -> np.ndarray:
-    """Tell which records fit their checksum, if none was shifted."""
+    """Return which records fit their checksum, if none was shifted."""
     count, crc32 = len(body) // size, zlib.crc32
     checks = np.frombuffer(
         body, dtype=np.dtype([("body", f"V{size - 4}"), ("crc", "<u4")]), count=count

@@ -126,7 +126,7 @@ def _check_name(path: Path, column: str, name: str, *, row: int | None = None) -
 
 
 def _todo(table: pd.DataFrame, usual: str) -> str:
-    """Say what to do about a pulse table that has other signs between its columns."""
+    """Return the advice for a pulse table that has other signs between its columns."""
     header = str(table.columns[0])
     if len(table.columns) == 1 and (";" in header or "\t" in header):
         return "Put commas between the columns, and points into numbers: [files] is not for it."

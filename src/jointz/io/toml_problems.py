@@ -1,4 +1,4 @@
-"""Everything that is wrong with a TOML file, in sentences that begin with the key's full path."""
+"""Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
 import tomllib

@@ -1,4 +1,4 @@
-"""Names, tables and sidecars of BIDS folders, read with an eye for damage."""
+"""Names, tables and sidecars of BIDS folders, checked for damage."""
 
 import json
 import math

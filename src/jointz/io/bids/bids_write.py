@@ -1,4 +1,4 @@
-"""The files of one recording in a Motion-BIDS folder."""
+"""Writer of one recording's files in a Motion-BIDS folder."""
 
 import json
 from collections.abc import Mapping, Sequence

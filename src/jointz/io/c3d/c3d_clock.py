@@ -1,4 +1,4 @@
-"""The one clock of a C3D file: frames at a rate, and channels a whole number of times as fast."""
+"""Clock of a C3D file: frames at one rate, channels at a whole multiple of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

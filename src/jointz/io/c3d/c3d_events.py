@@ -1,4 +1,4 @@
-"""The events of a C3D file in the order of time, and what else the file says of each."""
+"""Events of a C3D file in order of time, with their further parameters."""
 
 import math
 import re

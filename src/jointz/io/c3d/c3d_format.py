@@ -60,7 +60,7 @@ class C3dFormat(GroupFormat):
 
 
 def _remarks(file: Source) -> dict[str, str]:
-    """Say what looks odd about a file."""
+    """Return remarks on what looks odd about a file."""
     parameters, header = file.parameters, file.header
     remarks = dict(file.notes)
     if not math.isclose(file.rate_hz, header.rate_hz, rel_tol=SAME):

@@ -1,4 +1,4 @@
-"""The frames of a C3D file: what it says of them here and there, and whether that agrees.
+"""Frames of a C3D file, after header, parameters and file length were compared.
 
 Header and parameters state the layout of the frames twice. Frames that are cut in the wrong
 places are numbers all the same, so both are held against each other and against the length of
@@ -26,7 +26,7 @@ _COPY = "Copy or export it again."
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a file says of itself."""
+    """Content, header and parameters of a file."""
 
     path: Path  # the file
     content: bytes  # all of it

@@ -1,4 +1,4 @@
-"""The header and the parameter section of a C3D file, as named values.
+"""Header and parameter section of a C3D file, as named values.
 
 C3D (https://www.c3d.org) was made for computers of three kinds, which differ in the order of
 bytes and in their floats; all three are read. jointz reads and writes the format itself: the
@@ -27,7 +27,7 @@ Values = tuple[str, ...] | np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """How a file's computer orders bytes."""
+    """Byte order of the computer that wrote a file."""
 
     order: str  # ``<`` or ``>``, as in :mod:`struct`
     vax: bool = False  # whether its floats are those of a VAX

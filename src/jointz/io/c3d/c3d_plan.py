@@ -1,4 +1,4 @@
-"""What of a content goes into a C3D file, and what cannot be held, a sentence each."""
+"""Plan of a C3D file: the content it can hold, and a sentence for each loss."""
 
 import re
 from collections import Counter
@@ -57,7 +57,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class C3dContent:
-    """What is to be written."""
+    """Content to be written."""
 
     columns: Mapping[str, Columns]  # by ``points``, ``analogs`` and ``rotations``
     clock: Clock  # of the frames
@@ -163,7 +163,7 @@ def _columns(role: str, group: SignalGroup, lost: list[str]) -> Columns:
 
 
 def _say_unequal(role: str, signals: Sequence[Signal], step: int, lost: list[str]) -> None:
-    """Say where the cells of a point differ in what is said of them, or it cannot be written."""
+    """Name cells of a point whose unit or description cannot be written."""
     heads = [signals[i - i % step] for i in range(len(signals))]
     pairs = list(zip(signals, heads, strict=True))
     units = [s.name for s, head in pairs if s.unit != _clean(head.unit)]
@@ -211,7 +211,7 @@ def _of_kinds(points: Columns, lost: list[str]) -> tuple[Columns, dict[str, tupl
 
 
 def _rounded(role: str, columns: Columns) -> Iterator[str]:
-    """Say which values single precision does not hold."""
+    """Name values that single precision does not hold."""
     values = columns.values
     with np.errstate(over="ignore"):
         held = values.astype(np.float32).astype(np.float64)

@@ -1,4 +1,4 @@
-"""The bytes of a C3D file: header, parameters, frames in single precision, rotations."""
+"""Bytes of a C3D file: header, parameters, frames in single precision, rotations."""
 
 import struct
 from collections.abc import Iterator, Sequence

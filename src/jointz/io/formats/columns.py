@@ -22,7 +22,7 @@ _FLOAT_TEXT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class TableRequest:
-    """What is wanted of a file."""
+    """Columns requested of a file."""
 
     numeric: tuple[str | int, ...]  # columns that hold numbers, and columns that hold text
     labels: tuple[str | int, ...] = ()

@@ -1,4 +1,4 @@
-"""Size of the content of HDF5 files, found before it is read."""
+"""Size of the content of HDF5 files, estimated before it is read."""
 
 from collections.abc import Collection
 from math import inf, prod

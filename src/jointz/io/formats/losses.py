@@ -1,4 +1,4 @@
-"""What of a content a format cannot hold, said the same way by all of them."""
+"""Sentences about what a format cannot hold of a content."""
 
 from collections.abc import Callable, Iterable
 
@@ -18,7 +18,7 @@ def first_group(content: Acquisition) -> SignalGroup:
 
 
 def lost_groups(content: Acquisition) -> list[str]:
-    """Say which groups a format of one table leaves out."""
+    """Name the groups that a format of one table leaves out."""
     if len(content.groups) == 1:
         return []
     if not content.groups:
@@ -28,26 +28,26 @@ def lost_groups(content: Acquisition) -> list[str]:
 
 
 def lost_events(content: Acquisition) -> list[str]:
-    """Say that events are left out."""
+    """Count the events that are left out."""
     count = len(content.events)
     return [f"It has no place for events ({count} left out)."] if count else []
 
 
 def lost_metadata(content: Acquisition) -> list[str]:
-    """Say which metadata are left out; what a reader noted is none."""
+    """Name the metadata that are left out, apart from notes of a reader."""
     clock_keys = {time_column_key(group.name) for group in content.groups}
     lost = [k for k in content.metadata if not k.startswith(READING) and k not in clock_keys]
     return [f"It has no place for metadata: {listed(lost)}."] if lost else []
 
 
 def lost_descriptions(group: SignalGroup) -> list[str]:
-    """Say which signals lose what was said of them."""
+    """Name the signals that lose their description."""
     lost = [s.name for s in group.signals if s.description and not s.description.startswith(NOTE)]
     return [f"It has no place for the descriptions of {listed(lost)}."] if lost else []
 
 
 def lost_signals(group: SignalGroup, why: str, leaves_out: Callable[[Signal], bool]) -> list[str]:
-    """Say which signals do not fit, and why."""
+    """Name the signals that do not fit, and the reason."""
     lost = [signal.name for signal in group.signals if leaves_out(signal)]
     return [f"It cannot hold {why}: {listed(lost)}."] if lost else []
 
@@ -58,7 +58,7 @@ def has_text(signal: Signal, fits: Callable[[str], bool]) -> bool:
 
 
 def lost_letters(groups: Iterable[SignalGroup]) -> list[str]:
-    """Say which texts have NUL or half letters, where a format has place for neither."""
+    """Name the signals of text with NUL or half letters."""
     return [
         sentence
         for group in groups

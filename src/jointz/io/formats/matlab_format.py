@@ -1,4 +1,4 @@
-"""Whole MATLAB files in and out (version 5, which every MATLAB and GNU Octave load).
+"""MATLAB files in and out (written as version 5, which every MATLAB and GNU Octave load).
 
 What is written is one variable, the struct ``jointz``::
 
@@ -105,7 +105,7 @@ class MatlabFormat:
         return None
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what version 5 cannot hold: NUL and half letters."""
+        """Name what version 5 cannot hold: NUL and half letters."""
         lost = lost_letters(content.groups)
         odd = [repr(word) for word in words_of(content) if not is_plain(word)]
         if odd:

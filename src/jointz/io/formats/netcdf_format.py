@@ -1,4 +1,4 @@
-"""Whole netCDF-4 files in and out: groups are groups, each with its own clock.
+"""netCDF-4 files in and out: groups are groups, each with its own clock.
 
 Of the formats that jointz writes this one holds everything. The layout, for other programs:
 

@@ -82,7 +82,7 @@ class OpenSimFormat(GroupFormat):
         return Acquisition((group,), (), header.metadata | notes)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what the format cannot hold: several groups, text, no clock, mixed angles."""
+        """Name what the format cannot hold: several groups, text, no clock, mixed angles."""
         group = first_group(content)
         lost = lost_groups(content)
         lost += lost_signals(group, "text", lambda signal: signal.is_text)

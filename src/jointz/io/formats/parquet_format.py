@@ -94,7 +94,7 @@ class ParquetFormat:
             raise damaged(path, exc) from exc
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what one table cannot hold: other groups, letters that are none."""
+        """Name what one table cannot hold: other groups, NUL and half letters."""
         group = first_group(content)
         odd = [s.name for s in group.signals if not is_plain(s.name + s.unit + s.description)]
         lost = lost_groups(content) + lost_letters([group])

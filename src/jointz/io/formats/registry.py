@@ -1,4 +1,4 @@
-"""One registry of file formats: columns for a study, whole files for looking and converting.
+"""Registry of file formats: reads columns for a study and whole files, and writes files.
 
 A format registers by an entry point of the group ``jointz.formats``: its name is the suffix, its
 value a class that implements :class:`Format`. It is loaded when a file of its suffix is used.
@@ -33,7 +33,7 @@ BUILT_IN: Mapping[str, str] = {
 
 
 class Format(Protocol):
-    """What a file format has to offer; :class:`jointz.io.formats.group_format.GroupFormat` helps.
+    """A file format; :class:`jointz.io.formats.group_format.GroupFormat` is a base to start from.
 
     A format that cannot be written raises a DataError in ``encode``.
     """

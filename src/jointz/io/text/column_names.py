@@ -1,4 +1,4 @@
-"""What the names of columns say: units in brackets, and which column is the clock."""
+"""Names of columns: the unit in brackets, the column that is the clock, unique names."""
 
 import re
 from collections.abc import Mapping, Sequence

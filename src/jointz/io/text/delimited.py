@@ -53,7 +53,7 @@ _DECOMPRESSION_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """How a file is laid out, found from its first lines."""
+    """Layout of a file, from its first lines."""
 
     path: Path
     delimiter: str
@@ -76,7 +76,7 @@ class _Layout:
 
 @dataclass(frozen=True, slots=True)
 class _Scan:
-    """What the pass over the bytes found."""
+    """Result of the pass over the bytes."""
 
     sha256: str
     regular: bool  # every row has as many delimiters as the header

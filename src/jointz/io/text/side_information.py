@@ -1,4 +1,4 @@
-"""What a table of one group cannot hold in its cells, as one line of JSON beside them."""
+"""One line of JSON for what the cells of a table cannot hold."""
 
 import json
 from collections.abc import Mapping, Sequence

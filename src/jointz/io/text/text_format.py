@@ -1,4 +1,4 @@
-"""Whole text tables in and out: csv, tsv and txt, plain or gzip, on the reader of a study."""
+"""Text tables in and out: csv, tsv and txt, plain or gzip."""
 
 import csv
 import gzip
@@ -90,7 +90,7 @@ class TextFormat:
         return list_delimited(path, files)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what a text table cannot hold: other groups, events, metadata, some texts."""
+        """Name what a text table cannot hold: other groups, events, metadata, some texts."""
         group = first_group(content)
         lost = lost_groups(content) + lost_events(content) + lost_metadata(content)
         lost += lost_descriptions(group)

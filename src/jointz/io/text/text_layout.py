@@ -1,6 +1,6 @@
-"""How a text file seems to be laid out, found from its first lines.
+"""Proposal for the layout of a text file, from its first lines.
 
-Nothing is read by what is found here: it is proposed, as ``[files]`` of a study, to whoever
+Nothing is read by this layout: it is proposed, as ``[files]`` of a study, to whoever
 inspects a file, and :mod:`jointz.io.text.delimited` still refuses what does not fit it.
 """
 
@@ -73,7 +73,7 @@ class TextLayout:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What a study calls the columns: their names, or their numbers from 1."""
+        """Names of the columns in a study: their own, or their numbers from 1."""
         if self.files.header:
             return self.names
         return tuple(str(k) for k in range(1, len(self.names) + 1))

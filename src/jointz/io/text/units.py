@@ -1,4 +1,4 @@
-"""Units as people write them, and the factor that takes them to SI.
+"""Units in the spellings of users, and their factors to SI.
 
 The only module that knows pint. The vocabulary is small on purpose: pint's own
 would read ``nm`` as nanometre and ``MA`` as megaampere without a word, holds an

@@ -1,4 +1,4 @@
-"""Units of the columns that logs of known devices have, where a file states none itself.
+"""Units of columns in logs of known devices, for files that state none.
 
 A log is known by columns that only it has. What is said of a column comes from the
 documentation of its maker, and its description says so.

@@ -79,7 +79,7 @@ class WorkbookFormat(GroupFormat):
         return Acquisition(tuple(groups), (), metadata)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what cells cannot hold: infinite numbers, control characters, too many rows."""
+        """Name what cells cannot hold: infinite numbers, control characters, too many rows."""
         lost = []
         for group in content.groups:
             lost += lost_signals(group, "infinite numbers", has_infinity)

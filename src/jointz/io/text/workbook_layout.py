@@ -1,4 +1,4 @@
-"""The workbook that jointz writes: a sheet a group, and the sheet ``jointz`` for the rest.
+"""Workbook that jointz writes: one sheet per group, and the sheet ``jointz`` for the rest.
 
 A group's sheet has names in row 1, units in row 2 and samples from row 3, with the clock in
 column A where there is one. A sheet that was changed in a spreadsheet program no longer fits

@@ -1,4 +1,4 @@
-"""Where the tables of a sheet are: names, units and samples among the prose of a laboratory.
+"""Search for the tables of a sheet: names, units and samples among other text.
 
 A table is a row of names, perhaps a row of units, and samples to the end of the sheet. Several
 columns of time in one table each begin a group of their own. What cannot be told is an error
@@ -52,7 +52,7 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Where a table stands in its sheet, rows and columns from 0."""
+    """Position of a table in its sheet, rows and columns from 0."""
 
     names_row: int
     units_row: int | None  # row of units, None where there is none

@@ -1,4 +1,4 @@
-"""The chunks of an XDF file, looked at one by one before anything is read out of them.
+"""Chunks of an XDF file, checked one by one before anything is read.
 
 pyxdf jumps over what it cannot read and says so in a log; a file that is cut off or damaged
 would lose samples in silence, or have it ask for more memory than there is. So every chunk is
@@ -38,7 +38,7 @@ _MOST_CHANNELS = 65_536
 
 @dataclass(slots=True)
 class Stream:
-    """What the chunks of one stream say."""
+    """Summary of the chunks of one stream."""
 
     name: str  # as its header has it
     n_channels: int  # values of a sample

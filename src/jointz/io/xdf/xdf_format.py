@@ -74,7 +74,7 @@ class XdfFormat(GroupFormat):
 
 @dataclass(frozen=True, slots=True)
 class _Loaded:
-    """What pyxdf read: streams by number, header, and how often offsets led to no correction."""
+    """Result of pyxdf: streams by number, header, and how often offsets led to no correction."""
 
     streams: dict[int, dict[str, Any]]
     header: Mapping[str, Any]
@@ -282,7 +282,7 @@ def _column(series: Any, i: int) -> np.ndarray:
 
 
 def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:
-    """Say what looks odd about a stream."""
+    """Return remarks on what looks odd about a stream."""
     remarks = []
     if walked.footer_count is None:
         remarks.append("It has no footer: the recording was not closed.")
@@ -301,7 +301,7 @@ def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> l
 def _synchronised(
     path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
 ) -> list[str]:
-    """Say what became of the measured offsets of a stream's clock."""
+    """Return how the measured offsets of a stream's clock were used."""
     segments = stream["info"]["clock_segments"]
     if not (walked.n_offsets and walked.n_samples):
         return []

@@ -1,4 +1,4 @@
-"""What of a content goes into an XDF file, and what cannot be held, a sentence each."""
+"""Plan of an XDF file: the content it can hold, and a sentence for each loss."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -25,7 +25,7 @@ _RESERVED = ("name", "channel_count", "channel_format", "stream_id", "effective_
 
 
 class Clock(StrEnum):
-    """How a stream's samples are timed."""
+    """Kind of clock of a stream."""
 
     UNIFORM = "uniform"
     STAMPS = "stamps"
@@ -43,7 +43,7 @@ class XdfStream:
 
 @dataclass(frozen=True, slots=True)
 class XdfContent:
-    """What is to be written."""
+    """Content to be written."""
 
     header: Tree  # the description of the file, a tree
     streams: tuple[XdfStream, ...]  # in order

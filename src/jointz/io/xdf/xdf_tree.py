@@ -1,4 +1,4 @@
-"""The descriptions in an XDF file: trees of XML, and metadata by dotted names."""
+"""Descriptions in an XDF file: trees of XML, and metadata by dotted names."""
 
 import re
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""The bytes of an XDF 1.0 file, chunk by chunk.
+"""Bytes of an XDF 1.0 file, chunk by chunk.
 
 Written from the public specification (https://github.com/sccn/xdf/wiki/Specifications).
 """
