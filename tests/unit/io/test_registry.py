@@ -16,7 +16,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats import registry
 from jointz.io.formats.columns import RawTable, label_column
 from jointz.io.formats.group_format import GroupFormat
-from jointz.io.formats.registry import list_columns, read_acquisition, read_table
+from jointz.io.formats.registry import list_columns, read_acquisition, read_table, write_acquisition
 
 PLAIN = FilesSpec()
 
@@ -109,6 +109,8 @@ def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):
     }
     assert table.units == {"x": "m", "time": "s"}
     assert list_columns(own, PLAIN) == ["time", "x"]
+    with pytest.raises(DataError, match=r"b\.gz: one column is read only"):
+        write_acquisition(read_acquisition(own), tmp_path / "b.gz")
     ragged = tmp_path / "a.xyz.gz"
     ragged.touch()
     assert list_columns(ragged, PLAIN) is None

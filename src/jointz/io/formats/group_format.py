@@ -34,9 +34,19 @@ class GroupFormat(ABC):
     says where the file says none; it goes by the name of its column in the file, too.
     """
 
+    name: str
+
     @abstractmethod
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
         """Return all that a file holds."""
+
+    def losses(self, content: Acquisition) -> list[str]:  # noqa: ARG002
+        """Return what the format cannot hold: nothing to tell where it cannot be written."""
+        return []
+
+    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
+        """Refuse to write, unless a format can."""
+        raise file_error(path, f"{self.name} is read only. Choose another format to write.")
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested signals, which must have been sampled together."""

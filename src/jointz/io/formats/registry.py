@@ -33,10 +33,7 @@ BUILT_IN: Mapping[str, str] = {
 
 
 class Format(Protocol):
-    """A file format; :class:`jointz.io.formats.group_format.GroupFormat` is a base to start from.
-
-    A format that cannot be written raises a DataError in ``encode``.
-    """
+    """A file format; the base :class:`jointz.io.formats.group_format.GroupFormat` does most of it."""
 
     name: str
 
