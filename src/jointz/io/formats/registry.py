@@ -33,7 +33,7 @@ BUILT_IN: Mapping[str, str] = {
 
 
 class Format(Protocol):
-    """A file format; the base :class:`jointz.io.formats.group_format.GroupFormat` does most of it."""
+    """A file format; :class:`jointz.io.formats.group_format.GroupFormat` does most of it."""
 
     name: str
 
