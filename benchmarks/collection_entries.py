@@ -13,7 +13,7 @@ import pandas as pd
 from jointz.collections.entry_reader import written_entry
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, REACH_95
 
 #: Medians of fictional joints, SI: stiffness, damping, inertia.

@@ -20,7 +20,7 @@ from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.io.column_readers import damaged, file_sha256
+from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import named_as_written, shown_file
 from jointz.results.certificate_result import VirtualEstimate

@@ -19,7 +19,6 @@ from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.analysis.paper.paper_tables import captions_text, paper_tables
 from jointz.core.errors import OutputError, WriteError
 from jointz.experiment.stop_signals import signals_held
-from jointz.io.formats.columnar import write_estimates
 from jointz.report.style import figure_style
 from jointz.report.subjects import report_title
 from jointz.results.run_report import RunReport
@@ -303,7 +302,7 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         tables["covariance"] = covariance
     for name, table in tables.items():
         (folder / f"{name}.csv").write_bytes(csv_bytes(table))
-    write_estimates(tables["estimates"], covariance, folder / "estimates.parquet")
+    _write_parquet(tables["estimates"], covariance, folder / "estimates.parquet")
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
@@ -316,3 +315,15 @@ def csv_bytes(table: pd.DataFrame) -> bytes:
 
 def _write_json(file: Path, content: object, indent: int | None = 2) -> None:
     file.write_text(json.dumps(content, indent=indent, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _write_parquet(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> bool:
+    """Write estimates as Parquet, each with its covariances beside it."""
+    try:
+        import pyarrow  # noqa: F401 - only whether it is there
+    except ImportError:
+        return False
+    keys = ["participant", "session", "side", "timing_point", "parameter"]
+    together = estimates.merge(covariance, on=keys, how="left", validate="one_to_one")
+    together.to_parquet(path, engine="pyarrow", index=False, compression="zstd")
+    return True

@@ -14,8 +14,8 @@ from jointz.collections.catalog_columns import CATALOG_COLUMNS, CATALOG_SCHEMA
 from jointz.collections.catalog_query import CatalogFilter
 from jointz.core.errors import DataError
 from jointz.core.whole_file import whole_file
-from jointz.io.formats.columnar import declared_bytes
 from jointz.io.formats.memory_limit import check_unpacked
+from jointz.io.formats.parquet_format import declared_bytes
 
 #: Name of the file in a collection's folder.
 CATALOG_FILE = "catalog.parquet"

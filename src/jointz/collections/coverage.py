@@ -22,7 +22,7 @@ from jointz.collections.reanalysis import (
 )
 from jointz.core.errors import DataError
 from jointz.core.provenance import now, own_version
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 
 #: What the marker of the folder says that it holds.
 POOL = "pool"

@@ -12,7 +12,7 @@ from jointz.collections.entry_model import ENTRY_FILE
 from jointz.collections.entry_reader import written_entry
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 from jointz.reference import Printed, chapter4
 
 #: Folder and id of the entry.

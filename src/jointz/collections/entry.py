@@ -16,7 +16,7 @@ from jointz.collections.entry_reader import written_entry
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 
 _ESTIMATES, _COVARIANCE = "estimates.csv", "covariance.csv"
 _PROVENANCE, _EXCLUDED = "provenance.json", "excluded.csv"

@@ -12,7 +12,8 @@ from jointz.collections.catalog_columns import PRINTED_COLUMNS
 from jointz.collections.entry_model import ENTRY_FILE, Condition, Entry
 from jointz.core.errors import DataError, EntryError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import file_sha256, list_columns, read_table
+from jointz.io.formats.columns import file_sha256
+from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.toml_problems import all_problems, parse_toml
 from jointz.io.toml_text import written_key, written_text
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS

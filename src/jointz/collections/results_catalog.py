@@ -16,7 +16,7 @@ from jointz.collections.entry import described_person, read_provenance
 from jointz.collections.entry_reader import read_values
 from jointz.core.errors import DataError
 from jointz.core.provenance import now, software
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 from jointz.io.relative_paths import seen_from
 
 _ESTIMATES, _COVARIANCE, _PROVENANCE = "estimates.csv", "covariance.csv", "provenance.json"

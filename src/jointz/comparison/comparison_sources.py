@@ -16,7 +16,8 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import RawTable, file_sha256, list_columns, read_table
+from jointz.io.formats.columns import RawTable, file_sha256
+from jointz.io.formats.registry import list_columns, read_table
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 from jointz.results.statistics.comparison_rows import PersonValue, Source
 

@@ -8,7 +8,8 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import RawTable, check_samples, list_columns, read_table
+from jointz.io.formats.columns import RawTable, check_samples
+from jointz.io.formats.registry import list_columns, read_table
 
 _DELIMITERS = (",", ";", "\t")
 _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")

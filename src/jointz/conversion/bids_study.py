@@ -25,7 +25,7 @@ from jointz.identify.preparation.pulses import Pulse
 from jointz.io.bids.bids_read import DESCRIPTION
 from jointz.io.bids.bids_tables import NOTHING, label_of
 from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_motion
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 

@@ -9,10 +9,17 @@ import numpy as np
 from jointz.analysis.participant_jobs import read_participant
 from jointz.analysis.study_pulses import given_pulses, positive_direction
 from jointz.core.study import ParticipantSpec, Study
+from jointz.core.whole_file import whole_file
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import RecordingInput
-from jointz.io.formats.matlab_format import STUDY, write_struct
-from jointz.io.formats.matlab_names import cells, column, field_names, number_or_empty
+from jointz.io.formats.matlab_format import (
+    STUDY,
+    cells,
+    column,
+    field_names,
+    number_or_empty,
+    struct_bytes,
+)
 
 _ATTRIBUTES = ("participant", "condition", "session", "side", "trial", "file", "sha256")
 _PERSON_NUMBERS = ("mass_kg", "height_m", "limb_mass_kg", "limb_centre_m")
@@ -39,7 +46,9 @@ def write_matlab_study(study: Study, path: Path) -> tuple[tuple[str, ...], tuple
         "recordings": _struct_array(recordings),
         "study_toml": toml,
     }
-    write_struct(content, path)
+    data = struct_bytes(content, path)
+    with whole_file(path, "Make room or name another place.") as partial:
+        partial.write_bytes(data)
     return tuple(told), tuple(notes)
 
 

@@ -102,7 +102,7 @@ def _other_command(file: Path, command: str, files: Mapping[str, Any]) -> Iterat
         if exc.code != Failure.CONSTANT_COMMAND.value:
             raise
         from jointz.core.study import FilesSpec
-        from jointz.io.column_readers import list_columns
+        from jointz.io.formats.registry import list_columns
 
         there = list_columns(file, FilesSpec.model_validate(files)) or []
         if "reference" not in there or command.partition(":")[0] == "reference":

@@ -13,7 +13,8 @@ from jointz.core.study import FilesSpec
 from jointz.identify.actuators.actuator import identify_actuator
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.series.joint import identify_joint
-from jointz.io.column_readers import check_samples, list_columns, read_table
+from jointz.io.formats.columns import check_samples
+from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.text.column_arguments import SI_UNITS, Column, parse_column
 from jointz.io.text.units import conversion
 from jointz.results.bench.actuator_fit import ActuatorFit

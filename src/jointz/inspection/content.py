@@ -11,8 +11,9 @@ import pandas as pd
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import RawTable, read_table
-from jointz.io.formats.acquisition_tables import SUFFIXES, TIME, study_columns
+from jointz.io.formats.columns import RawTable
+from jointz.io.formats.group_format import TIME, GroupFormat, study_columns
+from jointz.io.formats.registry import format_of, read_acquisition, read_table
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.text.delimited import as_written_with_point
 from jointz.io.text.text_layout import TextLayout, find_layout
@@ -72,8 +73,6 @@ def read_content(path: Path, given: Mapping[str, Any] | None = None) -> Content:
         )
     if path.name.lower().endswith(_TEXT):
         return _text_content(path, find_layout(path, given))
-    from jointz.io.formats.registry import read_acquisition
-
     return _content(path, read_acquisition(path))
 
 
@@ -136,7 +135,7 @@ def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:
 
 
 def _content(path: Path, content: Acquisition) -> Content:
-    names = study_columns(content) if path.name.lower().endswith(SUFFIXES) else None
+    names = study_columns(content) if isinstance(format_of(path), GroupFormat) else None
     columns = tuple(c for group in content.groups for c in _columns(group, content.metadata, names))
     # A unit that nobody states is not taken for seconds here: the stamps tell it.
     left = {time_unit_key(group.name) for group in content.groups}

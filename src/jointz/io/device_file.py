@@ -1,4 +1,4 @@
-"""Read a ``device.toml``; what may stand in it :mod:`jointz.devices.config` knows."""
+"""Read a ``device.toml``; :mod:`jointz.devices.config` checks its content."""
 
 import os
 from pathlib import Path

@@ -100,17 +100,17 @@ def read_log(path: Path, *, salvage: bool = False) -> SessionLog:
 
 
 def _fitting(body: memoryview, size: int) -> np.ndarray:
-    """Tell which records fit their checksum, if none was shifted."""
+    """Return which records fit their checksum, if none was shifted."""
     count, crc32 = len(body) // size, zlib.crc32
     checks = np.frombuffer(
         body, dtype=np.dtype([("body", f"V{size - 4}"), ("crc", "<u4")]), count=count
     )["crc"]
-    found = np.fromiter(
+    computed = np.fromiter(
         (crc32(body[at : at + size - 4]) for at in range(0, count * size, size)),
         dtype=np.uint32,
         count=count,
     )
-    return np.asarray(found == checks)
+    return np.asarray(computed == checks)
 
 
 def _further_records(body: memoryview, at: int, size: int) -> Iterator[int]:

@@ -18,7 +18,8 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
-from jointz.io.column_readers import LARGEST_SAMPLE, RawTable, check_samples, read_table
+from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
+from jointz.io.formats.registry import read_table
 from jointz.io.study_reader import channel_unit, named_as_written, needed_channels
 from jointz.io.text.delimited import is_number
 from jointz.io.text.units import conversion
@@ -56,13 +57,15 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
+    # Columns count from 0 where one of them says so, be it one that this recording does not need.
+    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     with named_as_written(study.root, entry.file) as path:
         table = read_table(
             path,
             numeric=[columns[n] for n in numeric],
             labels=[columns[n] for n in labels],
             files=spec.files,
-            from_zero=_counts_from_zero(spec),
+            from_zero=any(channel.column in zeros for channel in spec.channels.values()),
         )
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
@@ -86,11 +89,10 @@ def _pulse_table(path: Path) -> pd.DataFrame:
     table = _text_table(path)
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
-        raise DataError(
-            f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
-            f"(onset_s is required), got {', '.join(map(str, table.columns))}. "
-            f"{_todo(table, 'Correct the header.')}",
-            path=str(path),
+        raise file_error(
+            path,
+            f"a pulse table has the columns {', '.join(_PULSE_COLUMNS)} (onset_s is required), "
+            f"got {', '.join(map(str, table.columns))}. {_todo(table, 'Correct the header.')}",
         )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
     for name in ("duration_s", "amplitude_nm"):
@@ -124,7 +126,7 @@ def _check_name(path: Path, column: str, name: str, *, row: int | None = None) -
 
 
 def _todo(table: pd.DataFrame, usual: str) -> str:
-    """Say what to do about a pulse table that has other signs between its columns."""
+    """Return the advice for a pulse table that has other signs between its columns."""
     header = str(table.columns[0])
     if len(table.columns) == 1 and (";" in header or "\t" in header):
         return "Put commas between the columns, and points into numbers: [files] is not for it."
@@ -143,10 +145,10 @@ def _text_table(path: Path) -> pd.DataFrame:
             skip_blank_lines=False,  # they count as rows
         )
     except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
-        raise DataError(
-            f"{path.name}: not a readable pulse table ({str(exc).strip()}). Correct it, or export "
-            "it again, as plain text that is not compressed.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"not a readable pulse table ({str(exc).strip()}). Correct it, or export it again, "
+            "as plain text that is not compressed.",
         ) from exc
     if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
         raise DataError(
@@ -166,20 +168,13 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
     bad = ~(np.abs(values) <= LARGEST_SAMPLE) & (required | (text != "").to_numpy())
     if bad.any():
         row = int(text.index[bad][0])
-        raise DataError(
-            f"{path.name}, row {row}, column '{name}': expected a number, found "
-            f"'{text.loc[row]}'. Correct the cell.",
-            path=str(path),
-            channel=name,
+        raise file_error(
+            path,
+            f"expected a number, found '{text.loc[row]}'. Correct the cell.",
             row=row,
+            channel=name,
         )
     return values
-
-
-def _counts_from_zero(spec: StudySpec) -> bool:
-    """Tell whether columns are counted from 0, be it by one that this recording does not need."""
-    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
-    return any(channel.column in zeros for channel in spec.channels.values())
 
 
 def _in_si(
@@ -203,9 +198,9 @@ def _agreed(
     spec: StudySpec, entry: RecordingSpec, name: str, stated: str, *, declared: Unit
 ) -> Unit:
     """Settle the unit a file states against the one the study declares."""
-    own = spec.channels[name].unit
+    declared_unit = spec.channels[name].unit
     try:
-        if own is None:
+        if declared_unit is None:
             return channel_unit(name, stated)
         from_file = conversion(stated, declared[0])
     except UnitError as exc:
@@ -213,7 +208,7 @@ def _agreed(
     if not np.allclose(from_file, declared[1:], rtol=1e-9, atol=0.0):
         raise UnitError(
             f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
-            f"{own!r}. Correct one of them.",
+            f"{declared_unit!r}. Correct one of them.",
             channel=name,
         )
     return (declared[0], *from_file)
@@ -253,7 +248,10 @@ def _piece(
     if "cycle" in labels:
         data["cycle"] = pd.factorize(labels["cycle"][rows])[0].astype(float)
     time = _time(spec, entry, channels, rows)
-    contact = spec.channels.get("contact")
+    contact, trial = spec.channels.get("contact"), ""
+    if "trial" in labels:
+        value = str(labels["trial"][rows][0])
+        trial = (spec.channels["trial"].values or {}).get(value, value)  # noqa: PD011 - a field
     recording = build_recording(
         time,
         data,
@@ -264,7 +262,7 @@ def _piece(
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,
         session=entry.session or "",
-        trial=_trial(spec, str(labels["trial"][rows][0])) if "trial" in labels else "",
+        trial=trial,
         side=entry.side or "",
         joint=spec.joint,
         positive=spec.positive,
@@ -294,11 +292,6 @@ def _time(
             channel="time",
         )
     return time
-
-
-def _trial(spec: StudySpec, value: str) -> str:
-    names = spec.channels["trial"].values or {}  # noqa: PD011 - a field, not a frame
-    return names.get(value, value)
 
 
 def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:

@@ -1,4 +1,4 @@
-"""Where files and folders are, as what lies elsewhere names them."""
+"""Paths of files and folders relative to another folder."""
 
 import os
 from pathlib import Path

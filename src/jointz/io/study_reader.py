@@ -5,7 +5,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
-from jointz.io.column_readers import list_columns
+from jointz.io.formats.registry import list_columns
 from jointz.io.text.units import conversion, si_unit_of
 from jointz.io.toml_problems import parse_toml, shape_problems
 
@@ -66,7 +66,11 @@ def open_study(path: str | os.PathLike[str]) -> Study:
         )
     text = file.read_bytes()
     raw = parse_toml(str(file), text, error=StudyError)
-    spec, problems = _validate(raw)
+    spec, problems = None, []
+    try:
+        spec = StudySpec.model_validate(raw)
+    except ValidationError as exc:
+        problems = shape_problems(exc, StudySpec, raw)
     units, edges, unit_problems = _units(raw)
     problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
     problems += _file_problems(raw, file.parent)
@@ -89,18 +93,18 @@ def data_file(root: Path, file: str) -> Path:
 
     def value(match: re.Match[str]) -> str:
         name = match.group(1) or match.group(3)
-        found = os.environ.get(name, match.group(2))
-        if found is None:
+        expanded = os.environ.get(name, match.group(2))
+        if expanded is None:
             raise DataError(f"'{file}': the environment variable {name} is not set. Set it.")
-        return found
+        return expanded
 
     return root / _VARIABLE.sub(value, file)
 
 
 def shown_file(file: str) -> str:
     """Return the name people know a file by: what stands behind the folders of variables."""
-    own = _VARIABLE.sub("$", file).rpartition("/")[2]
-    return file if "$" in own or "$" not in file else own
+    name = _VARIABLE.sub("$", file).rpartition("/")[2]
+    return file if "$" in name or "$" not in file else name
 
 
 @contextmanager
@@ -124,19 +128,12 @@ def needed_channels(
     names: Iterable[str], condition: str | None, *, moments_only: bool = False
 ) -> list[str]:
     """Return the channels that the file of a recording must hold."""
-    kept = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
+    used = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
     return [
         name
         for name in names
-        if not (name == "condition" and condition) and (condition != "no_device" or name in kept)
+        if not (name == "condition" and condition) and (condition != "no_device" or name in used)
     ]
-
-
-def _validate(raw: Mapping[str, Any]) -> tuple[StudySpec | None, Problems]:
-    try:
-        return StudySpec.model_validate(raw), []
-    except ValidationError as exc:
-        return None, shape_problems(exc, StudySpec, raw)
 
 
 def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -316,7 +313,9 @@ def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
     """Ask for a rate where there is no time; a line that only proposes one is named."""
     if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
         return []
-    line = next((n for n, said in enumerate(text.splitlines(), 1) if _RATE_LINE.match(said)), None)
+    line = next(
+        (n for n, content in enumerate(text.splitlines(), 1) if _RATE_LINE.match(content)), None
+    )
     todo = f"correct line {line} and take its '#' away" if line else "give it"
     return [
         "channels.time: missing; without a time column sample_rate_hz is needed: "
@@ -329,16 +328,21 @@ def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> It
     if name in ("time", "contact", *LABEL_CHANNELS):
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
-    own = raw.get("positive", StudySpec.model_fields["positive"].default)
-    known = isinstance(own, str) and own in OPPOSITE_DIRECTION and isinstance(direction, str)
+    study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
+    comparable = (
+        isinstance(study_direction, str)
+        and study_direction in OPPOSITE_DIRECTION
+        and isinstance(direction, str)
+    )
     if (
-        known
+        comparable
         and direction in OPPOSITE_DIRECTION
-        and direction not in (own, OPPOSITE_DIRECTION[own])
+        and direction not in (study_direction, OPPOSITE_DIRECTION[study_direction])
     ):
         yield (
-            f"channels.{name}.positive: expected the study's '{own}' or its opposite "
-            f"'{OPPOSITE_DIRECTION[own]}', got '{direction}'. Correct it, or the study's positive."
+            f"channels.{name}.positive: expected the study's '{study_direction}' or its opposite "
+            f"'{OPPOSITE_DIRECTION[study_direction]}', got '{direction}'. Correct it, or the "
+            "study's positive."
         )
 
 
@@ -392,7 +396,7 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
             if not isinstance(name, str) or (name, *needed) in checked:
                 continue
             place = f"recordings[{i}].{key}"
-            path_problem = _problem_of(lambda n=name: _existing(root, n))  # type: ignore[misc]
+            path_problem = _path_problem(root, name)
             if path_problem:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
@@ -402,19 +406,16 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
     return problems
 
 
-def _existing(root: Path, name: str) -> None:
-    path = data_file(root, name)
-    if not os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
-        shown = name if "$" in name else path
-        raise DataError(f"file '{shown}' does not exist. Correct the name or bring the file.")
-
-
-def _problem_of(check: Callable[[], object]) -> str | None:
+def _path_problem(root: Path, name: str) -> str:
+    """Return why a file cannot be read, "" where it is there."""
     try:
-        check()
+        path = data_file(root, name)
     except DataError as exc:
         return str(exc)
-    return None
+    if os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
+        return ""
+    shown = name if "$" in name else path
+    return f"file '{shown}' does not exist. Correct the name or bring the file."
 
 
 def _column_problems(
@@ -422,29 +423,29 @@ def _column_problems(
 ) -> Problems:
     try:
         with named_as_written(root, file) as path:
-            there = list_columns(path, files)
+            columns_of_file = list_columns(path, files)
     except DataError as exc:
         return [f"{place}: {exc}"]
-    if there is None or not files.header:
+    if columns_of_file is None or not files.header:
         return []
-    missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in there}
+    missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in columns_of_file}
     if not missing:
         return []
     shown = shown_file(file) if "$" in file else path.name
-    wanted = []
+    sentences = []
     for channel, column in missing.items():
-        close = difflib.get_close_matches(column, there, n=1)
+        close = difflib.get_close_matches(column, columns_of_file, n=1)
         hint = f" (did you mean '{close[0]}'?)" if close else ""
-        wanted.append(f"'{column}' for channel '{channel}'{hint}")
+        sentences.append(f"'{column}' for channel '{channel}'{hint}")
     return [
-        f"{place}: {shown} has no column {', no column '.join(wanted)}. It has: "
-        f"{', '.join(there)}.{_layout_hint(there)}"
+        f"{place}: {shown} has no column {', no column '.join(sentences)}. It has: "
+        f"{', '.join(columns_of_file)}.{_layout_hint(columns_of_file)}"
     ]
 
 
-def _layout_hint(there: list[str]) -> str:
+def _layout_hint(columns: list[str]) -> str:
     for mark, name in ((";", "a semicolon"), ("\t", "a tab")):
-        if len(there) == 1 and mark in there[0]:
+        if len(columns) == 1 and mark in columns[0]:
             return f" The columns seem to be separated by {name}: set delimiter under [files]."
     return ""
 

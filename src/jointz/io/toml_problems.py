@@ -1,4 +1,4 @@
-"""Everything that is wrong with a TOML file, in sentences that begin with the key's full path."""
+"""Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
 import tomllib
@@ -61,8 +61,8 @@ def all_problems(
     error: ValidationError, model: type[CheckedModel], raw: Mapping[str, Any]
 ) -> list[str]:
     """Return what pydantic refused and every inconsistency among what can be read."""
-    found = _inconsistencies(_draft(model, raw), ())
-    return [*shape_problems(error, model, raw), *dict.fromkeys(found)]
+    problems = _inconsistencies(_draft(model, raw), ())
+    return [*shape_problems(error, model, raw), *dict.fromkeys(problems)]
 
 
 def _holds_huge_integer(value: Any) -> bool:
@@ -99,8 +99,8 @@ def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str
         if isinstance(error["input"], str):
             return f"{place}: expected text that is not empty; got {shown}."
         return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
-    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
-    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told
+    text = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else text
     return f"{place}: {message}; got {shown}."
 
 

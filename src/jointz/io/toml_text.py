@@ -45,8 +45,8 @@ def statements(text: str) -> Iterator[Statement]:
 
 
 def _statement(text: str, start: int, end: int) -> Statement:
-    found = text[start:end].lstrip("\ufeff \t\r\n")
-    return Statement(end - len(found), end, found)
+    content = text[start:end].lstrip("\ufeff \t\r\n")
+    return Statement(end - len(content), end, content)
 
 
 def _behind_text(text: str, at: int) -> int:

@@ -329,7 +329,7 @@ def test_a_comparison_does_not_replace_what_it_compares(jointz, tmp_path):
     [
         (("nowhere",), "nowhere: is not there"),
         (("published", "published"), "given twice"),
-        (("published", *COLUMNS), "no reader for this kind of file"),
+        (("published", *COLUMNS), "no format for this kind of file"),
         (("published", "more", *COLUMNS), "--response is of one table"),
         (("published", "--nested"), "--nested is of a table"),
         (("published", "--days"), "days are two or more results"),

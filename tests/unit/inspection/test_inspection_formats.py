@@ -12,7 +12,7 @@ import xarray as xr
 from jointz.conversion.convert import convert
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.inspection.inspect_file import inspect_file
-from jointz.io.formats.registry import _HOMES, read_acquisition, write_acquisition
+from jointz.io.formats.registry import BUILT_IN, read_acquisition, write_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 
@@ -50,7 +50,7 @@ def assert_is_read(file: Path) -> xr.Dataset:
 
 
 @pytest.mark.parametrize("made", [group, stamped])
-@pytest.mark.parametrize("suffix", sorted(_HOMES))
+@pytest.mark.parametrize("suffix", sorted(BUILT_IN))
 def test_a_file_of_every_format_is_read_as_it_was_proposed(tmp_path, suffix, made):
     if suffix == ".c3d" and made is stamped:
         pytest.skip("C3D has rates, no stamps")

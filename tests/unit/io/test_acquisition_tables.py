@@ -9,8 +9,8 @@ import jointz
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import RawTable, list_columns, read_table
-from jointz.io.formats.registry import write_acquisition
+from jointz.io.formats.columns import RawTable
+from jointz.io.formats.registry import list_columns, read_table, write_acquisition
 from jointz.io.recordings import read_recording
 
 PLAIN = FilesSpec()

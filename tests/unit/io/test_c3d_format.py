@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
-from jointz.io.text.column_names import unique_names
-from jointz.io.text.signal_names import distinct_names
+from jointz.io.text.column_names import distinct_names, unique_names
 
 C3D = Path("any.c3d")
 IN_TMP_PATH = settings(

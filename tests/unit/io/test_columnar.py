@@ -8,7 +8,7 @@ import pytest
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import list_columns, read_table
+from jointz.io.formats.registry import list_columns, read_table
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")

@@ -10,7 +10,7 @@ import pytest
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import list_columns, read_table
+from jointz.io.formats.registry import list_columns, read_table
 
 PLAIN = FilesSpec()
 HEAD = "time_s,angle_deg,torque_nm\n"

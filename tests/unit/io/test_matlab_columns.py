@@ -9,7 +9,7 @@ import scipy.io
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import list_columns, read_table
+from jointz.io.formats.registry import list_columns, read_table
 
 PLAIN = FilesSpec()
 ANGLE = np.array([0.1, 0.2, np.nan, 0.4])

@@ -15,9 +15,8 @@ from scipy.io import savemat
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import read_table
 from jointz.io.formats.memory_limit import memory_limit
-from jointz.io.formats.registry import read_acquisition
+from jointz.io.formats.registry import read_acquisition, read_table
 
 MB = 1_000_000
 N = 4 * MB

@@ -16,8 +16,8 @@ from scipy.io import netcdf_file
 from jointz.core.errors import DataError, OutputError
 from jointz.core.recording import build_recording, with_history
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import list_columns, read_table
 from jointz.io.formats.netcdf_recording import read_recording, write_recording
+from jointz.io.formats.registry import list_columns, read_table
 
 PLAIN = FilesSpec()
 

@@ -263,7 +263,7 @@ def test_a_file_of_an_unknown_kind_is_a_problem_of_its_recording(study):
     (study.root / "S01.docx").write_text("no")
     study.edit("S01_enp.csv", "S01.docx")
 
-    assert study.sole_problem().startswith("recordings[1].file: S01.docx: no reader for this kind")
+    assert study.sole_problem().startswith("recordings[1].file: S01.docx: no format for this kind")
 
 
 # --- the text itself -----------------------------------------------------------------------------

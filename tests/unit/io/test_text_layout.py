@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
-from jointz.io.column_readers import read_table
+from jointz.io.formats.registry import read_table
 from jointz.io.text.text_layout import find_layout
 
 ROWS = [[0.0, 12.5, -3.25], [0.01, 12.75, -3.0], [0.02, 13.0, -2.75], [0.03, 13.5, -2.5]]

@@ -19,7 +19,7 @@ from jointz.collections.entry_reader import EntryFolder
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
 from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S
-from jointz.io.column_readers import file_sha256
+from jointz.io.formats.columns import file_sha256
 from jointz.io.protocols import builtin_protocols, load_protocol
 
 #: Code, where, what was expected, what was found.

@@ -25,6 +25,7 @@ from jointz.io.bids.bids_tables import (
     read_samples,
     read_tsv,
 )
+from jointz.io.formats.columns import file_error
 from jointz.io.text.column_names import READING
 
 DESCRIPTION = "dataset_description.json"
@@ -95,13 +96,13 @@ def read_bids(
     files = sorted(root.glob("sub-*/**/motion/*_motion.tsv"))
     names = {file.name.removesuffix("_motion.tsv"): file for file in files}
     if recording is not None:
-        wanted = Path(recording).name.split(".")[0].removesuffix("_motion")
-        names = {name: file for name, file in names.items() if name == wanted}
+        name_wanted = Path(recording).name.split(".")[0].removesuffix("_motion")
+        names = {name: file for name, file in names.items() if name == name_wanted}
     if not names:
         what = f"recording '{recording}'" if recording else "*_motion.tsv"
-        there = ", ".join(f.name for f in files[:5]) or "none"
+        shown = ", ".join(f.name for f in files[:5]) or "none"
         raise DataError(
-            f"{root}: no {what} in the motion folders; it has: {there}. Correct the name, or give "
+            f"{root}: no {what} in the motion folders; it has: {shown}. Correct the name, or give "
             "another folder.",
             path=str(root),
         )
@@ -114,14 +115,14 @@ def _people(root: Path) -> tuple[dict[str, dict[str, str]], str]:
     table = root / "participants.tsv"
     if not table.is_file():
         return {}, ""
-    found = read_tsv(table, ("participant_id",))
-    rows = {row["participant_id"]: row for row in found.rows}
+    content = read_tsv(table, ("participant_id",))
+    rows = {row["participant_id"]: row for row in content.rows}
     if not rows:
         raise DataError(
             "participants.tsv: expected a row for each participant, found none. Copy it again.",
             path=str(table),
         )
-    return rows, found.end_note
+    return rows, content.end_note
 
 
 def _person(
@@ -183,36 +184,31 @@ def _acquisition(
 
 def _belonging(root: Path, file: Path, ending: str) -> list[Path]:
     """Return the files of one kind that apply to a recording, the farthest first."""
-    own = entities_of(file.name).items()
+    entities = entities_of(file.name).items()
     folders = [folder for folder in (*reversed(file.parents),) if folder.is_relative_to(root)]
-    found = []
+    paths = []
     for folder in folders:
         fitting = [
-            path for path in folder.glob(f"*{ending}") if entities_of(path.name).items() <= own
+            path for path in folder.glob(f"*{ending}") if entities_of(path.name).items() <= entities
         ]
-        found += sorted(fitting, key=lambda path: len(entities_of(path.name)))
-    return found
+        paths += sorted(fitting, key=lambda path: len(entities_of(path.name)))
+    return paths
 
 
 def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     files = _belonging(root, file, "_motion.json")
     if not files:
-        raise DataError(
-            f"{file.name}: no sidecar *_motion.json says its rate. Bring the file that belongs to "
-            "it.",
-            path=str(file),
+        raise file_error(
+            file, "no sidecar *_motion.json says its rate. Bring the file that belongs to it."
         )
     content: dict[str, Any] = {}
     for path in files:
         content |= read_json(path)
     for path in _belonging(root, file, "_channels.json"):
-        own = read_json(path).get(OWN, {})
-        if not isinstance(own, dict):
-            raise DataError(
-                f"{path.name}: key '{OWN}': expected an object, found {own!r}. Correct it.",
-                path=str(path),
-            )
-        content |= own
+        extra = read_json(path).get(OWN, {})
+        if not isinstance(extra, dict):
+            raise file_error(path, f"key '{OWN}': expected an object, found {extra!r}. Correct it.")
+        content |= extra
     return files[-1], content
 
 
@@ -220,19 +216,16 @@ def _channels(root: Path, file: Path) -> tuple[Path, tuple[_Channel, ...], str]:
     """Return the table of channels, what it says, and a note on its end."""
     files = _belonging(root, file, "_channels.tsv")
     if not files:
-        raise DataError(
-            f"{file.name}: no *_channels.tsv names its columns. Bring the file that belongs to it.",
-            path=str(file),
+        raise file_error(
+            file, "no *_channels.tsv names its columns. Bring the file that belongs to it."
         )
     table = read_tsv(files[-1], ("name", "type", "units"))
     names = [row["name"] for row in table.rows]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if not all(names) or repeated:
         what = f"'{repeated[0]}' more than once" if repeated else "a row without a name"
-        raise DataError(
-            f"{files[-1].name}: expected a name of its own for each channel, found {what}. "
-            "Correct it.",
-            path=str(files[-1]),
+        raise file_error(
+            files[-1], f"expected a name of its own for each channel, found {what}. Correct it."
         )
     channels = tuple(
         _Channel(
@@ -265,36 +258,34 @@ def _rate(file: Path, sidecar: Mapping[str, Any]) -> tuple[float, str]:
 def _check_duration(
     file: Path, sidecar: Mapping[str, Any], *, n_samples: int, rate_hz: float
 ) -> None:
-    told = sidecar.get("RecordingDuration")
+    seconds = sidecar.get("RecordingDuration")
     count = sidecar.get(SAMPLE_COUNT)
     if isinstance(count, int):
         _check_count(file, n_samples, count, "samples")
-    elif isinstance(told, int | float) and not isinstance(told, bool):
-        expected = told * rate_hz
+    elif isinstance(seconds, int | float) and not isinstance(seconds, bool):
+        expected = seconds * rate_hz
         if abs(expected - n_samples) > max(_SAMPLES_OFF, 0.01 * expected):
-            raise DataError(
-                f"{file.name}: expected {expected:.0f} samples ({told:g} s at {rate_hz:g} Hz by "
-                f"its sidecar), found {n_samples}. Copy it again, or correct RecordingDuration.",
-                path=str(file),
+            raise file_error(
+                file,
+                f"expected {expected:.0f} samples ({seconds:g} s at {rate_hz:g} Hz by its "
+                f"sidecar), found {n_samples}. Copy it again, or correct RecordingDuration.",
             )
 
 
 def _check_count(file: Path, found: int, expected: int, what: str) -> None:
     if found != expected:
-        raise DataError(
-            f"{file.name}: expected {expected} {what}, as *_channels.json says under {OWN}, found "
-            f"{found}: it was cut off or changed. Copy it again.",
-            path=str(file),
+        raise file_error(
+            file,
+            f"expected {expected} {what}, as *_channels.json says under {OWN}, found {found}: it "
+            "was cut off or changed. Copy it again.",
         )
 
 
 def _start(file: Path, sidecar: Mapping[str, Any]) -> float:
     value = sidecar.get(CLOCK_START, 0.0)
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise DataError(
-            f"{file.name}: key '{CLOCK_START}': expected a number of seconds, found {value!r}. "
-            "Correct it.",
-            path=str(file),
+        raise file_error(
+            file, f"key '{CLOCK_START}': expected a number of seconds, found {value!r}. Correct it."
         )
     return float(value)
 
@@ -305,14 +296,14 @@ def _clock_column(
     """Return the channel that holds time stamps, None for an even clock; and why none does."""
     named = sidecar.get(CLOCK_CHANNEL)
     if named is not None:
-        found = [k for k, c in enumerate(channels) if c.name == named]
-        if not found or not _increases(samples[:, found[0]]):
-            raise DataError(
-                f"{file.name}: expected channel {named!r} to hold increasing time stamps, as its "
-                f"sidecar says under {CLOCK_CHANNEL}. Correct one of them.",
-                path=str(file),
+        columns = [k for k, c in enumerate(channels) if c.name == named]
+        if not columns or not _increases(samples[:, columns[0]]):
+            raise file_error(
+                file,
+                f"expected channel {named!r} to hold increasing time stamps, as its sidecar says "
+                f"under {CLOCK_CHANNEL}. Correct one of them.",
             )
-        return found[0], ""
+        return columns[0], ""
     latency = [k for k, c in enumerate(channels) if c.kind == "LATENCY"]
     if not latency:
         return None, ""
@@ -345,12 +336,12 @@ def _events(root: Path, file: Path, zero_s: float, count: Any) -> tuple[tuple[Ev
     table = read_tsv(files[-1], ("onset", "duration"), whole=not isinstance(count, int))
     if isinstance(count, int):
         _check_count(files[-1], len(table.rows), count, "rows")
-    found = []
+    events = []
     for row, cells in enumerate(table.rows, start=2):
         onset = cell_number(files[-1], row, "onset", cells["onset"])
         length = cell_number(files[-1], row, "duration", cells["duration"], default=np.nan)
-        found.append(Event(zero_s + onset, _event_label(cells), length))
-    return tuple(sorted(found, key=lambda event: event.time_s)), table.end_note
+        events.append(Event(zero_s + onset, _event_label(cells), length))
+    return tuple(sorted(events, key=lambda event: event.time_s)), table.end_note
 
 
 def _event_label(cells: Mapping[str, str]) -> str:
@@ -369,9 +360,9 @@ def _metadata(
     sidecar: Mapping[str, Any],
     person: Mapping[str, str],
 ) -> dict[str, str]:
-    found = {"bids.file": file.name}
-    found |= {_ENTITY_KEYS.get(name, name): value for name, value in entities.items()}
-    found |= {
+    metadata = {"bids.file": file.name}
+    metadata |= {_ENTITY_KEYS.get(name, name): value for name, value in entities.items()}
+    metadata |= {
         f"subject.{name}": value
         for name, value in person.items()
         if value and name != "participant_id"
@@ -379,5 +370,5 @@ def _metadata(
     for key, value in sidecar.items():
         if key not in (CLOCK_START, CLOCK_CHANNEL, SAMPLE_COUNT, EVENT_COUNT, "Description"):
             text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-            found[_TOLD.get(key, f"sidecar.{key}")] = text
-    return found
+            metadata[_TOLD.get(key, f"sidecar.{key}")] = text
+    return metadata

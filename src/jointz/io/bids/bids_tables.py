@@ -1,4 +1,4 @@
-"""Names, tables and sidecars of BIDS folders, read with an eye for damage."""
+"""Names, tables and sidecars of BIDS folders, checked for damage."""
 
 import json
 import math
@@ -26,8 +26,8 @@ def label_of(text: str) -> str:
 def entities_of(name: str) -> dict[str, str]:
     """Return the entities of a file's name, in their order."""
     parts = name.split(".")[0].split("_")
-    found = [_ENTITY.fullmatch(part) for part in parts]
-    return {match[1]: match[2] for match in found if match}
+    entities = [_ENTITY.fullmatch(part) for part in parts]
+    return {match[1]: match[2] for match in entities if match}
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -158,10 +158,10 @@ def _text(path: Path) -> str:
 def _wrong_width(
     path: Path, row: int, found: int, expected: int, *, named_in: str = ""
 ) -> DataError:
-    told = f" ({named_in} names {expected} channels)" if named_in else ""
+    source = f" ({named_in} names {expected} channels)" if named_in else ""
     return _bad(
         path,
-        f"expected {expected} values between tabs, found {found}{told}. Correct the row, or copy "
+        f"expected {expected} values between tabs, found {found}{source}. Correct the row, or copy "
         "the file again.",
         row,
     )

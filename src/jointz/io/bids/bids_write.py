@@ -1,4 +1,4 @@
-"""The files of one recording in a Motion-BIDS folder."""
+"""Writer of one recording's files in a Motion-BIDS folder."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -93,7 +93,7 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         taken = {channel.name for channel in channels}
         channels = (*_clock_channels(recording.time_s, taken), *channels)
     _check_finite(recording.stem, channels)
-    own = {
+    about = {
         "Description": "About the recording: what Motion-BIDS has no keys for.",
         CLOCK_START: start,
         SAMPLE_COUNT: recording.time_s.size,
@@ -105,13 +105,14 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         "motion.tsv": _samples(channels),
         "motion.json": _json(_sidecar(recording, channels, rate=rate)),
         "channels.tsv": _table(_COLUMNS, [_channel_row(c) for c in channels]),
-        "channels.json": _json({**_CHANNELS_JSON, OWN: own}),
+        "channels.json": _json({**_CHANNELS_JSON, OWN: about}),
     }
     if recording.events:
         columns = ("onset", "duration", "trial_type", "amplitude", "timing_point")
         rows = [_event_row(e, float(recording.time_s[0])) for e in recording.events]
         files["events.tsv"] = _table(columns, sorted(rows, key=lambda row: float(row[0])))
-        files["events.json"] = _json(_about_events(recording.amplitude_unit))
+        amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(recording.amplitude_unit)}
+        files["events.json"] = _json({**_EVENTS_JSON, "amplitude": amplitude})
     folder = root / recording.folder
     folder.mkdir(parents=True, exist_ok=True)
     names = []
@@ -120,11 +121,6 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
         (root / name).write_text(text, encoding="utf-8", newline="\n")
         names.append(name)
     return names
-
-
-def _about_events(amplitude_unit: str) -> dict[str, Any]:
-    amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(amplitude_unit)}
-    return {**_EVENTS_JSON, "amplitude": amplitude}
 
 
 def even_clock(time_s: np.ndarray) -> tuple[float | None, float]:
@@ -188,17 +184,17 @@ def _sidecar(
 ) -> dict[str, Any]:
     time = recording.time_s
     seconds = float(time[-1] - time[0])
-    found: dict[str, Any] = {"TaskName": recording.entities["task"]}
-    found["SamplingFrequency"] = recording.nominal_hz if rate is None else rate
-    found["SamplingFrequencyEffective"] = (time.size - 1) / seconds
-    found["RecordingDuration"] = time.size * seconds / (time.size - 1)
-    found["RecordingType"] = "continuous"
-    found["MotionChannelCount"] = len(channels)
-    found |= {f"{kind}ChannelCount": sum(c.kind == kind for c in channels) for kind in _TYPES}
+    content: dict[str, Any] = {"TaskName": recording.entities["task"]}
+    content["SamplingFrequency"] = recording.nominal_hz if rate is None else rate
+    content["SamplingFrequencyEffective"] = (time.size - 1) / seconds
+    content["RecordingDuration"] = time.size * seconds / (time.size - 1)
+    content["RecordingType"] = "continuous"
+    content["MotionChannelCount"] = len(channels)
+    content |= {f"{kind}ChannelCount": sum(c.kind == kind for c in channels) for kind in _TYPES}
     points = {c.tracked_point for c in channels} - {NOTHING}
-    found["TrackedPointsCount"] = len(points)
-    found["MissingValues"] = NOTHING
-    return found | dict(recording.sidecar)
+    content["TrackedPointsCount"] = len(points)
+    content["MissingValues"] = NOTHING
+    return content | dict(recording.sidecar)
 
 
 def _channel_row(channel: MotionChannel) -> list[str]:
@@ -219,11 +215,7 @@ def _event_row(event: Mapping[str, Any], start_s: float) -> list[str]:
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [columns, *rows]
-    return "".join("\t".join(_one_cell(cell) for cell in line) + "\n" for line in lines)
-
-
-def _one_cell(text: str) -> str:
-    return " ".join(text.split())
+    return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
 
 def _json(content: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The one clock of a C3D file: frames at a rate, and channels a whole number of times as fast."""
+"""Clock of a C3D file: frames at one rate, channels at a whole multiple of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -79,21 +79,22 @@ def aligned(
                 "s later than it does."
             )
         times[role] = ratio
-    kept = {role: timed[role] for role in times}
-    n_frames = min(group.n_samples // times[role] for role, group in kept.items())
-    for role, group in kept.items():
+    fitting = {role: timed[role] for role in times}
+    n_frames = min(group.n_samples // times[role] for role, group in fitting.items())
+    for role, group in fitting.items():
         if group.n_samples != n_frames * times[role]:
             cut = group.n_samples - n_frames * times[role]
             lost.append(f"Group '{group.name}' is cut to whole frames, by {cut} samples.")
-            kept[role] = _first(group, n_frames * times[role])
+            cells = [replace(s, values=s.values[: n_frames * times[role]]) for s in group.signals]
+            fitting[role] = replace(group, signals=tuple(cells))
     clock = Clock(
         rate_hz=_rate(base),
         first_frame=_first_frame(base, lost),
         n_frames=n_frames,
         times=times,
-        rates_hz={role: _rate(group) for role, group in kept.items()},
+        rates_hz={role: _rate(group) for role, group in fitting.items()},
     )
-    return clock, kept
+    return clock, fitting
 
 
 def _holdable(group: SignalGroup, lost: list[str]) -> SignalGroup | None:
@@ -113,8 +114,10 @@ def _misfit(base: SignalGroup, group: SignalGroup) -> tuple[str, int]:
     ratio = _rate(group) / _rate(base)
     whole = round(ratio)
     if whole < 1 or abs(ratio - whole) > _WHOLE * ratio:
-        found = f"{_rate(group):g} Hz is no whole multiple of the {_rate(base):g} Hz of the frames"
-        return found, 0
+        problem = (
+            f"{_rate(group):g} Hz is no whole multiple of the {_rate(base):g} Hz of the frames"
+        )
+        return problem, 0
     if abs(group.start_s - base.start_s) * _rate(group) > 0.5:
         return f"it starts at {group.start_s:g} s, the frames at {base.start_s:g} s", 0
     if len(group.signals) * whole > MOST_VALUES:
@@ -146,8 +149,3 @@ def _rate_of(stamps: np.ndarray) -> float | None:
 
 def _rate(group: SignalGroup) -> float:
     return float(group.rate_hz or 0.0)
-
-
-def _first(group: SignalGroup, count: int) -> SignalGroup:
-    signals = tuple(replace(s, values=s.values[:count]) for s in group.signals)
-    return replace(group, signals=signals)

@@ -1,14 +1,13 @@
 """C3D: trajectories of points, analog channels at a rate of their own, and events."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
 from jointz.io.c3d.c3d_clock import single
 from jointz.io.c3d.c3d_events import read_events
 from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, take_frames
@@ -16,16 +15,14 @@ from jointz.io.c3d.c3d_parameters import BLOCK, read_parameters
 from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_told, plan
 from jointz.io.c3d.c3d_values import text_of
 from jointz.io.c3d.c3d_write import c3d_bytes
-from jointz.io.formats.registry import register_format
-from jointz.io.text.column_names import READING
-from jointz.io.text.signal_names import distinct_names, filled
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.text.column_names import READING, distinct_names, padded
 
 _LOWEST_WORD = -0x8000
 _FLOATS_OF_A_ROTATION = 17  # a matrix of 4 x 4, and how reliable it is
 
 
-@register_format(".c3d")
-class C3dFormat:
+class C3dFormat(GroupFormat):
     """Points and analog channels, rotations where there are any, events and parameters."""
 
     name = "C3D"
@@ -57,36 +54,34 @@ class C3dFormat:
         """Return what of a content a C3D file cannot hold."""
         return plan(content)[1]
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write what a C3D file can hold, in single precision."""
-        raw = c3d_bytes(plan(content)[0], path)
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(raw)
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return what a C3D file can hold, in single precision."""
+        return c3d_bytes(plan(content)[0], path)
 
 
 def _remarks(file: Source) -> dict[str, str]:
-    """Say what looks odd about a file."""
+    """Return remarks on what looks odd about a file."""
     parameters, header = file.parameters, file.header
-    found = dict(file.notes)
+    remarks = dict(file.notes)
     if not math.isclose(file.rate_hz, header.rate_hz, rel_tol=SAME):
-        found["rate"] = f"The header says {header.rate_hz:g} Hz; POINT:RATE holds."
+        remarks["rate"] = f"The header says {header.rate_hz:g} Hz; POINT:RATE holds."
     if parameters.unread:
-        found["parameters"] = f"{parameters.unread} bytes behind the last parameter are not read."
+        remarks["parameters"] = f"{parameters.unread} bytes behind the last parameter are not read."
     counts = {"POINT.LABELS": file.n_points, "ANALOG.LABELS": file.n_channels}
     for name, count in counts.items():
         n_labels = len(parameters.texts(name))
         if n_labels < count:
-            found[name.lower()] = f"{count - n_labels} of {count} have no label and are counted."
-    return {f"{READING}{key}": text for key, text in found.items()}
+            remarks[name.lower()] = f"{count - n_labels} of {count} have no label and are counted."
+    return {f"{READING}{key}": text for key, text in remarks.items()}
 
 
 def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | None:
     if not file.n_points:
         return None
-    stated = filled(file.parameters.texts("POINT.LABELS"), file.n_points)
+    stated = padded(file.parameters.texts("POINT.LABELS"), file.n_points)
     labels = distinct_names(stated, file.n_points, "point")
-    notes = filled(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
-    units = map(_point_units(file), stated)
+    notes = padded(file.parameters.texts("POINT.DESCRIPTIONS"), file.n_points)
+    units = _point_units(file, stated)
     factor = 1.0 if file.in_floats else file.scale
     values = np.where(frames[:, :, 3:] < 0, np.nan, frames[:, :, :3] * factor)
     signals = [
@@ -102,7 +97,8 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
     if not n:
         return None
     offsets, factors = _offsets(file), _factors(file)
-    if _unsigned(file):
+    # Words from 32768 on, and offsets that look negative, are no negative numbers.
+    if "UNSIGNED" in [text.upper() for text in parameters.texts("ANALOG.FORMAT")]:
         samples = samples if file.in_floats else samples & SATURATED
         offsets = np.where(offsets < 0, offsets + SATURATED + 1, offsets)
     else:
@@ -110,8 +106,8 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
     with np.errstate(over="ignore", invalid="ignore"):
         values = (samples - offsets) * factors
     names = distinct_names(parameters.texts("ANALOG.LABELS"), n, "analog")
-    units = filled(parameters.texts("ANALOG.UNITS"), n)
-    notes = filled(parameters.texts("ANALOG.DESCRIPTIONS"), n)
+    units = padded(parameters.texts("ANALOG.UNITS"), n)
+    notes = padded(parameters.texts("ANALOG.DESCRIPTIONS"), n)
     signals = [
         Signal(name, np.ascontiguousarray(values[:, i]), unit, note)
         for i, (name, unit, note) in enumerate(zip(names, units, notes, strict=True))
@@ -129,35 +125,28 @@ def _analogs(file: Source, samples: np.ndarray, start_s: float) -> SignalGroup |
 
 def _factors(file: Source) -> np.ndarray:
     """Return the scale of each channel: a unit without it would be that of other numbers."""
-    scales = file.parameters.numbers("ANALOG.SCALE")
-    if scales.size < file.n_channels:
-        raise file.refuse(
-            f"ANALOG:SCALE holds {scales.size} scales for {file.n_channels} channels; expected one "
-            "each."
-        )
+    scales = _per_channel(file, "SCALE", "scales")
     if "ANALOG.GEN_SCALE" not in file.parameters.values:
         file.notes["analog.gen_scale"] = "ANALOG:GEN_SCALE is missing; taken as 1."
-    general = file.parameters.number("ANALOG.GEN_SCALE", 1.0)
-    return np.asarray(general * scales[: file.n_channels])
+    return np.asarray(file.parameters.number("ANALOG.GEN_SCALE", 1.0) * scales)
 
 
 def _offsets(file: Source) -> np.ndarray:
     """Return the offset of each channel; some programs write none where all are 0."""
-    offsets = file.parameters.numbers("ANALOG.OFFSET")
     if "ANALOG.OFFSET" not in file.parameters.values:
         file.notes["analog.offset"] = "ANALOG:OFFSET is missing; taken as 0."
         return np.zeros(file.n_channels)
-    if offsets.size < file.n_channels:
+    return _per_channel(file, "OFFSET", "offsets")
+
+
+def _per_channel(file: Source, name: str, what: str) -> np.ndarray:
+    numbers = file.parameters.numbers(f"ANALOG.{name}")
+    if numbers.size < file.n_channels:
         raise file.refuse(
-            f"ANALOG:OFFSET holds {offsets.size} offsets for {file.n_channels} channels; expected "
+            f"ANALOG:{name} holds {numbers.size} {what} for {file.n_channels} channels; expected "
             "one each."
         )
-    return offsets[: file.n_channels]
-
-
-def _unsigned(file: Source) -> bool:
-    """Whether words from 32768 on, and offsets that look negative, are no negative numbers."""
-    return "UNSIGNED" in [text.upper() for text in file.parameters.texts("ANALOG.FORMAT")]
+    return numbers[: file.n_channels]
 
 
 def _unsigned_all_the_same(file: Source, samples: np.ndarray, offsets: np.ndarray) -> np.ndarray:
@@ -216,22 +205,15 @@ def _clock(rate_hz: float, start_s: float) -> tuple[float | None, float]:
     return rate_hz, start_s
 
 
-def _point_units(file: Source) -> "_Units":
+def _point_units(file: Source, labels: Sequence[str]) -> list[str]:
+    """Return the unit of each point: that of its kind, else the usual one."""
     parameters = file.parameters
-    own = {
+    special = {
         label: unit
         for kind, unit_name in KINDS.items()
         for unit in parameters.texts(f"POINT.{unit_name}")[:1]
         for label in parameters.texts(f"POINT.{kind}")
         if label
     }
-    return _Units(own, next(iter(parameters.texts("POINT.UNITS")), ""))
-
-
-@dataclass(frozen=True, slots=True)
-class _Units:
-    own: dict[str, str]
-    usual: str
-
-    def __call__(self, label: str) -> str:
-        return self.own.get(label, self.usual)
+    usual = next(iter(parameters.texts("POINT.UNITS")), "")
+    return [special.get(label, usual) for label in labels]

@@ -1,4 +1,4 @@
-"""The frames of a C3D file: what it says of them here and there, and whether that agrees.
+"""Frames of a C3D file, after header, parameters and file length were compared.
 
 Header and parameters state the layout of the frames twice. Frames that are cut in the wrong
 places are numbers all the same, so both are held against each other and against the length of
@@ -15,6 +15,7 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.io.c3d.c3d_clock import MOST_VALUES, single
 from jointz.io.c3d.c3d_parameters import BLOCK, Header, Machine, Parameters
+from jointz.io.formats.columns import file_error
 
 SATURATED = 0xFFFF
 #: Two floats that are to say the same; both are of single precision.
@@ -25,7 +26,7 @@ _COPY = "Copy or export it again."
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a file says of itself."""
+    """Content, header and parameters of a file."""
 
     path: Path  # the file
     content: bytes  # all of it
@@ -77,7 +78,7 @@ class Source:
 
     def refuse(self, what: str, todo: str = "Export it again.") -> DataError:
         """Return the error about the file."""
-        return DataError(f"{self.path.name}: {what} {todo}", path=str(self.path))
+        return file_error(self.path, f"{what} {todo}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +115,10 @@ def take_frames(file: Source) -> Frames:
 
 def _check_parameters(file: Source) -> None:
     """Refuse a section that ends early: something stands behind it, and something is missing."""
-    wanted = ["POINT.USED", "POINT.SCALE", "POINT.RATE", "POINT.FRAMES", "ANALOG.USED"]
-    wanted += ["POINT.LABELS", "POINT.UNITS"] if file.n_points else []
-    wanted += ["ANALOG.LABELS", "ANALOG.SCALE"] if file.n_channels else []
-    missing = [name for name in wanted if name not in file.parameters.values]
+    required = ["POINT.USED", "POINT.SCALE", "POINT.RATE", "POINT.FRAMES", "ANALOG.USED"]
+    required += ["POINT.LABELS", "POINT.UNITS"] if file.n_points else []
+    required += ["ANALOG.LABELS", "ANALOG.SCALE"] if file.n_channels else []
+    missing = [name for name in required if name not in file.parameters.values]
     if missing and file.parameters.unread:
         raise file.refuse(
             f"expected the parameters {', '.join(missing).replace('.', ':')}, found none, and "
@@ -186,19 +187,19 @@ def _room(file: Source, start: int) -> int:
 
 def _n_frames(file: Source, size: int, room: int) -> int:
     """Return how many frames there are; where the file says two numbers its length decides."""
-    said = list(dict.fromkeys(_said_frames(file)))
-    if len(said) > 1:
-        told = f"it states {' and '.join(map(str, said))} frames"
-        said = [n for n in said if _fills(n * size, room)] or said
-        if len(said) > 1:
-            raise file.refuse(f"{told}; expected one number.")
-        file.notes["frames"] = f"I{told[1:]}; the length of the file tells {said[0]}."
-    if said[0] * size > room:
+    counts = list(dict.fromkeys(_said_frames(file)))
+    if len(counts) > 1:
+        statement = f"it states {' and '.join(map(str, counts))} frames"
+        counts = [n for n in counts if _fills(n * size, room)] or counts
+        if len(counts) > 1:
+            raise file.refuse(f"{statement}; expected one number.")
+        file.notes["frames"] = f"I{statement[1:]}; the length of the file tells {counts[0]}."
+    if counts[0] * size > room:
         raise file.refuse(
-            f"it states {said[0]} frames, and holds {room // size}; it is cut off or damaged.",
+            f"it states {counts[0]} frames, and holds {room // size}; it is cut off or damaged.",
             _COPY,
         )
-    return said[0]
+    return counts[0]
 
 
 def _fills(size: int, room: int) -> bool:
@@ -219,12 +220,12 @@ def _check_layout(file: Source, room: int) -> None:
     differ = [f"{b} {what}, not {a}" for what, (a, b) in stated.items() if a and b and a != b]
     if not differ:
         return
-    told = f"The header counts {', '.join(differ)} a frame"
+    statement = f"The header counts {', '.join(differ)} a frame"
     sizes = [file.frame_bytes(*counts) for counts in zip(*stated.values(), strict=True)]
     fills = [any(_fills(n * size, room) for n in _said_frames(file)) for size in sizes]
     if fills != [True, False]:
-        raise file.refuse(f"{told[0].lower()}{told[1:]}, as the parameters do.", _COPY)
-    file.notes["layout"] = f"{told}; the length of the file tells that the parameters hold."
+        raise file.refuse(f"{statement[0].lower()}{statement[1:]}, as the parameters do.", _COPY)
+    file.notes["layout"] = f"{statement}; the length of the file tells that the parameters hold."
 
 
 def _check_neighbours(file: Source, start: int, size: int, room: int) -> None:
@@ -267,10 +268,10 @@ def _trial(file: Source) -> tuple[int, int] | None:
     """Return first and last frame of the trial, two words each, counted from 1."""
     fields = []
     for name in ("TRIAL.ACTUAL_START_FIELD", "TRIAL.ACTUAL_END_FIELD"):
-        found = file.parameters.numbers(name)
-        if not found.size or not np.isfinite(found).all():
+        words_found = file.parameters.numbers(name)
+        if not words_found.size or not np.isfinite(words_found).all():
             return None
-        words = [int(v) & SATURATED for v in found[:2]]
+        words = [int(v) & SATURATED for v in words_found[:2]]
         fields.append(words[0] + (words[1] << 16 if len(words) > 1 else 0))
     # A trial without frames ends before it starts.
     return (fields[0], fields[1]) if 0 < fields[0] <= fields[1] + 1 else None

@@ -1,4 +1,4 @@
-"""The header and the parameter section of a C3D file, as named values.
+"""Header and parameter section of a C3D file, as named values.
 
 C3D (https://www.c3d.org) was made for computers of three kinds, which differ in the order of
 bytes and in their floats; all three are read. jointz reads and writes the format itself: the
@@ -27,7 +27,7 @@ Values = tuple[str, ...] | np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """How a file's computer orders bytes."""
+    """Byte order of the computer that wrote a file."""
 
     order: str  # ``<`` or ``>``, as in :mod:`struct`
     vax: bool = False  # whether its floats are those of a VAX
@@ -88,15 +88,15 @@ class Parameters:
 
     def number(self, name: str, default: float) -> float:
         """Return the first number of a parameter."""
-        found = self.numbers(name)
-        return float(found[0]) if found.size else default
+        numbers = self.numbers(name)
+        return float(numbers[0]) if numbers.size else default
 
     def count(self, name: str, default: int) -> int:
         """Return an unsigned number."""
-        found = self.number(name, default)
-        if not np.isfinite(found):
+        number = self.number(name, default)
+        if not np.isfinite(number):
             return default
-        return int(found) & 0xFFFF if found < 0 else int(found)
+        return int(number) & 0xFFFF if number < 0 else int(number)
 
     def _parts(self, name: str) -> list[Values]:
         parts, number = [], 2
@@ -146,7 +146,7 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
     data_start = BLOCK * (data_block - 1)
     end = data_start if data_start > start else len(content)
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, Values]] = []
+    entries: list[tuple[int, str, Values]] = []
     at, tail, step = start + 4, start + 4, 1
     while step and at + 1 < end:  # some programs write no last entry
         length, number = struct.unpack("bb", _cut(path, content, at, 2))
@@ -163,20 +163,15 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
             groups[-number] = name
         else:
             values, tail = parameter_values(path, machine, content, step_at + 2)
-            _check_step(path, name, (step_at, step, tail))
-            found.append((number, name, values))
+            if step and tail > step_at + step:
+                expected = f"parameter {name} to end before byte {step_at + step}"
+                raise _broken(path, step_at, expected, f"its end at {tail}")
+            entries.append((number, name, values))
         tail += 1 + sum(content[tail : tail + 1])  # the description
         at = step_at + step
     unread = sum(map(bool, content[tail:end])) if data_start > start else 0
-    named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in found}
+    named = {f"{groups.get(g, f'GROUP{g}')}.{name}": v for g, name, v in entries}
     return Parameters(named, unread, (start, tail))
-
-
-def _check_step(path: Path, name: str, places: tuple[int, int, int]) -> None:
-    at, step, after = places
-    if step and after > at + step:
-        expected = f"parameter {name} to end before byte {at + step}"
-        raise _broken(path, at, expected, f"its end at {after}")
 
 
 def parameter_values(path: Path, machine: Machine, content: bytes, at: int) -> tuple[Values, int]:

@@ -1,4 +1,4 @@
-"""What of a content goes into a C3D file, and what cannot be held, a sentence each."""
+"""Plan of a C3D file: the content it can hold, and a sentence for each loss."""
 
 import re
 from collections import Counter
@@ -57,7 +57,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class C3dContent:
-    """What is to be written."""
+    """Content to be written."""
 
     columns: Mapping[str, Columns]  # by ``points``, ``analogs`` and ``rotations``
     clock: Clock  # of the frames
@@ -81,8 +81,8 @@ def plan(content: Acquisition) -> tuple[C3dContent, list[str]]:
     columns = {role: _columns(role, group, lost) for role, group in groups.items()}
     if "points" in columns:
         columns["points"], kinds = _of_kinds(columns["points"], lost)
-    for role, found in columns.items():
-        lost += _rounded(role, found)
+    for role, part in columns.items():
+        lost += _rounded(role, part)
     if not columns:
         lost.append("No group of it can be written.")
     events = _events(content.events, lost)
@@ -120,13 +120,13 @@ def _roles(content: Acquisition, lost: list[str]) -> dict[str, SignalGroup]:
     order = [taken[g.name] for g in content.groups if g.name in taken]
     if order != [role for role in ROLES if role in order]:
         lost.append(f"Its groups come in the order {', '.join(ROLES)}.")
-    found = {taken[g.name]: g for g in content.groups if g.name in taken}
-    for role, group in found.items():
+    by_role = {taken[g.name]: g for g in content.groups if g.name in taken}
+    for role, group in by_role.items():
         text = [s.name for s in group.signals if s.is_text]
         if text:
             lost.append(f"It has no place for text signals: {listed(text)}.")
-        found[role] = replace(group, signals=tuple(_numbers(group)))
-    return {role: found[role] for role in ROLES if role in found}
+        by_role[role] = replace(group, signals=tuple(_numbers(group)))
+    return {role: by_role[role] for role in ROLES if role in by_role}
 
 
 def _suits(group: SignalGroup, role: str) -> bool:
@@ -163,7 +163,7 @@ def _columns(role: str, group: SignalGroup, lost: list[str]) -> Columns:
 
 
 def _say_unequal(role: str, signals: Sequence[Signal], step: int, lost: list[str]) -> None:
-    """Say where the cells of a point differ in what is said of them, or it cannot be written."""
+    """Name cells of a point whose unit or description cannot be written."""
     heads = [signals[i - i % step] for i in range(len(signals))]
     pairs = list(zip(signals, heads, strict=True))
     units = [s.name for s, head in pairs if s.unit != _clean(head.unit)]
@@ -186,32 +186,32 @@ def _of_kinds(points: Columns, lost: list[str]) -> tuple[Columns, dict[str, tupl
     units = list(dict.fromkeys(points.units))
     usual = next((u for u in units if u not in _KIND_OF_UNIT), units[0] if units else "")
     kinds: dict[str, tuple[str, list[str]]] = {}
-    left: list[int] = []
+    excluded: list[int] = []
     for i, (label, unit) in enumerate(zip(points.labels, points.units, strict=True)):
         kind = _KIND_OF_UNIT.get(unit, "SCALARS")
         if unit == usual:
             continue
         if kinds.setdefault(kind, (unit, []))[0] != unit:
-            left.append(i)
+            excluded.append(i)
             continue
         kinds[kind][1].append(label)
-    if left:
-        names = [f"{points.labels[i]} ({points.units[i]})" for i in left]
+    if excluded:
+        names = [f"{points.labels[i]} ({points.units[i]})" for i in excluded]
         lost.append(f"Points of one kind have one unit; left out: {listed(names)}.")
-    kept = [i for i in range(len(points.labels)) if i not in left]
+    fitting = [i for i in range(len(points.labels)) if i not in excluded]
     return (
         Columns(
-            tuple(points.labels[i] for i in kept),
-            tuple(points.units[i] for i in kept),
-            tuple(points.notes[i] for i in kept),
-            points.values[:, kept],
+            tuple(points.labels[i] for i in fitting),
+            tuple(points.units[i] for i in fitting),
+            tuple(points.notes[i] for i in fitting),
+            points.values[:, fitting],
         ),
         kinds,
     )
 
 
 def _rounded(role: str, columns: Columns) -> Iterator[str]:
-    """Say which values single precision does not hold."""
+    """Name values that single precision does not hold."""
     values = columns.values
     with np.errstate(over="ignore"):
         held = values.astype(np.float32).astype(np.float64)
@@ -264,9 +264,9 @@ def _joined(side: str, label: str) -> str:
 
 
 def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]:
-    found: dict[str, Values] = {}
+    parameters: dict[str, Values] = {}
     groups: set[str] = set()
-    left = []
+    excluded = []
     for key, text in metadata.items():
         if key.startswith(READING):
             continue
@@ -275,13 +275,13 @@ def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]
         group = name.partition(".")[0]
         held = text not in ("", "[]") and not is_told(name) and name.lower() == key
         if not held or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS:
-            left.append(key)
+            excluded.append(key)
             continue
         groups.add(group)
-        found[name] = values
-    if left:
-        lost.append(f"It has no place for metadata: {listed(left)}.")
-    return found
+        parameters[name] = values
+    if excluded:
+        lost.append(f"It has no place for metadata: {listed(excluded)}.")
+    return parameters
 
 
 def _clean(text: str) -> str:

@@ -38,8 +38,8 @@ def values_of(text: str) -> Values:
     except (ValueError, RecursionError):
         return (text,)
     if isinstance(plain, list) and plain and all(isinstance(v, str) for v in plain):
-        found: Values = tuple(plain)
-        return found if len(plain) > 1 and text_of(found) == text else (text,)
+        texts: Values = tuple(plain)
+        return texts if len(plain) > 1 and text_of(texts) == text else (text,)
     numbers = _rectangular(plain)
     return (text,) if numbers is None or text_of(numbers) != text else numbers
 

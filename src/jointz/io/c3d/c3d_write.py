@@ -1,4 +1,4 @@
-"""The bytes of a C3D file: header, parameters, frames in single precision, rotations."""
+"""Bytes of a C3D file: header, parameters, frames in single precision, rotations."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from jointz.core.errors import DataError
 from jointz.io.c3d.c3d_parameters import BLOCK, KEY, Values
 from jointz.io.c3d.c3d_plan import KINDS, C3dContent, Columns, seconds_of, side_of
 from jointz.io.c3d.c3d_values import LONGEST, write_parameters
+from jointz.io.formats.columns import file_error
 
 _MOST_BLOCKS = 255
 _SATURATED = 0xFFFF
@@ -19,9 +19,7 @@ _EMPTY = Columns()
 def c3d_bytes(content: C3dContent, path: Path) -> bytes:
     """Return a whole file."""
     if not content.columns:
-        raise DataError(
-            f"{path.name}: C3D can hold nothing of it. Choose another format.", path=str(path)
-        )
+        raise file_error(path, "C3D can hold nothing of it. Choose another format.")
     frames = _frames(content)
     blocks_of_frames = -(-len(frames) // BLOCK)
     section = b""
@@ -30,10 +28,10 @@ def c3d_bytes(content: C3dContent, path: Path) -> bytes:
         starts = data_block, data_block + blocks_of_frames
         section = write_parameters(dict(_parameters(content, starts)))
     if len(section) > _MOST_BLOCKS * BLOCK:
-        raise DataError(
-            f"{path.name}: names, descriptions and metadata need {len(section)} bytes; a C3D file "
-            f"has room for {_MOST_BLOCKS * BLOCK}. Write fewer signals or metadata.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"names, descriptions and metadata need {len(section)} bytes; a C3D file has room "
+            f"for {_MOST_BLOCKS * BLOCK}. Write fewer signals or metadata.",
         )
     header = _header(content, starts[0])
     rotations = _rotations(content)
@@ -66,13 +64,15 @@ def _parameters(content: C3dContent, starts: tuple[int, int]) -> Iterator[tuple[
     yield "POINT.RATE", np.array([clock.rate_hz])
     yield "POINT.DATA_START", _word(data_block)
     yield "POINT.FRAMES", _word(frames)
-    unit = [u for u in points.units if u not in {own for own, _ in content.kinds.values()}]
+    unit = [
+        u for u in points.units if u not in {kind_unit for kind_unit, _ in content.kinds.values()}
+    ]
     yield "POINT.UNITS", tuple(unit[:1]) or ("",)
     yield from _lists("POINT.LABELS", points.labels)
     yield from _lists("POINT.DESCRIPTIONS", points.notes)
-    for kind, (own, labels) in content.kinds.items():
+    for kind, (kind_unit, labels) in content.kinds.items():
         yield from _lists(f"POINT.{kind}", labels)
-        yield f"POINT.{KINDS[kind]}", (own,)
+        yield f"POINT.{KINDS[kind]}", (kind_unit,)
     if clock.first_frame + max(clock.n_frames, 1) > _SATURATED:
         yield "POINT.LONG_FRAMES", np.array([float(clock.n_frames)])
         yield "TRIAL.ACTUAL_START_FIELD", _words(clock.first_frame + 1)

@@ -1,4 +1,4 @@
-"""Size of the content of HDF5 files, found before it is read."""
+"""Size of the content of HDF5 files, estimated before it is read."""
 
 from collections.abc import Collection
 from math import inf, prod
@@ -15,11 +15,11 @@ def check_hdf5(path: Path, file: Any, *, skip: Collection[str] = ()) -> None:
 
     Whatever is linked or referred to several times counts each time: so it is read.
     """
-    known: dict[Any, float] = {}
-    check_unpacked(path, sum(_size(path, file, name, known) for name in file if name not in skip))
+    sizes: dict[Any, float] = {}
+    check_unpacked(path, sum(_size(path, file, name, sizes) for name in file if name not in skip))
 
 
-def _size(path: Path, parent: Any, link: Any, known: dict[Any, float]) -> float:
+def _size(path: Path, parent: Any, link: Any, sizes: dict[Any, float]) -> float:
     """Return the bytes of what a name or a reference leads to; what holds itself has no end."""
     import h5py
 
@@ -27,18 +27,18 @@ def _size(path: Path, parent: Any, link: Any, known: dict[Any, float]) -> float:
     if item is None:  # a link that leads nowhere
         return OBJECT_BYTES
     key = h5py.h5o.get_info(item.id).addr, item.file.filename
-    if key not in known:
-        known[key] = inf
+    if key not in sizes:
+        sizes[key] = inf
         if isinstance(item, h5py.Group):
-            known[key] = OBJECT_BYTES + sum(_size(path, item, name, known) for name in item)
+            sizes[key] = OBJECT_BYTES + sum(_size(path, item, name, sizes) for name in item)
         elif isinstance(item, h5py.Dataset):
-            known[key] = OBJECT_BYTES + _size_of_samples(path, item, known)
+            sizes[key] = OBJECT_BYTES + _size_of_samples(path, item, sizes)
         else:
-            known[key] = OBJECT_BYTES
-    return known[key]
+            sizes[key] = OBJECT_BYTES
+    return sizes[key]
 
 
-def _size_of_samples(path: Path, samples: Any, known: dict[Any, float]) -> float:
+def _size_of_samples(path: Path, samples: Any, sizes: dict[Any, float]) -> float:
     import h5py
 
     n = max(samples.size or 0, prod(samples.chunks or ()))  # a chunk is unpacked as a whole
@@ -47,7 +47,7 @@ def _size_of_samples(path: Path, samples: Any, known: dict[Any, float]) -> float
     if h5py.check_ref_dtype(samples.dtype) is h5py.Reference:
         check_unpacked(path, n * OBJECT_BYTES)
         links = samples[()].ravel() if samples.shape else ([samples[()]] if samples.size else [])
-        return float(declared + sum(_size(path, samples, link, known) for link in links if link))
+        return float(declared + sum(_size(path, samples, link, sizes) for link in links if link))
     if h5py.check_vlen_dtype(samples.dtype) or _is_long_text(samples):
         check_unpacked(path, n * OBJECT_BYTES)
         return float(declared + _size_of_texts(path, samples))

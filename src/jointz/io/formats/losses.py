@@ -1,4 +1,4 @@
-"""What of a content a format cannot hold, said the same way by all of them."""
+"""Sentences about what a format cannot hold of a content."""
 
 from collections.abc import Callable, Iterable
 
@@ -18,36 +18,36 @@ def first_group(content: Acquisition) -> SignalGroup:
 
 
 def lost_groups(content: Acquisition) -> list[str]:
-    """Say which groups a format of one table leaves out."""
+    """Name the groups that a format of one table leaves out."""
     if len(content.groups) == 1:
         return []
     if not content.groups:
         return ["It has no group of signals, and the file would hold nothing."]
-    left = listed(f"'{group.name}'" for group in content.groups[1:])
-    return [f"It holds one table, group '{content.groups[0].name}'; left out: {left}."]
+    others = listed(f"'{group.name}'" for group in content.groups[1:])
+    return [f"It holds one table, group '{content.groups[0].name}'; left out: {others}."]
 
 
 def lost_events(content: Acquisition) -> list[str]:
-    """Say that events are left out."""
+    """Count the events that are left out."""
     count = len(content.events)
     return [f"It has no place for events ({count} left out)."] if count else []
 
 
 def lost_metadata(content: Acquisition) -> list[str]:
-    """Say which metadata are left out; what a reader noted is none."""
-    own = {time_column_key(group.name) for group in content.groups}
-    lost = [k for k in content.metadata if not k.startswith(READING) and k not in own]
+    """Name the metadata that are left out, apart from notes of a reader."""
+    clock_keys = {time_column_key(group.name) for group in content.groups}
+    lost = [k for k in content.metadata if not k.startswith(READING) and k not in clock_keys]
     return [f"It has no place for metadata: {listed(lost)}."] if lost else []
 
 
 def lost_descriptions(group: SignalGroup) -> list[str]:
-    """Say which signals lose what was said of them."""
+    """Name the signals that lose their description."""
     lost = [s.name for s in group.signals if s.description and not s.description.startswith(NOTE)]
     return [f"It has no place for the descriptions of {listed(lost)}."] if lost else []
 
 
 def lost_signals(group: SignalGroup, why: str, leaves_out: Callable[[Signal], bool]) -> list[str]:
-    """Say which signals do not fit, and why."""
+    """Name the signals that do not fit, and the reason."""
     lost = [signal.name for signal in group.signals if leaves_out(signal)]
     return [f"It cannot hold {why}: {listed(lost)}."] if lost else []
 
@@ -55,6 +55,17 @@ def lost_signals(group: SignalGroup, why: str, leaves_out: Callable[[Signal], bo
 def has_text(signal: Signal, fits: Callable[[str], bool]) -> bool:
     """Whether any text of a signal does not fit."""
     return signal.is_text and not all(fits(str(text)) for text in signal.values)
+
+
+def lost_letters(groups: Iterable[SignalGroup]) -> list[str]:
+    """Name the signals of text with NUL or half letters."""
+    return [
+        sentence
+        for group in groups
+        for sentence in lost_signals(
+            group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
+        )
+    ]
 
 
 def has_infinity(signal: Signal) -> bool:
@@ -88,3 +99,11 @@ def listed(names: Iterable[str]) -> str:
     shown = list(names)
     more = len(shown) - _MOST_NAMES
     return ", ".join(shown[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def text_array(texts: Iterable[str]) -> np.ndarray:
+    """Return texts as an array of str objects, whatever their lengths."""
+    words = list(texts)
+    array = np.empty(len(words), dtype=object)
+    array[:] = words
+    return array

@@ -1,4 +1,4 @@
-"""Whole MATLAB files in and out (version 5, which every MATLAB and GNU Octave load).
+"""MATLAB files in and out (written as version 5, which every MATLAB and GNU Octave load).
 
 What is written is one variable, the struct ``jointz``::
 
@@ -22,7 +22,9 @@ recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
 read as a group a recording, and one more for its pulses.
 """
 
-from collections.abc import Mapping, Sequence
+import io
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,14 +32,17 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
-from jointz.io.formats.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
-from jointz.io.formats.matlab_columns import load_variables, series_names, value_at
-from jointz.io.formats.matlab_names import cells, column, field_names, number_or_empty
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import (
+    RawTable,
+    TableRequest,
+    damaged,
+    file_error,
+    make_table,
+    missing_columns,
+)
+from jointz.io.formats.losses import is_plain, listed, lost_letters, plainly, text_array, words_of
+from jointz.io.formats.matlab_variables import load_variables, series_at, series_names, value_at
 from jointz.io.text.column_names import READING, is_time, unique_names, with_clock
 
 ROOT = "jointz"
@@ -46,83 +51,132 @@ _VERSION, STUDY = 2.0, 3.0
 _DAMAGE = (KeyError, ValueError, TypeError, IndexError, AttributeError)
 
 
-@register_format(".mat")
+_OBJECT_HINT = (
+    "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
+    "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
+)
+#: namelengthmax of MATLAB; scipy writes no longer field.
+LONGEST_NAME = 63
+_NO_LETTER = re.compile(r"\W", re.ASCII)
+_KEYWORDS = frozenset(
+    [
+        *("break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for"),
+        *("function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd"),
+        *("switch", "try", "while"),
+    ]
+)
+
+
 class MatlabFormat:
-    """Reads series of any .mat file by length, and its own layout exactly; writes all."""
+    """Reads series of any .mat file by length, and its own layout exactly; writes all.
+
+    A column is a dotted name through structs, ``data.knee.angle``; ``data.signals.3`` is the
+    third column of a matrix (samples in rows), or the third element of a struct or cell array.
+    """
 
     name = "MATLAB .mat"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
         """Return numeric and text series; those of one length make a group."""
         content, has_objects = load_variables(path, None)
-        own = content.get(ROOT)
-        version = own.get("version") if isinstance(own, Mapping) else None
-        if isinstance(own, Mapping) and version in (_VERSION, STUDY):
+        struct = content.get(ROOT)
+        version = struct.get("version") if isinstance(struct, Mapping) else None
+        if isinstance(struct, Mapping) and version in (_VERSION, STUDY):
             try:
-                return _own(own) if version == _VERSION else _study(own)
+                return _own(struct) if version == _VERSION else _study(struct)
             except _DAMAGE as exc:
                 raise damaged(path, exc) from exc
         return _foreign(path, content, has_objects=has_objects)
 
+    def read_columns(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the requested series, flattened."""
+        names = [str(c) for c in request.columns]
+        content, has_objects = load_variables(path, {name.partition(".")[0] for name in names})
+        values = {name: value_at(content, name.split(".")) for name in names}
+        missing = [name for name, value in values.items() if value is None]
+        if missing:
+            content, has_objects = load_variables(path, None)
+            hint = _OBJECT_HINT if has_objects else ""
+            raise missing_columns(path, missing, list(series_names(content)), hint)
+        return make_table(path, request, lambda c: series_at(path, c, values[c]), {})
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
+        """Return None: the names inside structs are known only after reading all."""
+        return None
+
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what version 5 cannot hold: NUL and half letters."""
-        lost = []
-        for group in content.groups:
-            lost += lost_signals(
-                group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
-            )
+        """Name what version 5 cannot hold: NUL and half letters."""
+        lost = lost_letters(content.groups)
         odd = [repr(word) for word in words_of(content) if not is_plain(word)]
         if odd:
             lost.append(f"It cannot hold as they are (NUL, half letters): {listed(odd)}.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write the struct ``jointz`` (layout: this module's docstring)."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the struct ``jointz`` (layout: this module's docstring)."""
         names = field_names([group.name or "data" for group in content.groups])
         groups = {
             name: _group(group, content.metadata)
             for name, group in zip(names, content.groups, strict=True)
         }
         events = np.array([(e.time_s, e.duration_s) for e in content.events]).reshape(-1, 2)
-        write_struct(
-            {
-                "version": _VERSION,
-                "groups": groups,
-                "events": {
-                    "time_s": events[:, :1],
-                    "duration_s": events[:, 1:],
-                    "label": cells(plainly(event.label) for event in content.events),
-                },
-                "metadata": {
-                    "key": cells(plainly(key) for key in content.metadata),
-                    "value": cells(plainly(text) for text in content.metadata.values()),
-                },
+        struct = {
+            "version": _VERSION,
+            "groups": groups,
+            "events": {
+                "time_s": events[:, :1],
+                "duration_s": events[:, 1:],
+                "label": cells(event.label for event in content.events),
             },
-            path,
-        )
+            "metadata": {"key": cells(content.metadata), "value": cells(content.metadata.values())},
+        }
+        return struct_bytes(struct, path)
 
 
-def write_struct(content: Mapping[str, Any], path: Path) -> None:
-    """Write one struct ``jointz`` as a version 5 file, compressed."""
+def struct_bytes(content: Mapping[str, Any], path: Path) -> bytes:
+    """Return a version 5 file of one struct ``jointz``, compressed."""
     from scipy.io import savemat
     from scipy.io.matlab import MatWriteError
 
-    with whole_file(path, "Make room or name another place.") as partial:
-        try:
-            with partial.open("wb") as stream:
-                savemat(
-                    stream,
-                    {ROOT: dict(content)},
-                    long_field_names=True,
-                    do_compression=True,
-                    oned_as="column",
-                )
-        except (MatWriteError, OverflowError) as exc:
-            raise DataError(
-                f"{path.name}: a .mat file of version 5 cannot hold it ({exc}). Write fewer "
-                "signals, or .nc.",
-                path=str(path),
-            ) from exc
+    stream = io.BytesIO()
+    variables = {ROOT: dict(content)}
+    try:
+        savemat(stream, variables, long_field_names=True, do_compression=True, oned_as="column")
+    except (MatWriteError, OverflowError) as exc:
+        raise file_error(
+            path,
+            f"a .mat file of version 5 cannot hold it ({exc}). Write fewer signals, or .nc.",
+        ) from exc
+    return stream.getvalue()
+
+
+def field_names(names: Sequence[str]) -> list[str]:
+    """Return a field name of MATLAB for each name; they differ where the names do not."""
+    # The number of a repeated name may not make it too long.
+    longest = LONGEST_NAME - len(f"_{len(names) + 1}")
+    return unique_names([_identifier(name, longest) for name in names])
+
+
+def _identifier(name: str, longest: int) -> str:
+    word = _NO_LETTER.sub("_", name)
+    if not word[:1].isalpha():
+        word = f"x{word}"
+    return f"{word}_" if word in _KEYWORDS else word[:longest]
+
+
+def column(values: np.ndarray) -> np.ndarray:
+    """Return samples as MATLAB has them: a column of doubles."""
+    return values.reshape(-1, 1)
+
+
+def cells(texts: Iterable[str]) -> np.ndarray:
+    """Return a column of cells with a text each."""
+    return text_array(plainly(str(text)) for text in texts).reshape(-1, 1)
+
+
+def number_or_empty(value: float | None) -> Any:
+    """Return a number, or ``[]`` where there is none."""
+    return np.empty((0, 0)) if value is None else float(value)
 
 
 # --- the layout of jointz ---------------------------------------------------------------------
@@ -131,12 +185,13 @@ def write_struct(content: Mapping[str, Any], path: Path) -> None:
 def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
     time = group.times_s()
     names = field_names([signal.name for signal in group.signals])
+    clock = "none" if group.time_s is None else "stamps"
     return {
         "name": plainly(group.name),
         "rate_hz": number_or_empty(group.rate_hz),
         "start_s": float(group.start_s),
         "time": np.empty((0, 0)) if time is None else column(time),
-        "clock": _clock(group),
+        "clock": "rate" if group.rate_hz is not None else clock,
         "n": float(group.n_samples),
         "signals": {
             name: _signal(signal, _positive(group.name, signal.name, metadata))
@@ -145,42 +200,32 @@ def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def _clock(group: SignalGroup) -> str:
-    if group.rate_hz is not None:
-        return "rate"
-    return "none" if group.time_s is None else "stamps"
-
-
 def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
     """Return what positive means: said of the group's signal, a signal, the group or all."""
-    own = f"{group}.positive"
-    keys = (f"{own}.{name}", f"positive.{name}", own, "positive")
+    group_key = f"{group}.positive"
+    keys = (f"{group_key}.{name}", f"positive.{name}", group_key, "positive")
     return next((metadata[key] for key in keys if key in metadata), "")
 
 
 def _signal(signal: Signal, positive: str) -> dict[str, Any]:
-    if signal.is_text:
-        values = cells(plainly(str(text)) for text in signal.values)
-    else:
-        values = column(signal.values)
     return {
         "name": plainly(signal.name),
         "unit": plainly(signal.unit),
         "description": plainly(signal.description),
         "positive": plainly(positive),
         "kind": "text" if signal.is_text else "number",
-        "values": values,
+        "values": cells(signal.values) if signal.is_text else column(signal.values),
     }
 
 
-def _own(found: Mapping[str, Any]) -> Acquisition:
-    events, metadata = found["events"], found["metadata"]
+def _own(struct: Mapping[str, Any]) -> Acquisition:
+    events, metadata = struct["events"], struct["metadata"]
     times, lengths = _numbers(events["time_s"]), _numbers(events["duration_s"])
     labels = _texts(events["label"], len(times))
-    n = _length(metadata["key"])
+    n = len(metadata["key"]) if isinstance(metadata["key"], list) else 1
     pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
     return Acquisition(
-        tuple(_own_group(name, group) for name, group in (found["groups"] or {}).items()),
+        tuple(_own_group(name, group) for name, group in (struct["groups"] or {}).items()),
         tuple(
             Event(float(t), label, float(d))
             for t, label, d in zip(times, labels, lengths, strict=True)
@@ -189,8 +234,8 @@ def _own(found: Mapping[str, Any]) -> Acquisition:
     )
 
 
-def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
-    n, clock = int(found["n"]), _word(found["clock"])
+def _own_group(field: str, struct: Mapping[str, Any]) -> SignalGroup:
+    n, clock = int(struct["n"]), _word(struct["clock"])
     place = f"{ROOT}.groups.{field}"
     signals = tuple(
         Signal(
@@ -202,25 +247,29 @@ def _own_group(field: str, found: Mapping[str, Any]) -> SignalGroup:
             _word(signal["description"]),
             f"{place}.signals.{key}.values",
         )
-        for key, signal in (found["signals"] or {}).items()
+        for key, signal in (struct["signals"] or {}).items()
     )
     return SignalGroup(
-        _word(found["name"]),
+        _word(struct["name"]),
         signals,
-        float(found["rate_hz"]) if clock == "rate" else None,
-        float(found["start_s"]),
-        _numbers(found["time"]) if clock == "stamps" else None,
+        float(struct["rate_hz"]) if clock == "rate" else None,
+        float(struct["start_s"]),
+        _numbers(struct["time"]) if clock == "stamps" else None,
         "" if clock == "none" else f"{place}.time",
     )
 
 
-def _study(found: Mapping[str, Any]) -> Acquisition:
+def _study(struct: Mapping[str, Any]) -> Acquisition:
     """Return the recordings of a study as groups, and their pulses."""
-    recordings = _entries(found["recordings"])
-    wanted = ("participant", "condition", "session", "side", "trial")
-    labels = ["_".join(w for key in wanted if (w := _word(own[key]))) for own in recordings]
+    recordings = _entries(struct["recordings"])
+    keys = ("participant", "condition", "session", "side", "trial")
+    labels = [
+        "_".join(w for key in keys if (w := _word(recording[key]))) for recording in recordings
+    ]
     groups = []
-    for k, (name, own) in enumerate(zip(unique_names(labels), recordings, strict=True), start=1):
+    for k, (name, recording) in enumerate(
+        zip(unique_names(labels), recordings, strict=True), start=1
+    ):
         number = f".{k}" if len(recordings) > 1 else ""
         place = f"{ROOT}.recordings.signals{number}"
         signals = tuple(
@@ -230,31 +279,31 @@ def _study(found: Mapping[str, Any]) -> Acquisition:
                 _word(signal["unit"]),
                 column=f"{place}.{key}.values",
             )
-            for key, signal in (own["signals"] or {}).items()
+            for key, signal in (recording["signals"] or {}).items()
         )
-        time, column = _numbers(own["time"]), f"{ROOT}.recordings.time{number}"
+        time, column = _numbers(recording["time"]), f"{ROOT}.recordings.time{number}"
         groups.append(SignalGroup(name, signals, time_s=time, time_column=column))
-        groups += _pulses(f"{name}.pulses", own["pulses"])
-    told = {key: _word(found[key]) for key in ("kind", "joint", "positive", "study_toml")}
-    return Acquisition(tuple(groups), (), told)
+        groups += _pulses(f"{name}.pulses", recording["pulses"])
+    metadata = {key: _word(struct[key]) for key in ("kind", "joint", "positive", "study_toml")}
+    return Acquisition(tuple(groups), (), metadata)
 
 
-def _entries(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _entries(struct: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the structs of an array, which is read as a struct of lists."""
-    if isinstance(found["n"], list):
-        return [{key: found[key][k] for key in found} for k in range(len(found["n"]))]
-    return [dict(found)]
+    if isinstance(struct["n"], list):
+        return [{key: struct[key][k] for key in struct} for k in range(len(struct["n"]))]
+    return [dict(struct)]
 
 
-def _pulses(name: str, found: Mapping[str, Any]) -> list[SignalGroup]:
-    onset = _numbers(found["onset_s"])
+def _pulses(name: str, struct: Mapping[str, Any]) -> list[SignalGroup]:
+    onset = _numbers(struct["onset_s"])
     if not len(onset):
         return []
     signals = (
         Signal("onset_s", onset, "s"),
-        Signal("duration_s", _numbers(found["duration_s"]), "s"),
-        Signal("amplitude", _numbers(found["amplitude"])),
-        Signal("timing_point", _texts(found["timing_point"], len(onset))),
+        Signal("duration_s", _numbers(struct["duration_s"]), "s"),
+        Signal("amplitude", _numbers(struct["amplitude"])),
+        Signal("timing_point", _texts(struct["timing_point"], len(onset))),
     )
     return [SignalGroup(name, signals)]
 
@@ -269,11 +318,6 @@ def _texts(value: Any, n: int) -> np.ndarray:
     texts = np.empty(n, dtype=object)
     texts[:] = [_word(word) for word in words][:n] if n else []
     return texts
-
-
-def _length(value: Any) -> int:
-    """Return how many cells a column of texts that are not empty has."""
-    return len(value) if isinstance(value, list) else 1
 
 
 def _word(value: Any) -> str:
@@ -299,10 +343,9 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
             left_out.append(name)
     if not by_length:
         hint = " It holds MATLAB objects, which only MATLAB reads." if has_objects else ""
-        raise DataError(
-            f"{path.name}: expected series of numbers, found none.{hint} Save vectors or structs "
-            "of vectors.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"expected series of numbers, found none.{hint} Save vectors or structs of vectors.",
         )
     if has_objects or left_out:
         what = [*left_out, *(["MATLAB objects"] if has_objects else [])]
@@ -310,9 +353,11 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
-        group, told = _with_clock(name, _named_shortly(signals))
+        names = unique_names([signal.name for signal in signals])
+        signals = [replace(s, name=unique) for s, unique in zip(signals, names, strict=True)]
+        group, notes = _with_clock(name, signals)
         groups.append(group)
-        metadata |= told
+        metadata |= notes
     return Acquisition(tuple(groups), (), metadata)
 
 
@@ -324,13 +369,13 @@ def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict
     # A series alone, such as times of events, is the clock of nothing.
     prefix = shared[0] if shared and len(signals) > 1 else ""
     bare = [replace(s, name=s.name.removeprefix(prefix), column=s.name) for s in signals]
-    group, told = with_clock(name, bare)
+    group, notes = with_clock(name, bare)
     if times and not shared and group.time_s is None:
-        told[f"{READING}clock.{name}"] = (
+        notes[f"{READING}clock.{name}"] = (
             f"not the clock, as its struct does not hold all series of this length: {listed(times)}"
         )
     whole = tuple(replace(signal, name=signal.column, column="") for signal in group.signals)
-    return replace(group, signals=whole), told
+    return replace(group, signals=whole), notes
 
 
 def _series(value: Any) -> np.ndarray | None:
@@ -344,11 +389,3 @@ def _series(value: Any) -> np.ndarray | None:
     if value.ndim > 1 and max(value.shape) < value.size:
         return None
     return value.ravel().astype(np.float64)
-
-
-def _named_shortly(signals: list[Signal]) -> list[Signal]:
-    names = unique_names([signal.name for signal in signals])
-    return [
-        signal if signal.name == name else Signal(name, signal.values)
-        for signal, name in zip(signals, names, strict=True)
-    ]

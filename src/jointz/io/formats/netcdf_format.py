@@ -1,4 +1,4 @@
-"""Whole netCDF-4 files in and out: groups are groups, each with its own clock.
+"""netCDF-4 files in and out: groups are groups, each with its own clock.
 
 Of the formats that jointz writes this one holds everything. The layout, for other programs:
 
@@ -13,7 +13,9 @@ Of the formats that jointz writes this one holds everything. The layout, for oth
 """
 
 import hashlib
+import json
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,13 +25,12 @@ import xarray as xr
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
-from jointz.io.formats.losses import has_text, is_plain, listed, lost_signals, plainly, words_of
-from jointz.io.formats.netcdf_recording import MOST_COLUMNS, load_group, opened_netcdf
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import RawTable, TableRequest, damaged, make_table, missing_columns
+from jointz.io.formats.losses import listed, lost_letters, plainly, text_array, words_of
+from jointz.io.formats.netcdf_recording import load_group, netcdf_bytes, opened_netcdf
 from jointz.io.text.column_names import READING, unit_in_name, with_clock
 
+_MOST_COLUMNS = 64  # of a matrix, to be taken apart into columns ``NAME.1``, ``NAME.2`` and so on
 _SEAL = b"\njointz sha256 "
 _SEAL_BYTES = len(_SEAL) + 64
 _LAYOUT = "jointz_acquisition"
@@ -41,9 +42,12 @@ _BLOCK_BYTES = 1 << 20
 _LONGEST_ATTRIBUTE = 60_000  # bytes; HDF5 keeps attributes in a header of 64 KB
 
 
-@register_format(".nc")
 class NetcdfFormat:
-    """Reads any netCDF-4 file and recordings of jointz; writes all of a content."""
+    """Reads any netCDF-4 file and recordings of jointz; writes all of a content.
+
+    A column is a variable by name, ``group/variable`` in groups; ``variable.3`` is the third
+    column of a matrix.
+    """
 
     name = "netCDF-4"
 
@@ -51,33 +55,83 @@ class NetcdfFormat:
         """Return every variable along one dimension, grouped by group and dimension."""
         _check_seal(path)
         with opened_netcdf(path) as file:
-            own = file.attrs.get(_LAYOUT)
+            layout = file.attrs.get(_LAYOUT)
             contents = {
                 name: load_group(file[name] if name else file) for name in _groups_in(file, "")
             }
         try:
-            if own is not None:
+            if layout is not None:
                 return _own(contents)
             return _foreign(contents)
         except (KeyError, ValueError, TypeError, IndexError, AttributeError) as exc:
             raise damaged(path, exc) from exc
 
+    def read_columns(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the requested variables; fill values become NaN, packed ones are unpacked."""
+        by_group: dict[str, list[str]] = defaultdict(list)
+        variables: dict[str, xr.DataArray] = {}
+        with opened_netcdf(path) as file:
+            names, available = [str(c) for c in request.columns], _variable_names(file, "")
+            missing = [name for name in names if name not in available]
+            if missing:
+                raise missing_columns(path, missing, available)
+            for name in names:
+                by_group[name.rpartition("/")[0]].append(name)
+            for group, members in by_group.items():
+                short = {member: member.rpartition("/")[2] for member in members}
+                dataset = load_group(file[group] if group else file, short.values())
+                variables |= {member: _variable(dataset, name) for member, name in short.items()}
+            history = _history(file)
+        units = {n: str(v.attrs["units"]) for n, v in variables.items() if "units" in v.attrs}
+        return make_table(path, request, lambda c: variables[c].values, units, history=history)
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
+        """Return the variables of all groups."""
+        with opened_netcdf(path) as file:
+            return _variable_names(file, "")
+
     def losses(self, content: Acquisition) -> list[str]:
         """List what netCDF cannot hold: NUL, surrogates, very long texts beside samples."""
-        lost = []
-        for group in content.groups:
-            lost += lost_signals(group, "text with NUL or half letters", _odd_text)
-        odd = [word for word in words_of(content) if _kept(word) != word]
+        lost = lost_letters(content.groups)
+        odd = [word for word in words_of(content) if _attribute(word) != word]
         if odd:
             shown = listed(repr(word[:40]) for word in odd)
             lost.append(f"It cannot hold as they are (NUL, half letters, over 60 KB): {shown}.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write everything; samples are kept bit for bit."""
-        data = _bytes_of(content)
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(data + _SEAL + hashlib.sha256(data).hexdigest().encode())
+    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
+        """Return everything; samples are kept bit for bit."""
+        data = netcdf_bytes(lambda file: _fill(file, content))
+        return data + _SEAL + hashlib.sha256(data).hexdigest().encode()
+
+
+def _variable_names(group: Any, prefix: str) -> list[str]:
+    names = []
+    for name, variable in group.variables.items():
+        names.append(prefix + name)
+        shape = variable.shape
+        if len(shape) == 2 and shape[1] <= _MOST_COLUMNS:
+            names += [f"{prefix}{name}.{k + 1}" for k in range(shape[1])]
+    for name, inner in group.groups.items():
+        names += _variable_names(inner, f"{prefix}{name}/")
+    return names
+
+
+def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """Return a variable, or a column of one."""
+    if name in dataset.variables:
+        return dataset[name]
+    matrix, _, number = name.rpartition(".")
+    return dataset[matrix][:, int(number) - 1]
+
+
+def _history(file: Any) -> tuple[dict[str, Any], ...]:
+    """Return the history of a recording of jointz; that of other programs is plain text."""
+    try:
+        steps = json.loads(file.attrs.get("history", ""))
+    except (ValueError, TypeError):
+        return ()
+    return tuple(s for s in steps if isinstance(s, dict)) if isinstance(steps, list) else ()
 
 
 def _check_seal(path: Path) -> None:
@@ -106,26 +160,25 @@ def _groups_in(file: Any, prefix: str) -> Iterator[str]:
 # --- the layout of jointz ---------------------------------------------------------------------
 
 
-def _bytes_of(content: Acquisition) -> bytes:
-    """Return the file as it is to be: where the disk is full HDF5 itself would crash."""
-    import h5netcdf
-    import h5py
-
-    memory = {"driver": "core", "backing_store": False, "track_order": True}
-    with h5py.File("acquisition", "w", **memory) as raw:
-        with h5netcdf.File(raw, "r+") as file:
-            file.attrs[_LAYOUT] = _VERSION
-            for k, group in enumerate(content.groups, start=1):
-                _put_group(file.create_group(f"g{k}"), group)
-            _put_events(file.create_group("events"), content)
-            _put_metadata(file.create_group("metadata"), content)
-        raw.flush()
-        return bytes(raw.id.get_file_image())
+def _fill(file: Any, content: Acquisition) -> None:
+    file.attrs[_LAYOUT] = _VERSION
+    for k, group in enumerate(content.groups, start=1):
+        _put_group(file.create_group(f"g{k}"), group)
+    times = [(event.time_s, event.duration_s) for event in content.events]
+    table = np.array(times, dtype=np.float64).reshape(-1, 2)
+    events, metadata = file.create_group("events"), file.create_group("metadata")
+    events.dimensions["sample"] = len(content.events)
+    _put(events, "time_s", table[:, 0], {"units": "s"})
+    _put(events, "duration_s", table[:, 1], {"units": "s"})
+    _put(events, "label", text_array(event.label for event in content.events), {})
+    metadata.dimensions["sample"] = len(content.metadata)
+    _put(metadata, "key", text_array(content.metadata), {})
+    _put(metadata, "value", text_array(content.metadata.values()), {})
 
 
 def _put_group(place: Any, group: SignalGroup) -> None:
     place.dimensions["sample"] = group.n_samples
-    place.attrs["name"] = _kept(group.name)
+    place.attrs["name"] = _attribute(group.name)
     place.attrs["start_s"] = group.start_s
     if group.rate_hz is not None:
         place.attrs["rate_hz"] = group.rate_hz
@@ -136,26 +189,16 @@ def _put_group(place: Any, group: SignalGroup) -> None:
             signal.name if easy else next(n for i in range(k, 2**31) if (n := f"s{i}") not in names)
         )
         names.add(name)
-        told = {"name": signal.name, "units": signal.unit, "description": signal.description}
-        _put(place, name, signal.values, {k: _kept(v) for k, v in told.items() if v or k == "name"})
+        attributes = {"name": signal.name, "units": signal.unit, "description": signal.description}
+        _put(
+            place,
+            name,
+            signal.values,
+            {k: _attribute(v) for k, v in attributes.items() if v or k == "name"},
+        )
     time = group.times_s()
     if time is not None:
         _put(place, _CLOCK, time, {"units": "s"})
-
-
-def _put_events(place: Any, content: Acquisition) -> None:
-    place.dimensions["sample"] = len(content.events)
-    numbers = [(event.time_s, event.duration_s) for event in content.events]
-    table = np.array(numbers, dtype=np.float64).reshape(-1, 2)
-    _put(place, "time_s", table[:, 0], {"units": "s"})
-    _put(place, "duration_s", table[:, 1], {"units": "s"})
-    _put(place, "label", _texts(event.label for event in content.events), {})
-
-
-def _put_metadata(place: Any, content: Acquisition) -> None:
-    place.dimensions["sample"] = len(content.metadata)
-    _put(place, "key", _texts(content.metadata), {})
-    _put(place, "value", _texts(content.metadata.values()), {})
 
 
 def _put(place: Any, name: str, values: np.ndarray, attributes: Mapping[str, str]) -> None:
@@ -202,20 +245,16 @@ def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
     start = float(content.attrs["start_s"])
     if rate is None:
         return SignalGroup(name, signals, None, start, stamps, column), ""
-    told = SignalGroup(name, signals, float(rate), start, time_column=column)
-    if stamps is not None and _same(stamps, told.times_s()):
-        return told, ""
+    uniform = SignalGroup(name, signals, float(rate), start, time_column=column)
+    times = uniform.times_s()
+    if stamps is not None and times is not None and np.array_equal(stamps, times, equal_nan=True):
+        return uniform, ""
     # Another program took samples or the clock out, and left the rate as it was.
     note = (
         f"group '{name}' is not as jointz wrote it: its {rate:g} Hz from {start:g} s are not those "
         f"of its samples, {'which have no clock' if stamps is None else 'whose stamps are taken'}"
     )
     return SignalGroup(name, signals, None, 0.0, stamps, column), note
-
-
-def _same(stamps: np.ndarray, times: np.ndarray | None) -> bool:
-    """Whether a clock is the one of a rate, to the last digit as jointz writes it."""
-    return times is not None and np.array_equal(stamps, times, equal_nan=True)
 
 
 # --- files of others --------------------------------------------------------------------------
@@ -228,13 +267,13 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     for place, content in contents.items():
         prefix = f"{place.replace('/', '.')}." if place else ""
         metadata |= {f"{prefix}{key}": str(value) for key, value in content.attrs.items()}
-        found, left = _columns(place, content)
-        left_out += [f"{place}/{name}" if place else name for name in left]
-        for dimension, signals in found.items():
-            name = "/".join(p for p in (place, dimension if len(found) > 1 else "") if p)
-            group, told = with_clock(name, signals)
+        by_dimension, names = _columns(place, content)
+        left_out += [f"{place}/{name}" if place else name for name in names]
+        for dimension, signals in by_dimension.items():
+            name = "/".join(p for p in (place, dimension if len(by_dimension) > 1 else "") if p)
+            group, notes = with_clock(name, signals)
             groups.append(group)
-            metadata |= told
+            metadata |= notes
     if left_out:
         metadata[f"{READING}left_out"] = f"no series of samples: {listed(left_out)}"
     return Acquisition(tuple(groups), (), metadata)
@@ -242,11 +281,11 @@ def _foreign(contents: Mapping[str, xr.Dataset]) -> Acquisition:
 
 def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], list[str]]:
     """Return signals by dimension, and the variables that are no series."""
-    found: dict[str, list[Signal]] = {}
+    by_dimension: dict[str, list[Signal]] = {}
     left_out = []
     for key, variable in content.variables.items():
         name = str(key)
-        wide = variable.ndim == 2 and variable.shape[1] <= MOST_COLUMNS
+        wide = variable.ndim == 2 and variable.shape[1] <= _MOST_COLUMNS
         if not (variable.ndim == 1 or wide) or variable.dtype.kind not in "fiubOSU":
             left_out.append(name)
             continue
@@ -257,11 +296,13 @@ def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], l
             else {f"{name}.{k + 1}": values[:, k] for k in range(variable.shape[1])}
         )
         unit = str(variable.attrs.get("units", "")) or unit_in_name(name)
-        said = str(variable.attrs.get("description") or variable.attrs.get("long_name") or "")
-        place = found.setdefault(str(variable.dims[0]), [])
+        description = str(
+            variable.attrs.get("description") or variable.attrs.get("long_name") or ""
+        )
+        place = by_dimension.setdefault(str(variable.dims[0]), [])
         prefix = f"{path}/" if path else ""
-        place += [Signal(n, v, unit, said, f"{prefix}{n}") for n, v in columns.items()]
-    return found, left_out
+        place += [Signal(n, v, unit, description, f"{prefix}{n}") for n, v in columns.items()]
+    return by_dimension, left_out
 
 
 def _samples(variable: Any) -> np.ndarray:
@@ -269,22 +310,9 @@ def _samples(variable: Any) -> np.ndarray:
     if values.dtype.kind in "fiub":
         return np.asarray(values, dtype=np.float64)
     flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in values.flat]
-    texts = np.empty(len(flat), dtype=object)
-    texts[:] = flat
-    return texts.reshape(values.shape)
+    return text_array(flat).reshape(values.shape)
 
 
-def _odd_text(signal: Signal) -> bool:
-    return has_text(signal, is_plain)
-
-
-def _texts(words: Any) -> np.ndarray:
-    found = list(words)
-    texts = np.empty(len(found), dtype=object)
-    texts[:] = found
-    return texts
-
-
-def _kept(word: str) -> str:
+def _attribute(word: str) -> str:
     """Return what an attribute can hold of a word."""
     return plainly(word).encode()[:_LONGEST_ATTRIBUTE].decode(errors="ignore")

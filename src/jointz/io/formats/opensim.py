@@ -9,7 +9,7 @@ column has no unit, and its description says so.
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +17,9 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.formats.losses import (
-    NOTE,
-    first_group,
-    lost_groups,
-    lost_signals,
-)
-from jointz.io.formats.registry import register_format
+from jointz.io.formats.columns import file_error
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import NOTE, first_group, lost_groups, lost_signals
 from jointz.io.text.column_names import READING, unique_names
 from jointz.io.text.side_information import filled, read_beside, written_beside
 
@@ -62,8 +57,7 @@ class _Header:
     n_lines: int  # with endheader
 
 
-@register_format(".mot", ".sto")
-class OpenSimFormat:
+class OpenSimFormat(GroupFormat):
     """Reads and writes .mot and .sto; what the header has no words for is a line of JSON in it."""
 
     name = "OpenSim .mot/.sto"
@@ -76,8 +70,8 @@ class OpenSimFormat:
         columns = {name: samples[:, k] for k, name in enumerate(names) if k > 0}
         if header.beside:
             try:
-                told = read_beside(header.beside)
-                return filled(told, columns, samples[:, 0], labels=_labels(told.group))
+                side = read_beside(header.beside)
+                return filled(side, columns, samples[:, 0], labels=_labels(side.group))
             except ValueError as exc:
                 raise _bad(path, f"{exc}.", todo="Remove that line of the header.") from exc
         signals = tuple(
@@ -88,7 +82,7 @@ class OpenSimFormat:
         return Acquisition((group,), (), header.metadata | notes)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what the format cannot hold: several groups, text, no clock, mixed angles."""
+        """Name what the format cannot hold: several groups, text, no clock, mixed angles."""
         group = first_group(content)
         lost = lost_groups(content)
         lost += lost_signals(group, "text", lambda signal: signal.is_text)
@@ -100,28 +94,26 @@ class OpenSimFormat:
             lost.append("It needs a time column, and the group has no clock.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group's signals of numbers."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the first group's signals of numbers."""
         group = first_group(content)
         time = group.times_s()
         if time is None or not len(time):
-            raise DataError(
-                f"{path.name}: expected a group with a clock and samples, found none. OpenSim "
-                "needs a time column: choose another format.",
-                path=str(path),
+            raise file_error(
+                path,
+                "expected a group with a clock and samples, found none. OpenSim needs a time "
+                "column: choose another format.",
             )
         if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-            raise DataError(
-                f"{path.name}: the time stamps of group '{group.name}' do not increase, and "
-                "OpenSim refuses such a table. Choose another format.",
-                path=str(path),
+            raise file_error(
+                path,
+                f"the time stamps of group '{group.name}' do not increase, and OpenSim refuses "
+                "such a table. Choose another format.",
             )
         other = _other_angles(group)
-        kept = tuple(s for s in group.signals if not s.is_text and s.name not in other)
-        held = SignalGroup(group.name, kept, group.rate_hz, group.start_s, group.time_s)
-        text = _written(content, held, time, path.stem)
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+        signals = tuple(s for s in group.signals if not s.is_text and s.name not in other)
+        held = replace(group, signals=signals)
+        return _written(content, held, time, path.stem).encode("utf-8", errors="replace")
 
 
 def _lines(path: Path) -> list[str]:
@@ -191,7 +183,10 @@ def _table(
         body.pop()
     rows = [_cells(line, separator) for line in body]
     _check_counts(path, header, len(labels), len(rows))
-    _check_widths(path, rows, len(labels), at + 2)
+    for k, cells in enumerate(rows):
+        if len(cells) != len(labels):
+            message = f"expected {len(labels)} values, found {len(cells)}."
+            raise _bad(path, message, at + 2 + k)
     pieces = _PIECES.match(header.metadata.get("DataType", ""))
     if pieces is not None and rows:
         labels, rows = _taken_apart(path, labels, rows, at + 2)
@@ -247,12 +242,6 @@ def _check_counts(path: Path, header: _Header, n_columns: int, n_rows: int) -> N
         raise _bad(path, "expected samples under the names of the columns, found none.")
 
 
-def _check_widths(path: Path, rows: list[list[str]], n_columns: int, first: int) -> None:
-    for k, cells in enumerate(rows):
-        if len(cells) != n_columns:
-            raise _bad(path, f"expected {n_columns} values, found {len(cells)}.", first + k)
-
-
 def _check_labels(path: Path, labels: list[str], row: int) -> None:
     if labels[0].lower() != "time":
         raise _bad(path, f"expected 'time' as the first column, found '{labels[0]}'.", row)
@@ -278,10 +267,8 @@ def _taken_apart(
 
 
 def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -> np.ndarray:
-    if any("_" in cell for cells in rows for cell in cells):  # Python takes 1_0 for 10
-        raise _first_bad_cell(path, labels, rows, first)
     try:
-        samples = np.array(rows, dtype=np.float64)
+        samples = np.array([[_number(cell) for cell in cells] for cells in rows])
     except ValueError as exc:
         raise _first_bad_cell(path, labels, rows, first) from exc
     time = samples[:, 0]
@@ -294,11 +281,15 @@ def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -
     return samples
 
 
+def _number(cell: str) -> float:
+    return float(cell.replace("_", "x"))  # Python takes 1_0 for 10
+
+
 def _first_bad_cell(path: Path, labels: list[str], rows: list[list[str]], first: int) -> DataError:
     for k, cells in enumerate(rows):
         for label, cell in zip(labels, cells, strict=True):
             try:
-                float(cell.replace("_", "x"))
+                _number(cell)
             except ValueError:
                 return _bad(path, f"expected a number for '{label}', found '{cell}'.", first + k)
     return _bad(path, "it holds what is no number.")
@@ -329,7 +320,7 @@ def _other_angles(group: SignalGroup) -> set[str]:
 
 
 def _written(content: Acquisition, group: SignalGroup, time: np.ndarray, stem: str) -> str:
-    kept = Acquisition((group,), content.events, content.metadata)
+    content_of_group = Acquisition((group,), content.events, content.metadata)
     stated = [_ANGLES[s.unit] for s in group.signals if s.unit in _ANGLES]
     stated = stated[:1] or [_one_line(content.metadata.get("inDegrees", ""))]
     lines = [
@@ -338,7 +329,7 @@ def _written(content: Acquisition, group: SignalGroup, time: np.ndarray, stem: s
         f"nRows={len(time)}",
         f"nColumns={len(group.signals) + 1}",
         *(f"inDegrees={word}" for word in stated if word),  # unknown is not said to be "no"
-        f"{_SIDE}={written_beside(kept, group)}",
+        f"{_SIDE}={written_beside(content_of_group, group)}",
         "endheader",
         "\t".join(["time", *_labels(group)]),
     ]
@@ -360,5 +351,4 @@ def _one_line(text: str) -> str:
 def _bad(
     path: Path, message: str, row: int | None = None, *, todo: str = "Export it again."
 ) -> DataError:
-    where = path.name if row is None else f"{path.name}, row {row}"
-    return DataError(f"{where}: {message} {todo}", path=str(path), row=row)
+    return file_error(path, f"{message} {todo}", row=row)

@@ -1,4 +1,4 @@
-"""Columns and quantities as people write them: ``COL[:unit]`` and ``VALUE[:unit]``."""
+"""Parser of columns and quantities in commands: ``COL[:unit]`` and ``VALUE[:unit]``."""
 
 from dataclasses import dataclass
 

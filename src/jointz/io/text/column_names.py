@@ -1,4 +1,4 @@
-"""What the names of columns say: units in brackets, and which column is the clock."""
+"""Names of columns: the unit in brackets, the column that is the clock, unique names."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -63,36 +63,36 @@ def with_clock(
     if not named:
         return SignalGroup(name, tuple(signals)), {}
     clock, why_not = _clearest(named, row)
-    told: dict[str, str] = {}
+    notes: dict[str, str] = {}
     if why_not:
-        told[_of_group(f"{READING}time", name)] = why_not
+        notes[_of_group(f"{READING}time", name)] = why_not
     if clock is None:
-        return SignalGroup(name, tuple(signals)), told
+        return SignalGroup(name, tuple(signals)), notes
     factor, column = seconds_of_one(clock) or 1.0, clock.column or clock.name
     if factor != 1.0:
         time_s = factor * clock.values
-        return SignalGroup(name, tuple(signals), time_s=time_s, time_column=column), told
+        return SignalGroup(name, tuple(signals), time_s=time_s, time_column=column), notes
     stated = bool(_time_unit(clock))
     if not stated:
-        told[time_unit_key(name)] = f"column '{column}' states no unit; taken for seconds"
+        notes[time_unit_key(name)] = f"column '{column}' states no unit; taken for seconds"
     if clock.name != CLOCK_COLUMN:
-        told[time_column_key(name)] = clock.name
+        notes[time_column_key(name)] = clock.name
     rest = tuple(signal for signal in signals if signal is not clock)
     group = SignalGroup(
         name, rest, time_s=clock.values, time_column=column, time_unit_stated=stated
     )
-    return group, told
+    return group, notes
 
 
 def clock_column(group: SignalGroup, metadata: Mapping[str, str]) -> str:
     """Return the name for a group's column of time stamps; no signal has it."""
     taken = {signal.name for signal in group.signals}
     taken |= {name_with_unit(signal) for signal in group.signals}
-    wanted = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
-    found = next((n for n in (wanted, *_CLOCK_NAMES) if n not in taken and is_time(n)), None)
-    if found is None:  # a name for each signal there is, and one more
-        found = next(n for k in range(1, len(taken) + 2) if (n := f"clock {k} [s]") not in taken)
-    return found
+    preferred = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
+    name = next((n for n in (preferred, *_CLOCK_NAMES) if n not in taken and is_time(n)), None)
+    if name is None:  # a name for each signal there is, and one more
+        name = next(n for k in range(1, len(taken) + 2) if (n := f"clock {k} [s]") not in taken)
+    return name
 
 
 def time_column_key(group: str) -> str:
@@ -121,14 +121,25 @@ def seconds_of_one(signal: Signal) -> float | None:
 
 def unique_names(names: Sequence[str], *, sign: str = "_") -> list[str]:
     """Return names that differ: a later one of the same name gets a number."""
-    found: dict[str, None] = {}
+    names_so_far: dict[str, None] = {}
     following: dict[str, int] = {}
     for name in names:
-        number, own = following.get(name, 2), name
-        while own in found:
-            own, number = f"{name}{sign}{number}", number + 1
-        found[own], following[name] = None, number
-    return list(found)
+        number, unique = following.get(name, 2), name
+        while unique in names_so_far:
+            unique, number = f"{name}{sign}{number}", number + 1
+        names_so_far[unique], following[name] = None, number
+    return list(names_so_far)
+
+
+def distinct_names(labels: Sequence[str], count: int, kind: str) -> list[str]:
+    """Return one name each: a second ``Fx`` is ``Fx#2``, a channel without label is counted."""
+    plain = [label or f"{kind} {i}" for i, label in enumerate(padded(labels, count), start=1)]
+    return unique_names(plain, sign="#")
+
+
+def padded(texts: Sequence[str], count: int) -> list[str]:
+    """Return as many texts as wanted, "" where there are fewer."""
+    return [*texts[:count], *[""] * (count - len(texts))]
 
 
 def _of_group(key: str, group: str) -> str:

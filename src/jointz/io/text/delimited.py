@@ -26,13 +26,13 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.column_readers import (
+from jointz.io.formats.columns import (
     RawTable,
     TableRequest,
     damaged,
+    file_error,
     label_column,
     missing_columns,
-    register_reader,
 )
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
@@ -53,7 +53,7 @@ _DECOMPRESSION_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """How a file is laid out, found from its first lines."""
+    """Layout of a file, from its first lines."""
 
     path: Path
     delimiter: str
@@ -71,14 +71,12 @@ class _Layout:
     def error(
         self, message: str, *, row: int | None = None, channel: str | None = None
     ) -> DataError:
-        where = self.path.name + (f", row {row}" if row is not None else "")
-        where += f", column '{channel}'" if channel is not None else ""
-        return DataError(f"{where}: {message}", path=str(self.path), channel=channel, row=row)
+        return file_error(self.path, message, row=row, channel=channel)
 
 
 @dataclass(frozen=True, slots=True)
 class _Scan:
-    """What the pass over the bytes found."""
+    """Result of the pass over the bytes."""
 
     sha256: str
     regular: bool  # every row has as many delimiters as the header
@@ -87,36 +85,38 @@ class _Scan:
     last_lines: tuple[str, ...]
 
 
-@register_reader(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
-class DelimitedReader:
-    """Reads delimited text; columns by name, or by number where there is no header."""
+def read_delimited(path: Path, request: TableRequest) -> RawTable:
+    """Return the requested columns, by name, or by number where there is no header."""
+    layout = replace(_layout(path, request.files), as_written=request.as_written)
+    positions = _positions(layout, request)
+    numeric = sorted({positions[c] for c in request.numeric})
+    labels = sorted({positions[c] for c in request.labels})
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        scanning = pool.submit(_scan, layout, len(labels))
+        if _compressed(path):
+            scanning.result()  # refuses what unpacks to too much, before pandas holds it
+        parsed = _parse(layout, numeric=numeric, labels=labels)
+        scan = scanning.result()
+    frame = _trusted(layout, numeric, parsed, scan)
+    # No copies: the columns are the frame's own, and nobody writes to them.
+    columns = {str(c): frame[positions[c]].to_numpy(np.float64) for c in request.numeric}
+    for c in request.labels:
+        texts = frame[positions[c]].to_numpy(dtype=object)
+        columns[str(c)] = label_column(path, str(c), texts, as_written=request.as_written)
+    return RawTable(columns, {}, scan.sha256, layout.first_row)
 
-    def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted columns."""
-        layout = replace(_layout(path, request.files), as_written=request.as_written)
-        wanted = _positions(layout, request)
-        numeric = sorted({wanted[c] for c in request.numeric})
-        labels = sorted({wanted[c] for c in request.labels})
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            scanning = pool.submit(_scan, layout, len(labels))
-            if _compressed(path):
-                scanning.result()  # refuses what unpacks to too much, before pandas holds it
-            parsed = _parse(layout, numeric=numeric, labels=labels)
-            scan = scanning.result()
-        frame = _trusted(layout, numeric, parsed, scan)
-        # No copies: the columns are the frame's own, and nobody writes to them.
-        columns = {str(c): frame[wanted[c]].to_numpy(np.float64) for c in request.numeric}
-        for c in request.labels:
-            texts = frame[wanted[c]].to_numpy(dtype=object)
-            columns[str(c)] = label_column(path, str(c), texts, as_written=request.as_written)
-        return RawTable(columns, {}, scan.sha256, layout.first_row)
 
-    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names in the header, or numbers from 1 where there is none."""
-        layout = _layout(path, files)
-        if _holds_numbers(layout) and not all(name.isdigit() for name in layout.names):
-            _refuse_header_of_numbers(layout)
-        return list(layout.names)
+def list_delimited(path: Path, files: FilesSpec) -> list[str]:
+    """Return the names in the header, or numbers from 1 where there is none."""
+    layout = _layout(path, files)
+    if _holds_numbers(layout) and not all(name.isdigit() for name in layout.names):
+        _refuse_header_of_numbers(layout)
+    return list(layout.names)
+
+
+def default_delimiter(path: Path) -> str:
+    """Return the delimiter that a file's suffix says."""
+    return "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
 
 
 # --- the first lines --------------------------------------------------------------------------
@@ -139,10 +139,10 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
     except OSError as exc:
         raise damaged(path, exc) from exc
-    found = [line for line in lines if line]
-    if not found:
-        raise DataError(f"{path.name}: holds nothing. Export it again.", path=str(path))
-    return [text.rstrip("\r\n") for text in _decoded(path, found)]
+    filled = [line for line in lines if line]
+    if not filled:
+        raise file_error(path, "holds nothing. Export it again.")
+    return [text.rstrip("\r\n") for text in _decoded(path, filled)]
 
 
 def check_signs(path: Path, delimiter: str, decimal: str) -> None:
@@ -151,16 +151,15 @@ def check_signs(path: Path, delimiter: str, decimal: str) -> None:
         tab = " A tab is written $'\\t' in most shells." if delimiter == "\\t" else ""
         raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.{tab}")
     if delimiter == decimal:
-        raise DataError(
-            f"{path.name}: '{delimiter}' cannot be both delimiter and decimal sign. "
-            'Set [files] delimiter, most likely ";".',
-            path=str(path),
+        raise file_error(
+            path,
+            f"'{delimiter}' cannot be both delimiter and decimal sign. Set [files] delimiter, "
+            'most likely ";".',
         )
 
 
 def _layout(path: Path, files: FilesSpec) -> _Layout:
-    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
-    delimiter = files.delimiter or default
+    delimiter = files.delimiter or default_delimiter(path)
     check_signs(path, delimiter, files.decimal)
     n_head = files.skip_rows + files.header
     with _decompression_errors(path), _open_bytes(path) as stream:
@@ -169,10 +168,9 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     text = _decoded(path, lines[n_head - 1 : n_head + 1] if files.header else lines[-1:])
     if not text[-1].strip("\r\n"):
         what = "only a header" if any(lines) else "nothing"
-        raise DataError(
-            f"{path.name}: holds {what}, no samples under row {n_head}. Export it again"
-            f"{', or correct [files] skip_rows' if files.skip_rows else ''}.",
-            path=str(path),
+        todo = ", or correct [files] skip_rows" if files.skip_rows else ""
+        raise file_error(
+            path, f"holds {what}, no samples under row {n_head}. Export it again{todo}."
         )
     cells = next(csv.reader(text[:1], delimiter=delimiter, skipinitialspace=True), [])
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
@@ -186,10 +184,10 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
 def _decoded(path: Path, lines: list[bytes]) -> list[str]:
     for line in lines:
         if len(line) == _LONGEST_LINE_BYTES or b"\r" in line.rstrip(b"\r\n"):
-            raise DataError(
-                f"{path.name}: its first lines do not end as lines of text do. Is it a text "
-                "table? Export it with Unix or Windows line ends.",
-                path=str(path),
+            raise file_error(
+                path,
+                "its first lines do not end as lines of text do. Is it a text table? Export it "
+                "with Unix or Windows line ends.",
             )
     try:
         return [line.decode("utf-8-sig") for line in lines]
@@ -198,10 +196,9 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
 
 
 def _not_utf8(path: Path, exc: UnicodeDecodeError) -> DataError:
-    return DataError(
-        f"{path.name}: expected UTF-8 text, found {exc.object[exc.start : exc.start + 1]!r} "
-        f"({exc.reason}). Save the file as UTF-8.",
-        path=str(path),
+    byte = exc.object[exc.start : exc.start + 1]
+    return file_error(
+        path, f"expected UTF-8 text, found {byte!r} ({exc.reason}). Save the file as UTF-8."
     )
 
 
@@ -230,21 +227,21 @@ def _positions(layout: _Layout, request: TableRequest) -> dict[str | int, int]:
     """Find where the wanted columns stand, counted from 0; all missing ones in one message."""
     numbers = {c: _number_of(layout, c) for c in request.columns}
     base = 0 if request.from_zero or 0 in numbers.values() else 1
-    found: dict[str | int, int] = {}
+    positions: dict[str | int, int] = {}
     missing = []
     for column, number in numbers.items():
         if number is not None and 0 <= number - base < len(layout.names):
-            found[column] = number - base
+            positions[column] = number - base
         elif number is None and (name := str(column).strip()) in layout.names:
             _refuse_duplicate(layout, name)
-            found[column] = layout.names.index(name)
+            positions[column] = layout.names.index(name)
         else:
             missing.append(str(column))
     if _holds_numbers(layout) and (missing or None not in numbers.values()):
         _refuse_header_of_numbers(layout)
     if missing:
         raise missing_columns(layout.path, missing, layout.names, _missing_hint(layout))
-    return found
+    return positions
 
 
 def _number_of(layout: _Layout, column: str | int) -> int | None:
@@ -290,7 +287,10 @@ def _parse(
     layout: _Layout, *, numeric: list[int], labels: list[int]
 ) -> tuple[pd.DataFrame | None, Exception | None]:
     """Parse with pandas; a failure is returned, to be explained row by row."""
-    wanted, n_columns = {*numeric, *labels}, len(layout.names)
+    columns, n_columns = {*numeric, *labels}, len(layout.names)
+    missing: list[str] | dict[int, list[str]] = _MISSING_CELLS
+    if layout.as_written:
+        missing = dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
     options: dict[str, Any] = {
         "sep": layout.delimiter,
         "decimal": layout.decimal,
@@ -298,38 +298,26 @@ def _parse(
         "names": range(n_columns),
         "index_col": False,
         # pandas reads in parallel only without usecols: worth it unless most is thrown away.
-        "usecols": sorted(wanted) if 2 * len(wanted) < n_columns else None,
+        "usecols": sorted(columns) if 2 * len(columns) < n_columns else None,
         "dtype": dict.fromkeys(labels, object) | dict.fromkeys(numeric, np.float64),
         "keep_default_na": False,
-        "na_values": _missing_of(layout, numeric, labels),
+        "na_values": missing,
         "skip_blank_lines": False,
         "skipinitialspace": True,
     }
+    # Where pandas would count the lines before the samples in another way.
+    odd = any(line.count(b'"') % 2 or b"\r" in line.rstrip(b"\r\n") for line in layout.head)
     try:
         with warnings.catch_warnings():
             # About columns nobody asked for, and long rows, which the scan finds.
             warnings.simplefilter("ignore", category=pd.errors.DtypeWarning)
             warnings.simplefilter("ignore", category=pd.errors.ParserWarning)
-            if _pandas_may_open(layout):
+            if not odd and not _compressed(layout.path):
                 return pd.read_csv(layout.path, skiprows=len(layout.head), **options), None
             with _open_text(layout) as stream:
                 return pd.read_csv(stream, **options), None
     except (ValueError, OverflowError, *_DECOMPRESSION_ERRORS) as exc:
         return None, exc
-
-
-def _missing_of(
-    layout: _Layout, numeric: list[int], labels: list[int]
-) -> list[str] | dict[int, list[str]]:
-    if not layout.as_written:
-        return _MISSING_CELLS
-    return dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
-
-
-def _pandas_may_open(layout: _Layout) -> bool:
-    """Whether pandas counts the lines before the samples as we do."""
-    odd = any(line.count(b'"') % 2 or b"\r" in line.rstrip(b"\r\n") for line in layout.head)
-    return not odd and not _compressed(layout.path)
 
 
 def _scan(layout: _Layout, n_labels: int) -> _Scan:
@@ -341,12 +329,12 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
     digest = hashlib.sha256()
     for block in _blocks(layout.path, digest):
         body, skip = block[skip:], max(0, skip - len(block))
-        found = body.translate(None, others)
+        signs = body.translate(None, others)
         phase = seen % len(period)
-        if broken_at is None and found != pattern[phase : phase + len(found)]:
-            expected = pattern[phase : phase + len(found)]
-            broken_at = seen + next(i for i, b in enumerate(found) if b != expected[i])
-        seen += len(found)
+        if broken_at is None and signs != pattern[phase : phase + len(signs)]:
+            expected = pattern[phase : phase + len(signs)]
+            broken_at = seen + next(i for i, b in enumerate(signs) if b != expected[i])
+        seen += len(signs)
         if _compressed(layout.path):
             texts = n_labels * seen // len(period)
             check_unpacked(layout.path, NUMBER_BYTES * seen + OBJECT_BYTES * texts)
@@ -431,8 +419,8 @@ def _refuse_cut_number(layout: _Layout, scan: _Scan, n_rows: int) -> None:
         return
     customs = {_n_digits(cell, layout.decimal) for cell in before}
     custom = customs.pop() if len(customs) == 1 and len(before) >= _ROWS_FOR_A_CUSTOM else (0, 0)
-    found = _n_digits(last, layout.decimal)
-    if not last or any(a < b for a, b in zip(found, custom, strict=True)):
+    digits = _n_digits(last, layout.decimal)
+    if not last or any(a < b for a, b in zip(digits, custom, strict=True)):
         raise _cut_off(layout, n_rows + layout.first_row - 1, f"ends with '{last}'")
 
 
@@ -498,8 +486,8 @@ def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> Dat
 
 def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
     swapped = cell.translate(_OTHER_DECIMAL)
-    own, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
-    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(own):
+    with_point, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
+    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(with_point):
         return
     hint = "Correct the cell or leave it empty."
     if _NUMBER.fullmatch(other):
@@ -540,8 +528,8 @@ def _decompression_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except _DECOMPRESSION_ERRORS as exc:
-        raise DataError(
-            f"{path.name}: the recording is cut off or damaged; its compressed stream does not "
-            f"end as it should ({exc}). Copy the file again.",
-            path=str(path),
+        raise file_error(
+            path,
+            "the recording is cut off or damaged; its compressed stream does not end as it should "
+            f"({exc}). Copy the file again.",
         ) from exc

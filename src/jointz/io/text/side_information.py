@@ -1,4 +1,4 @@
-"""What a table of one group cannot hold in its cells, as one line of JSON beside them."""
+"""One line of JSON for what the cells of a table cannot hold."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -43,31 +43,33 @@ def written_beside(content: Acquisition, group: SignalGroup) -> str:
 def read_beside(text: str) -> SideInformation:
     """Read what :func:`written_beside` wrote."""
     try:
-        found = json.loads(text)
-        if found["version"] != _VERSION:
-            raise ValueError(f"version {found['version']} of the jointz line, expected {_VERSION}")
+        content = json.loads(text)
+        if content["version"] != _VERSION:
+            raise ValueError(
+                f"version {content['version']} of the jointz line, expected {_VERSION}"
+            )
         return SideInformation(
-            group=_group(found),
-            stamped=bool(found["stamped"]),
-            events=tuple(Event(float(t), str(name), float(d)) for t, name, d in found["events"]),
-            metadata={str(k): str(v) for k, v in found["metadata"].items()},
+            group=_group(content),
+            stamped=bool(content["stamped"]),
+            events=tuple(Event(float(t), str(name), float(d)) for t, name, d in content["events"]),
+            metadata={str(k): str(v) for k, v in content["metadata"].items()},
         )
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as exc:
         raise ValueError(f"the jointz line is damaged ({type(exc).__name__}: {exc})") from exc
 
 
-def _group(found: dict[str, Any]) -> SignalGroup:
+def _group(content: dict[str, Any]) -> SignalGroup:
     kinds = {True: object, False: np.float64}
     signals = tuple(
         Signal(str(name), np.empty(0, kinds[bool(text)]), str(unit), str(description))
-        for name, unit, description, text in found["signals"]
+        for name, unit, description, text in content["signals"]
     )
-    rate = found["rate_hz"]
+    rate = content["rate_hz"]
     return SignalGroup(
-        str(found["group"]),
+        str(content["group"]),
         signals,
         None if rate is None else float(rate),
-        float(found["start_s"]),
+        float(content["start_s"]),
     )
 
 
@@ -106,16 +108,16 @@ def filled(
     return Acquisition((group,), told.events, told.metadata)
 
 
-def _check_clock(told: SideInformation, stamps: np.ndarray | None) -> None:
+def _check_clock(side: SideInformation, stamps: np.ndarray | None) -> None:
     """Refuse a column of time that is missing, or that another program changed."""
-    rate, start = told.group.rate_hz, told.group.start_s
-    if not told.stamped and rate is None:
+    rate, start = side.group.rate_hz, side.group.start_s
+    if not side.stamped and rate is None:
         if stamps is not None:
             raise ValueError("the jointz line tells of no clock, the table has a column of time")
         return
     if stamps is None:
         raise ValueError("the jointz line tells of a clock, the table has no column of time")
-    if told.stamped or rate is None:
+    if side.stamped or rate is None:
         return
     at = first_other_time(stamps, rate, start)
     if at is not None:

@@ -1,16 +1,16 @@
-"""Whole text tables in and out: csv, tsv and txt, plain or gzip, on the reader of a study."""
+"""Text tables in and out: csv, tsv and txt, plain or gzip."""
 
 import csv
 import gzip
 import io
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import RawTable, list_columns, read_table
+from jointz.io.formats.columns import RawTable, TableRequest, file_error
 from jointz.io.formats.losses import (
     first_group,
     has_text,
@@ -22,7 +22,6 @@ from jointz.io.formats.losses import (
     lost_metadata,
     lost_signals,
 )
-from jointz.io.formats.registry import register_format
 from jointz.io.text.column_names import (
     READING,
     clock_column,
@@ -31,7 +30,13 @@ from jointz.io.text.column_names import (
     unit_in_name,
     with_clock,
 )
-from jointz.io.text.delimited import MISSING_TEXT, decompressed_text
+from jointz.io.text.delimited import (
+    MISSING_TEXT,
+    decompressed_text,
+    default_delimiter,
+    list_delimited,
+    read_delimited,
+)
 from jointz.io.text.text_layout import DELIMITERS
 from jointz.io.text.vendor_logs import with_vendor_units
 
@@ -42,7 +47,6 @@ _NUMBER = re.compile(
 _PEEKED_ROWS = 200
 
 
-@register_format(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 class TextFormat:
     """Reads every column, as numbers where it holds numbers; writes one group."""
 
@@ -51,7 +55,7 @@ class TextFormat:
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
         """Return all columns under their own names."""
         files, notes = _with_delimiter(path, files)
-        names: list[str | int] = list(list_columns(path, files) or [])
+        names: list[str | int] = list(list_delimited(path, files))
         if not files.header:
             names = list(range(1, len(names) + 1))
         texts = _text_columns(path, files, names)
@@ -59,7 +63,7 @@ class TextFormat:
         while len(texts) < len(names) and not tables:
             numbers = [name for name in names if name not in texts]
             try:
-                tables.append(read_table(path, numeric=numbers, files=files))
+                tables.append(read_delimited(path, TableRequest(tuple(numbers), files=files)))
             except DataError as exc:
                 texts.add(_text_after_all(path, files, numbers, exc))
         if not tables:
@@ -67,18 +71,26 @@ class TextFormat:
         if texts:
             labels = [name for name in names if name in texts]
             notes[f"{READING}text"] = f"read as text: {listed(map(repr, labels))}"
-            tables.append(read_table(path, numeric=(), labels=labels, files=files, as_written=True))
+            tables.append(_read_texts(path, labels, files))
         columns = {name: values for table in tables for name, values in table.columns.items()}
         signals, vendor = with_vendor_units(
             [Signal(n, columns[n], unit_in_name(n)) for n in map(str, names)]
         )
-        group, told = with_clock("", signals, row=tables[0].first_row)
+        group, clock_notes = with_clock("", signals, row=tables[0].first_row)
         if vendor:
             notes[f"{READING}log"] = f"taken for a log of {vendor}: units by its documentation"
-        return Acquisition((group,), (), {**notes, **told})
+        return Acquisition((group,), (), {**notes, **clock_notes})
+
+    def read_columns(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the requested columns, by name, or by number where there is no header."""
+        return read_delimited(path, request)
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str]:
+        """Return the names in the header, or numbers from 1 where there is none."""
+        return list_delimited(path, files)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what a text table cannot hold: other groups, events, metadata, some texts."""
+        """Name what a text table cannot hold: other groups, events, metadata, some texts."""
         group = first_group(content)
         lost = lost_groups(content) + lost_events(content) + lost_metadata(content)
         lost += lost_descriptions(group)
@@ -98,35 +110,30 @@ class TextFormat:
             lost.append(f"It cannot hold the name {', '.join(map(repr, odd))} as it is.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write the first group, its clock as the first column; NaN is written ``NaN``."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the first group, its clock as the first column; NaN is written ``NaN``."""
         group = first_group(content)
         if not group.n_samples or not _has_numbers(group):
-            raise DataError(
-                f"{path.name}: expected numbers to write, found none. Choose another group or "
-                "format.",
-                path=str(path),
+            raise file_error(
+                path, "expected numbers to write, found none. Choose another group or format."
             )
         data = _written(content, group, path).encode("utf-8", errors="replace")
-        if path.name.lower().endswith(".gz"):
-            data = gzip.compress(data, mtime=0)  # the same bytes for the same content
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(data)
+        # The same bytes for the same content: no time of writing.
+        return gzip.compress(data, mtime=0) if path.name.lower().endswith(".gz") else data
 
 
 def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, str]]:
     """Find a delimiter that is not given: what header and first row are both split by."""
     if files.delimiter is not None:
         return files, {}
-    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
     lines = decompressed_text(path, files.skip_rows + files.header + 1)[files.skip_rows :]
-    if not lines or _width(lines, default) > 1:
+    if not lines or _width(lines, default_delimiter(path)) > 1:
         return files, {}
-    found = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
-    if found is None:
+    delimiter = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
+    if delimiter is None:
         return files, {}
-    note = f"columns stand apart by {DELIMITERS[found]}"
-    return files.model_copy(update={"delimiter": found}), {f"{READING}delimiter": note}
+    note = f"columns stand apart by {DELIMITERS[delimiter]}"
+    return files.model_copy(update={"delimiter": delimiter}), {f"{READING}delimiter": note}
 
 
 def _width(lines: list[str], delimiter: str) -> int:
@@ -142,9 +149,9 @@ def _text_columns(path: Path, files: FilesSpec, names: list[str | int]) -> set[s
     """Return the columns whose first rows hold more text than numbers."""
     head = files.skip_rows + files.header
     lines = decompressed_text(path, head + _PEEKED_ROWS)[head:]
-    default = "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
+    delimiter = files.delimiter or default_delimiter(path)
     try:
-        rows = list(csv.reader(lines, delimiter=files.delimiter or default, skipinitialspace=True))
+        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
         return set()
     cells = {name: [row[k] for row in rows if k < len(row)] for k, name in enumerate(names)}
@@ -164,19 +171,23 @@ def _text_after_all(
     named = next((n for n in numbers if str(n) == trouble.channel), None)
     if named is None or trouble.row is None:
         raise trouble
-    column = read_table(path, numeric=(), labels=[named], files=files, as_written=True)
-    if not _is_text(list(column.columns[str(named)])):
+    column = _read_texts(path, [named], files).columns[str(named)]
+    if not _is_text(list(column)):
         raise trouble
     return named
 
 
+def _read_texts(path: Path, names: Sequence[str | int], files: FilesSpec) -> RawTable:
+    return read_delimited(path, TableRequest((), tuple(names), files, as_written=True))
+
+
 def _no_numbers(path: Path, files: FilesSpec, names: list[str | int]) -> DataError:
     shown = listed(repr(str(name)[:40]) for name in names)
-    return DataError(
-        f"{path.name}: no column holds numbers; found {len(names)} column(s) of text, {shown}, "
-        f"under row {files.skip_rows + files.header}. Give the file's layout (--delimiter, "
-        "--decimal, --skip-rows, --no-header), or another file; jointz inspect finds it out.",
-        path=str(path),
+    return file_error(
+        path,
+        f"no column holds numbers; found {len(names)} column(s) of text, {shown}, under row "
+        f"{files.skip_rows + files.header}. Give the file's layout (--delimiter, --decimal, "
+        "--skip-rows, --no-header), or another file; jointz inspect finds it out.",
     )
 
 
@@ -195,25 +206,21 @@ def _one_line(text: str) -> str:
 
 def _plain_name(name: str) -> str:
     """Return a name that a header can hold: one line, no blanks at its ends, no number."""
-    plain = " ".join(name.replace("\0", "").split()) if not is_plain(name) or _odd(name) else name
+    odd = not is_plain(name) or name != name.strip() or _one_line(name) != name
+    plain = " ".join(name.replace("\0", "").split()) if odd else name
     return f"column {plain}" if _NUMBER.fullmatch(plain) or not plain else plain
 
 
-def _odd(name: str) -> bool:
-    return name != name.strip() or _one_line(name) != name
-
-
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
-    kept = [signal for signal in group.signals if not _reads_as_numbers(signal)]
-    names = unique_names([_plain_name(name_with_unit(s)) for s in kept])
-    columns = [_cells(signal) for signal in kept]
+    signals = [signal for signal in group.signals if not _reads_as_numbers(signal)]
+    names = unique_names([_plain_name(name_with_unit(s)) for s in signals])
+    columns = [_cells(signal) for signal in signals]
     time = group.times_s()
     if time is not None:
         names.insert(0, clock_column(group, content.metadata))
         columns.insert(0, [repr(value) for value in time.tolist()])
     buffer = io.StringIO(newline="")
-    tab = path.name.lower().removesuffix(".gz").endswith(".tsv")
-    writer = csv.writer(buffer, delimiter="\t" if tab else ",", lineterminator="\n")
+    writer = csv.writer(buffer, delimiter=default_delimiter(path), lineterminator="\n")
     writer.writerow(names)
     writer.writerows(zip(*columns, strict=True))
     return buffer.getvalue()
@@ -222,8 +229,4 @@ def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
 def _cells(signal: Signal) -> list[str]:
     if signal.is_text:
         return [_one_line(str(text)).strip() for text in signal.values]
-    return [_number(value) for value in signal.values.tolist()]
-
-
-def _number(value: float) -> str:
-    return "NaN" if value != value else repr(value)
+    return ["NaN" if value != value else repr(value) for value in signal.values.tolist()]

@@ -1,6 +1,6 @@
-"""How a text file seems to be laid out, found from its first lines.
+"""Proposal for the layout of a text file, from its first lines.
 
-Nothing is read by what is found here: it is proposed, as ``[files]`` of a study, to whoever
+Nothing is read by this layout: it is proposed, as ``[files]`` of a study, to whoever
 inspects a file, and :mod:`jointz.io.text.delimited` still refuses what does not fit it.
 """
 
@@ -14,8 +14,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import file_error
 from jointz.io.text.delimited import MISSING_TEXT, check_signs, decompressed_text, is_number
 
 _LINES = 400
@@ -55,24 +55,8 @@ _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
 _UNIT_WORDS = frozenset(
     [
         *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
-        *(
-            "n.m",
-            "mnm",
-            "nmm",
-            "n",
-            "m",
-            "mm",
-            "cm",
-            "a",
-            "ma",
-            "v",
-            "mv",
-            "volts",
-            "n/a",
-            "-",
-            "1",
-        ),
-        *("%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
+        *("n.m", "mnm", "nmm", "n", "m", "mm", "cm", "a", "ma", "v", "mv", "volts", "n/a", "-"),
+        *("1", "%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
     ]
 )
 
@@ -89,7 +73,7 @@ class TextLayout:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What a study calls the columns: their names, or their numbers from 1."""
+        """Names of the columns in a study: their own, or their numbers from 1."""
         if self.files.header:
             return self.names
         return tuple(str(k) for k in range(1, len(self.names) + 1))
@@ -110,10 +94,10 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
             if skipped
             else f"in its first {len(lines)} lines"
         )
-        raise DataError(
-            f"{path.name}: no table of numbers {where}. Say where it begins (--skip-rows), give "
-            "its layout (--delimiter, --decimal, --no-header), or another file.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"no table of numbers {where}. Say where it begins (--skip-rows), give its layout "
+            "(--delimiter, --decimal, --no-header), or another file.",
         )
     layout = _layout(best, known)
     above = lines[: skipped + (best.start or 0)]
@@ -139,13 +123,13 @@ def _stated_rate(line: str) -> float | None:
 
 def _frequencies(plain: str) -> list[float]:
     """Return every number above 0 that stands beside Hz or kHz, in Hz."""
-    found = []
+    rates = []
     for after, unit, before_unit, before in _FREQUENCY.findall(plain):
         text, unit = after or before, unit or before_unit
         number = float(text.replace(",", "."))
         exact = number < _SLOWEST_HZ and _THOUSANDS.fullmatch(text)
-        found.append(number * (1000 if unit == "khz" or exact else 1))
-    return [hz for hz in found if hz]
+        rates.append(number * (1000 if unit == "khz" or exact else 1))
+    return [hz for hz in rates if hz]
 
 
 def _plain(line: str) -> str:

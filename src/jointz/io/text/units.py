@@ -1,4 +1,4 @@
-"""Units as people write them, and the factor that takes them to SI.
+"""Units in the spellings of users, and their factors to SI.
 
 The only module that knows pint. The vocabulary is small on purpose: pint's own
 would read ``nm`` as nanometre and ``MA`` as megaampere without a word, holds an
@@ -119,23 +119,28 @@ class _Unit:
 
 def conversion(unit: str, si_unit: str) -> tuple[float, float]:
     """Return factor and offset that take a unit to SI."""
-    found, wanted = _parse(unit), _parse(si_unit)
-    if found.dimension != wanted.dimension:
+    source, target = _parse(unit), _parse(si_unit)
+    if source.dimension != target.dimension:
         what, examples = _QUANTITIES.get(si_unit, ("something else", si_unit))
-        known = _known_si(found.dimension)
-        measured = _QUANTITIES[known][0].split(" ", 1)[1] if known else _base_si(found.dimension)
+        known_unit = _known_si(source.dimension)
+        measured = (
+            _QUANTITIES[known_unit][0].split(" ", 1)[1]
+            if known_unit
+            else _base_si(source.dimension)
+        )
+        hint = " A torque is written N*m, not J." if (known_unit, si_unit) == ("J", "N*m") else ""
         raise UnitError(
             f"'{unit}' measures {measured}, expected {what} such as {examples}."
-            f"{_energy_hint(known, si_unit)} Correct the unit."
+            f"{hint} Correct the unit."
         )
-    return found.factor / wanted.factor, found.offset
+    return source.factor / target.factor, source.offset
 
 
 def si_unit_of(unit: str) -> tuple[str, float, float]:
     """Return the SI unit of the same quantity, with factor and offset to it."""
-    found = _parse(unit)
-    si_unit = _known_si(found.dimension) or _base_si(found.dimension)
-    return si_unit, found.factor / _parse(si_unit).factor, found.offset
+    source = _parse(unit)
+    si_unit = _known_si(source.dimension) or _base_si(source.dimension)
+    return si_unit, source.factor / _parse(si_unit).factor, source.offset
 
 
 def _known_si(dimension: Mapping[str, float]) -> str | None:
@@ -154,10 +159,6 @@ def _base_si(dimension: Mapping[str, float]) -> str:
 
 def _power(name: str, power: float) -> str:
     return name if power == 1 else f"{name}^{power:g}"
-
-
-def _energy_hint(found: str | None, si_unit: str) -> str:
-    return " A torque is written N*m, not J." if (found, si_unit) == ("J", "N*m") else ""
 
 
 @cache
@@ -197,17 +198,17 @@ class _Parser:
             raise _unreadable(unit)
 
     def units(self) -> Any:
-        found = self._product() if self.tokens else _registry().Unit("")
+        product = self._product() if self.tokens else _registry().Unit("")
         if self.tokens:
             raise _unreadable(self.unit)
-        return found
+        return product
 
     def _product(self) -> Any:
-        found = self._power()
+        product = self._power()
         while self.tokens and self.tokens[0] != ")":
             operator = self.tokens.pop(0) if self.tokens[0] in "*./-" else "*"
-            found = found / self._power() if operator == "/" else found * self._power()
-        return found
+            product = product / self._power() if operator == "/" else product * self._power()
+        return product
 
     def _power(self) -> Any:
         atom = self._atom()

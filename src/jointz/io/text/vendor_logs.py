@@ -1,4 +1,4 @@
-"""Units of the columns that logs of known devices have, where a file states none itself.
+"""Units of columns in logs of known devices, for files that state none.
 
 A log is known by columns that only it has. What is said of a column comes from the
 documentation of its maker, and its description says so.
@@ -63,14 +63,16 @@ def with_vendor_units(signals: Sequence[Signal]) -> tuple[tuple[Signal, ...], st
 def _known(
     signals: Sequence[Signal], units: Mapping[str, tuple[str, str]], whose: str
 ) -> tuple[Signal, ...]:
-    found = []
+    described = []
     for signal in signals:
         unit, what = units.get(_attribute(signal.name), ("", ""))
         if what and not signal.unit and not signal.is_text:
-            said = f"{NOTE}{what}; unit by the documentation of {whose}{_EXCEPT.get(whose, '')}"
-            signal = replace(signal, unit=unit, description=said)
-        found.append(signal)
-    return tuple(found)
+            description = (
+                f"{NOTE}{what}; unit by the documentation of {whose}{_EXCEPT.get(whose, '')}"
+            )
+            signal = replace(signal, unit=unit, description=description)
+        described.append(signal)
+    return tuple(described)
 
 
 def _attribute(name: str) -> str:

@@ -4,6 +4,7 @@ What jointz writes is a sheet a group (names, units, samples) and a last sheet `
 what cells have no place for: rates, kinds, descriptions, events, metadata.
 """
 
+import io
 import lzma
 import struct
 import warnings
@@ -19,11 +20,10 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
+from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import has_infinity, has_text, listed, lost_signals, words_of
 from jointz.io.formats.memory_limit import check_unpacked
-from jointz.io.formats.registry import register_format
 from jointz.io.text.column_names import READING
 from jointz.io.text.workbook_layout import (
     MOST_ROWS,
@@ -46,8 +46,7 @@ _MOST_COLUMNS = 16_384
 _MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
 
 
-@register_format(".xlsx")
-class WorkbookFormat:
+class WorkbookFormat(GroupFormat):
     """Reads the tables of all visible sheets; writes a sheet a group."""
 
     name = "workbook .xlsx"
@@ -65,22 +64,22 @@ class WorkbookFormat:
         groups: list[SignalGroup] = []
         metadata: dict[str, str] = {}
         for sheet in sheets:
-            found, told = groups_of(sheet)
-            groups += found
-            metadata |= told
+            tables, notes = groups_of(sheet)
+            groups += tables
+            metadata |= notes
         if hidden:
             metadata[f"{READING}hidden_sheets"] = f"not read: {', '.join(hidden)}"
         if not groups:
             titles = ", ".join(sheet.title for sheet in sheets) or "none visible"
-            raise DataError(
-                f"{path.name}: expected a row of names with numbers under it, found none on its "
-                f"sheets ({titles}). Put names over the columns.",
-                path=str(path),
+            raise file_error(
+                path,
+                "expected a row of names with numbers under it, found none on its sheets "
+                f"({titles}). Put names over the columns.",
             )
         return Acquisition(tuple(groups), (), metadata)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Say what cells cannot hold: infinite numbers, control characters, too many rows."""
+        """Name what cells cannot hold: infinite numbers, control characters, too many rows."""
         lost = []
         for group in content.groups:
             lost += lost_signals(group, "infinite numbers", has_infinity)
@@ -101,21 +100,21 @@ class WorkbookFormat:
             lost.append(f"It cannot hold as they are (control characters): {listed(odd)}.")
         return lost
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write a sheet a group, and the sheet ``jointz``."""
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return a sheet a group, and the sheet ``jointz``."""
         book = _openpyxl(path).Workbook(write_only=True)
         put_acquisition(book, content, most_rows=MOST_ROWS - 2)
-        with whole_file(path, "Make room or name another place.") as partial:
-            book.save(partial)
+        stream = io.BytesIO()
+        book.save(stream)
+        return stream.getvalue()
 
 
 def _openpyxl(path: Path) -> Any:
     try:
         import openpyxl
     except ImportError as exc:
-        raise DataError(
-            f'{path.name}: workbooks need openpyxl. Install it: pip install "jointz[formats]".',
-            path=str(path),
+        raise file_error(
+            path, 'workbooks need openpyxl. Install it: pip install "jointz[formats]".'
         ) from exc
     return openpyxl
 
@@ -156,12 +155,12 @@ def _check_parts(path: Path) -> None:
 
 def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
     """Yield how many elements a part has, block by block; of merged ranges each cell is one."""
-    found = [0]
+    counted = [0]
 
     def count(tag: str, attributes: dict[str, str]) -> None:
-        found[0] += 1
+        counted[0] += 1
         if tag.rpartition(":")[2] in ("mergeCell", "hyperlink"):
-            found[0] += _cells_of(attributes.get("ref", ""))
+            counted[0] += _cells_of(attributes.get("ref", ""))
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = count
@@ -171,8 +170,8 @@ def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
             parser.Parse(block if is_xml else b"")
         except expat.ExpatError:  # an image; what is wrong with a sheet openpyxl says
             is_xml = False
-        yield found[0]
-        found[0] = 0
+        yield counted[0]
+        counted[0] = 0
 
 
 def _cells_of(ref: str) -> int:

@@ -1,4 +1,4 @@
-"""The workbook that jointz writes: a sheet a group, and the sheet ``jointz`` for the rest.
+"""Workbook that jointz writes: one sheet per group, and the sheet ``jointz`` for the rest.
 
 A group's sheet has names in row 1, units in row 2 and samples from row 3, with the clock in
 column A where there is one. A sheet that was changed in a spreadsheet program no longer fits
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.io.formats.losses import text_array
 from jointz.io.text.column_names import READING, clock_column, unique_names
 from jointz.io.text.side_information import first_other_time
 from jointz.io.text.workbook_tables import LARGEST, Sheet
@@ -45,22 +46,22 @@ def put_acquisition(book: Any, content: Acquisition, *, most_rows: int) -> None:
     titles = _titles([group.name for group in content.groups])
     for title, group in zip(titles, content.groups, strict=True):
         _put_group(book.create_sheet(title), group, content, most_rows)
-    own = book.create_sheet(OWN_SHEET)
+    own_sheet = book.create_sheet(OWN_SHEET)
     for title, group in zip(titles, content.groups, strict=True):
         for row in _own_rows(title, group, min(group.n_samples, most_rows)):
-            own.append([_cell(own, value) for value in row])
+            own_sheet.append([_cell(own_sheet, value) for value in row])
     for event in content.events:
         row = ("event", repr(event.time_s), repr(event.duration_s), f"'{event.label}")
-        own.append([_cell(own, value) for value in row])
+        own_sheet.append([_cell(own_sheet, value) for value in row])
     for key, value in content.metadata.items():
-        own.append([_cell(own, word) for word in ("metadata", f"'{key}", f"'{value}")])
+        own_sheet.append([_cell(own_sheet, word) for word in ("metadata", f"'{key}", f"'{value}")])
 
 
 def own_acquisition(sheets: Sequence[Sheet]) -> Acquisition:
     """Return what :func:`put_acquisition` wrote."""
     by_title = {sheet.title: sheet for sheet in sheets[:-1]}
-    own = sheets[-1]
-    rows = [[cell for cell in row if cell is not None] for row in own.rows]
+    own_sheet = sheets[-1]
+    rows = [[cell for cell in row if cell is not None] for row in own_sheet.rows]
     groups = []
     for k, row in enumerate(rows):
         if row[:1] != ["group"]:
@@ -68,12 +69,14 @@ def own_acquisition(sheets: Sequence[Sheet]) -> Acquisition:
         _, title, name, n, clock, rate, start = row
         sheet = by_title.pop(title[1:], None)
         if sheet is None:
-            own.refuse(k, 1, f"there is no sheet '{title[1:]}' of this name. {_UNDO}")
-        told = [row[2:] for row in rows if row[0] == "signal" and row[1] == title]
+            own_sheet.refuse(k, 1, f"there is no sheet '{title[1:]}' of this name. {_UNDO}")
+        signal_rows = [row[2:] for row in rows if row[0] == "signal" and row[1] == title]
         if clock not in _CLOCKS:
-            own.refuse(k, 4, f"expected one of {', '.join(_CLOCKS)}, found '{clock}'. {_UNDO}")
-        table = _OwnTable(sheet, _count(own, k, str(n)), clock, float(rate), float(start))
-        groups.append(_group(table, _word(name), told))
+            own_sheet.refuse(
+                k, 4, f"expected one of {', '.join(_CLOCKS)}, found '{clock}'. {_UNDO}"
+            )
+        table = _OwnTable(sheet, _count(own_sheet, k, str(n)), clock, float(rate), float(start))
+        groups.append(_group(table, _word(name), signal_rows))
     metadata = {_word(row[1]): _word(row[2]) for row in rows if row[0] == "metadata"}
     if by_title:
         metadata[f"{READING}sheets"] = f"not read, not of jointz: {', '.join(by_title)}"
@@ -97,7 +100,9 @@ def _put_group(sheet: Any, group: SignalGroup, content: Acquisition, most_rows: 
     time = group.times_s()
     names = [signal.name for signal in group.signals]
     units = [signal.unit for signal in group.signals]
-    columns: list[Sequence[Any]] = [_samples(signal) for signal in group.signals]
+    columns: list[Sequence[Any]] = [
+        list(map(str, s.values)) if s.is_text else _finite(s.values) for s in group.signals
+    ]
     if time is not None:
         names.insert(0, clock_column(group, content.metadata))
         units.insert(0, "s")
@@ -106,12 +111,6 @@ def _put_group(sheet: Any, group: SignalGroup, content: Acquisition, most_rows: 
     sheet.append([_cell(sheet, unit) for unit in units])
     for k in range(min(group.n_samples, most_rows)):
         sheet.append([_cell(sheet, column[k]) for column in columns])
-
-
-def _samples(signal: Signal) -> list[Any]:
-    if signal.is_text:
-        return [str(text) for text in signal.values]
-    return _finite(signal.values)
 
 
 def _finite(values: np.ndarray) -> list[float | None]:
@@ -185,11 +184,11 @@ class _OwnTable:
         ]
 
 
-def _group(table: _OwnTable, name: str, told: Sequence[Sequence[Any]]) -> SignalGroup:
-    _check_shape(table, [_word(own[0]) for own in told])
+def _group(table: _OwnTable, name: str, signal_rows: Sequence[Sequence[Any]]) -> SignalGroup:
+    _check_shape(table, [_word(row[0]) for row in signal_rows])
     signals = tuple(
-        Signal(_word(own[0]), _values(table, k + table.shift, own[2]), _word(own[1]), _word(own[3]))
-        for k, own in enumerate(told)
+        Signal(_word(row[0]), _values(table, k + table.shift, row[2]), _word(row[1]), _word(row[3]))
+        for k, row in enumerate(signal_rows)
     )
     times = _times(table) if table.shift else None
     return SignalGroup(
@@ -227,15 +226,17 @@ def _times(table: _OwnTable) -> np.ndarray:
     for i in np.flatnonzero(np.isnan(times)).tolist():
         empty = _HEAD + i >= len(rows) or all(cell in (None, "") for cell in rows[_HEAD + i])
         if empty or table.kind == "rate":
-            said = (
+            message = (
                 f"expected sample {i + 1} of {table.n}, found no time; a row was deleted. {_UNDO}"
             )
-            table.sheet.refuse(_HEAD + i, 0, said)
+            table.sheet.refuse(_HEAD + i, 0, message)
     if table.kind == "rate":
         at = first_other_time(times, table.rate_hz, table.start_s)
         if at is not None:
-            said = f"the rate is {table.rate_hz:g} Hz, and this time was changed to {times[at]:.9g}"
-            table.sheet.refuse(_HEAD + at, 0, f"{said}. {_UNDO}")
+            message = (
+                f"the rate is {table.rate_hz:g} Hz, and this time was changed to {times[at]:.9g}"
+            )
+            table.sheet.refuse(_HEAD + at, 0, f"{message}. {_UNDO}")
     return times
 
 
@@ -244,12 +245,10 @@ def _values(table: _OwnTable, column: int, kind: str) -> np.ndarray:
     if kind == "number":
         for i, cell in enumerate(cells):
             if cell is not None and not _is_number(cell):
-                said = f"expected a number, found '{str(cell)[:40]}'. Correct or empty it."
-                table.sheet.refuse(_HEAD + i, column, said)
+                message = f"expected a number, found '{str(cell)[:40]}'. Correct or empty it."
+                table.sheet.refuse(_HEAD + i, column, message)
         return np.array([np.nan if c is None else float(c) for c in cells], dtype=np.float64)
-    texts = np.empty(len(cells), dtype=object)
-    texts[:] = ["" if cell is None else str(cell) for cell in cells]
-    return texts
+    return text_array("" if cell is None else str(cell) for cell in cells)
 
 
 def _is_number(cell: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Where the tables of a sheet are: names, units and samples among the prose of a laboratory.
+"""Search for the tables of a sheet: names, units and samples among other text.
 
 A table is a row of names, perhaps a row of units, and samples to the end of the sheet. Several
 columns of time in one table each begin a group of their own. What cannot be told is an error
@@ -9,7 +9,7 @@ import datetime as dt
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError, UnitError
-from jointz.io.formats.losses import NOTE
+from jointz.io.formats.losses import NOTE, text_array
 from jointz.io.text.column_names import is_time, seconds_of_one, unit_in_name, with_clock
 from jointz.io.text.units import si_unit_of
 
@@ -52,7 +52,7 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Where a table stands in its sheet, rows and columns from 0."""
+    """Position of a table in its sheet, rows and columns from 0."""
 
     names_row: int
     units_row: int | None  # row of units, None where there is none
@@ -74,7 +74,10 @@ def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
     """Return the groups of a sheet, and its prose and what was read how as metadata."""
     table = _find_table(sheet)
     last = len(sheet.rows) if table is None else table.names_row
-    metadata = dict(_prose(sheet, last))
+    prose = {
+        row: " | ".join(str(sheet.rows[row][k]) for k in _filled(sheet, row)) for row in range(last)
+    }
+    metadata = {f"{sheet.title}.row {row + 1}": text for row, text in prose.items() if text}
     if table is None:
         return [], metadata
     for first_row, first_column, last_row, _ in sheet.merged:
@@ -91,10 +94,10 @@ def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
     groups = []
     for block in blocks:
         name = sheet.title if len(blocks) == 1 else f"{sheet.title}!{letters(block[0])}"
-        own = [k for k in clocks if k in block]
-        group, told = _group(sheet, table, name, ({k: names[k] for k in block}, own))
+        own_clocks = [k for k in clocks if k in block]
+        group, notes = _group(sheet, table, name, ({k: names[k] for k in block}, own_clocks))
         groups.append(group)
-        metadata |= told
+        metadata |= notes
     return groups, metadata
 
 
@@ -102,11 +105,11 @@ def _find_table(sheet: Sheet) -> Table | None:
     """Find the row of names under which most columns hold numbers."""
     best: Table | None = None
     for row in range(min(len(sheet.rows), _MOST_HEADER_ROWS)):
-        found = _table_at(sheet, row)
-        if found is not None and (
-            best is None or _n_numbers(sheet, found) > _n_numbers(sheet, best)
+        candidate = _table_at(sheet, row)
+        if candidate is not None and (
+            best is None or _n_numbers(sheet, candidate) > _n_numbers(sheet, best)
         ):
-            best = found
+            best = candidate
     return best
 
 
@@ -169,13 +172,6 @@ def _is_unit(text: str) -> bool:
     except UnitError:
         return text.lower() in _NO_UNIT
     return True
-
-
-def _prose(sheet: Sheet, last: int) -> Iterator[tuple[str, str]]:
-    for row in range(last):
-        cells = [str(sheet.rows[row][k]) for k in _filled(sheet, row)]
-        if cells:
-            yield f"{sheet.title}.row {row + 1}", " | ".join(cells)
 
 
 def _names(sheet: Sheet, table: Table) -> dict[int, str]:
@@ -336,9 +332,10 @@ def _signal(sheet: Sheet, table: Table, column: int, *, name: str, rows: range) 
     if kind == "number":
         values = [np.nan if _kind(c) == "empty" else float(c) for c in cells]
         return Signal(name, np.array(values, dtype=np.float64), unit)
-    texts = np.empty(len(cells), dtype=object)
-    texts[:] = ["" if cell is None else _text(cell) for cell in cells]
-    return Signal(name, texts, unit, _DATE_NOTE if kind == "date" else "")
+    texts = [
+        "" if c is None else c.isoformat() if hasattr(c, "isoformat") else str(c) for c in cells
+    ]
+    return Signal(name, text_array(texts), unit, _DATE_NOTE if kind == "date" else "")
 
 
 def _unit(sheet: Sheet, table: Table, column: int, name: str) -> str:
@@ -378,7 +375,3 @@ def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Set[s
         sheet.refuse(row, column, f"expected a number, found the date {value}. Correct it.")
     elif kind == "number" and abs(value) > LARGEST:
         sheet.refuse(row, column, "the number is larger than any that a cell holds. Correct it.")
-
-
-def _text(cell: Any) -> str:
-    return cell.isoformat() if isinstance(cell, dt.date | dt.time) else str(cell)

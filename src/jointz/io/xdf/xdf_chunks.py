@@ -1,4 +1,4 @@
-"""The chunks of an XDF file, looked at one by one before anything is read out of them.
+"""Chunks of an XDF file, checked one by one before anything is read.
 
 pyxdf jumps over what it cannot read and says so in a log; a file that is cut off or damaged
 would lose samples in silence, or have it ask for more memory than there is. So every chunk is
@@ -38,7 +38,7 @@ _MOST_CHANNELS = 65_536
 
 @dataclass(slots=True)
 class Stream:
-    """What the chunks of one stream say."""
+    """Summary of the chunks of one stream."""
 
     name: str  # as its header has it
     n_channels: int  # values of a sample
@@ -181,46 +181,44 @@ def _samples(file: _Walk, stream: Stream, at: int, end: int) -> None:
     n, at = file.length(at, end)
     if n > end - at:
         raise file.refuse(at, f"{n} samples", f"{end - at} bytes")
-    if stream.value_bytes:
-        flags = _numbers(file, stream, n, (at, end))
-    else:
-        flags = _texts(file, stream, n, (at, end))
+    flags = _stamps(file, stream, n, (at, end))
     if stream.n_samples == 0 and n:
         stream.first_stamped = bool(flags[0])
     stream.n_samples += n
     stream.stamped += int(np.count_nonzero(flags))
 
 
-def _numbers(file: _Walk, stream: Stream, n: int, span: tuple[int, int]) -> np.ndarray:
+def _stamps(file: _Walk, stream: Stream, n: int, span: tuple[int, int]) -> np.ndarray:
     """Return whether each sample has a stamp; all or none is looked at in one go."""
     at, end = span
     size = stream.n_channels * stream.value_bytes
-    for flag in (_STAMPED, 0):
+    for flag in (_STAMPED, 0) if size and n else ():
         step = 1 + flag + size
-        if n and end - at == n * step:
+        if end - at == n * step:
             flags = np.frombuffer(file.content[at:end], dtype=np.uint8)[::step]
             if (flags == flag).all():
                 return np.asarray(flags != 0)
     flags = np.zeros(n, dtype=bool)
     for i in range(n):
-        flags[i], at = _stamp(file, at, end)
-        file.cut(at, size, end)
-        at += size
-    _ended(file, at, end)
+        flag = file.cut(at, 1, end)[0]
+        if flag not in (0, _STAMPED):
+            raise file.refuse(at, "a time stamp of 0 or 8 bytes", f"one of {flag}")
+        file.cut(at + 1, flag, end)
+        flags[i], at = flag == _STAMPED, at + 1 + flag
+        at = at + len(file.cut(at, size, end)) if size else _after_texts(file, stream, (at, end))
+    if at != end:
+        raise file.refuse(at, "the end of the samples", f"{end - at} bytes more")
     return flags
 
 
-def _texts(file: _Walk, stream: Stream, n: int, span: tuple[int, int]) -> np.ndarray:
+def _after_texts(file: _Walk, stream: Stream, span: tuple[int, int]) -> int:
+    """Return the byte after the texts of a sample; count those that are no UTF-8."""
     at, end = span
-    flags = np.zeros(n, dtype=bool)
-    for i in range(n):
-        flags[i], at = _stamp(file, at, end)
-        for _ in range(stream.n_channels):
-            size, at = file.length(at, end)
-            stream.n_garbled += not _is_utf8(file.cut(at, size, end))
-            at += size
-    _ended(file, at, end)
-    return flags
+    for _ in range(stream.n_channels):
+        size, at = file.length(at, end)
+        stream.n_garbled += not _is_utf8(file.cut(at, size, end))
+        at += size
+    return at
 
 
 def _is_utf8(raw: bytes) -> bool:
@@ -229,16 +227,3 @@ def _is_utf8(raw: bytes) -> bool:
     except UnicodeDecodeError:
         return False
     return True
-
-
-def _stamp(file: _Walk, at: int, end: int) -> tuple[bool, int]:
-    flag = file.cut(at, 1, end)[0]
-    if flag not in (0, _STAMPED):
-        raise file.refuse(at, "a time stamp of 0 or 8 bytes", f"one of {flag}")
-    file.cut(at + 1, flag, end)
-    return flag == _STAMPED, at + 1 + flag
-
-
-def _ended(file: _Walk, at: int, end: int) -> None:
-    if at != end:
-        raise file.refuse(at, "the end of the samples", f"{end - at} bytes more")

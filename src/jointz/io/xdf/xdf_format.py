@@ -17,27 +17,18 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.whole_file import whole_file
-from jointz.io.column_readers import damaged
-from jointz.io.formats.registry import register_format
-from jointz.io.text.column_names import READING
-from jointz.io.text.signal_names import distinct_names
+from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import text_array
+from jointz.io.text.column_names import READING, distinct_names
 from jointz.io.xdf.xdf_chunks import Stream, walk
 from jointz.io.xdf.xdf_plan import EVENTS, OWN, UNNAMED, Clock, events_of, plan
 from jointz.io.xdf.xdf_tree import flat
 from jointz.io.xdf.xdf_write import xdf_bytes
 
 _LIBRARY_ERRORS = (
-    ValueError,
-    ArithmeticError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    RuntimeError,
-    MemoryError,
-    EOFError,
-    SyntaxError,  # of XML
-    struct.error,
+    *(ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError),
+    *(MemoryError, EOFError, SyntaxError, struct.error),
 )
 #: What pyxdf logs where offsets of a clock lead to no correction.
 _UNUSED = re.compile(r"Stream (\d+): Clock offsets .* cannot be used for synchronization")
@@ -49,8 +40,7 @@ _NOT_IN_HEADER = ("segments", "clock_segments")
 _LARGEST_EXACT = 2**53
 
 
-@register_format(".xdf")
-class XdfFormat:
+class XdfFormat(GroupFormat):
     """A group a stream; streams of markers are events too."""
 
     name = "XDF"
@@ -77,16 +67,14 @@ class XdfFormat:
         """Return what of a content an XDF file cannot hold."""
         return plan(content)[1]
 
-    def write(self, content: Acquisition, path: Path) -> None:
-        """Write XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
-        raw = xdf_bytes(plan(content)[0])
-        with whole_file(path, "Make room or name another place.") as partial:
-            partial.write_bytes(raw)
+    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
+        """Return XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
+        return xdf_bytes(plan(content)[0])
 
 
 @dataclass(frozen=True, slots=True)
 class _Loaded:
-    """What pyxdf read: streams by number, header, and how often offsets led to no correction."""
+    """Result of pyxdf: streams by number, header, and how often offsets led to no correction."""
 
     streams: dict[int, dict[str, Any]]
     header: Mapping[str, Any]
@@ -101,15 +89,17 @@ def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> A
     metadata = flat(info) if isinstance(info, Mapping) else {}
     metadata.pop("version", None)
     for number, stream in loaded.streams.items():
-        name, own = names[number], _own(stream)
-        group = _group(path, name, stream, _clock(path, walked[number], stream, own))
+        name, settings = names[number], _own(stream)
+        group = _group(path, name, stream, _clock(path, walked[number], stream, settings))
         remarks = _remarks(walked[number], stream, group)
         remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
-        if own.get(EVENTS) != "only":
+        if settings.get(EVENTS) != "only":
             groups.append(group)
-            metadata |= _described(stream, name, own)
+            metadata |= _described(stream, name, settings)
             metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
-        if own.get(EVENTS, "yes" if _is_markers(stream) else "no") != "no":
+        irregular = float(_first(stream, "nominal_srate")) == 0
+        markers = irregular and _first(stream, "channel_format") == "string"
+        if settings.get(EVENTS, "yes" if markers else "no") != "no":
             events += events_of(group)
     events.sort(key=lambda event: event.time_s)
     return Acquisition(tuple(groups), tuple(events), metadata)
@@ -120,13 +110,12 @@ def _load(path: Path, content: bytes) -> _Loaded:
     try:
         import pyxdf
     except ImportError as exc:
-        raise DataError(
-            f"{path.name}: XDF files need pyxdf. Install it: pip install 'jointz[formats]'.",
-            path=str(path),
+        raise file_error(
+            path, "XDF files need pyxdf. Install it: pip install 'jointz[formats]'."
         ) from exc
     try:
         with (
-            _overheard("pyxdf.pyxdf") as said,
+            _overheard("pyxdf.pyxdf") as records,
             warnings.catch_warnings(),
             np.errstate(all="ignore"),
         ):
@@ -136,16 +125,16 @@ def _load(path: Path, content: bytes) -> _Loaded:
             )
     except _LIBRARY_ERRORS as exc:
         raise damaged(path, exc) from exc
-    errors = [record for record in said if record.levelno >= logging.ERROR]
+    errors = [record for record in records if record.levelno >= logging.ERROR]
     if errors:
         raise damaged(path, ValueError(errors[0].getMessage()))
     if any("clock_segments" not in stream["info"] for stream in streams):
-        raise DataError(
-            f"{path.name}: XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. "
-            "Update it: pip install --upgrade 'jointz[formats]'.",
-            path=str(path),
+        raise file_error(
+            path,
+            "XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. Update it: "
+            "pip install --upgrade 'jointz[formats]'.",
         )
-    unused = [match for record in said if (match := _UNUSED.match(record.getMessage()))]
+    unused = [match for record in records if (match := _UNUSED.match(record.getMessage()))]
     by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}
     return _Loaded(by_number, header, Counter(int(match[1]) for match in unused))
 
@@ -153,19 +142,19 @@ def _load(path: Path, content: bytes) -> _Loaded:
 @contextmanager
 def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
     """Collect the warnings that a logger tells meanwhile, and keep them from the terminal."""
-    said: list[logging.LogRecord] = []
+    records: list[logging.LogRecord] = []
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             if record.levelno >= logging.WARNING:
-                said.append(record)
+                records.append(record)
 
     logger, listener = logging.getLogger(name), Listener()
     before = logger.propagate
     logger.addHandler(listener)
     logger.propagate = False
     try:
-        yield said
+        yield records
     finally:
         logger.removeHandler(listener)
         logger.propagate = before
@@ -183,14 +172,14 @@ def _names(streams: Mapping[int, dict[str, Any]]) -> dict[int, str]:
         sources = [_first(streams[n], "source_id") for n in twins]
         apart = all(sources) and len(set(sources)) == len(twins)
         mark = _first(streams[number], "source_id") if apart else str(number)
-        wanted = f"{name} ({mark})" if len(twins) > 1 else name
-        names[number] = wanted if wanted not in names.values() else f"{wanted} #{number}"
+        unique = f"{name} ({mark})" if len(twins) > 1 else name
+        names[number] = unique if unique not in names.values() else f"{unique} #{number}"
     return names
 
 
 def _first(stream: Mapping[str, Any], tag: str) -> str:
-    found = stream["info"].get(tag, [None])[0]
-    return found if isinstance(found, str) else ""
+    text = stream["info"].get(tag, [None])[0]
+    return text if isinstance(text, str) else ""
 
 
 def _own(stream: Mapping[str, Any]) -> dict[str, str]:
@@ -199,7 +188,7 @@ def _own(stream: Mapping[str, Any]) -> dict[str, str]:
     return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}
 
 
-def _described(stream: Mapping[str, Any], name: str, own: Mapping[str, str]) -> dict[str, str]:
+def _described(stream: Mapping[str, Any], name: str, settings: Mapping[str, str]) -> dict[str, str]:
     """Return what a stream's header says besides what jointz wrote for itself, as metadata."""
     info = {tag: nodes for tag, nodes in stream["info"].items() if tag not in _NOT_IN_HEADER}
     texts = flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
@@ -208,17 +197,17 @@ def _described(stream: Mapping[str, Any], name: str, own: Mapping[str, str]) -> 
         for place in _channel_places(stream)
         for tag in ("label", "unit", "description")
     }
-    found = {
+    metadata = {
         f"{name}.{k}": text
         for k, text in texts.items()
         if k not in labelled and not k.startswith(OWN)
     }
-    if own.get("type"):  # said for other programs
-        found.pop(f"{name}.type", None)
+    if settings.get("type"):  # said for other programs
+        metadata.pop(f"{name}.type", None)
     nominal = _first(stream, "nominal_srate")
-    if float(nominal) > 0 and own.get("clock") != Clock.UNIFORM:
-        found[f"{name}.nominal_srate"] = nominal
-    return found
+    if float(nominal) > 0 and settings.get("clock") != Clock.UNIFORM:
+        metadata[f"{name}.nominal_srate"] = nominal
+    return metadata
 
 
 def _channel_places(stream: Mapping[str, Any]) -> list[str]:
@@ -227,18 +216,18 @@ def _channel_places(stream: Mapping[str, Any]) -> list[str]:
 
 
 def _clock(
-    path: Path, walked: Stream, stream: Mapping[str, Any], own: Mapping[str, str]
+    path: Path, walked: Stream, stream: Mapping[str, Any], settings: Mapping[str, str]
 ) -> SignalGroup:
     """Return a stream's clock: its stamps, or first stamp and rate where it has no others."""
     stamps = np.array(stream["time_stamps"], dtype=np.float64)
     rate = float(_first(stream, "nominal_srate"))
     only_first = walked.stamped == 1 and walked.first_stamped and walked.n_offsets == 0
-    told = own.get("clock")
-    empty = walked.n_samples == 0 and told == Clock.UNIFORM
-    if rate > 0 and told != Clock.STAMPS and (empty or only_first):
-        start = float(own.get("start_s", "0")) if empty else float(stamps[0])
+    clock = settings.get("clock")
+    empty = walked.n_samples == 0 and clock == Clock.UNIFORM
+    if rate > 0 and clock != Clock.STAMPS and (empty or only_first):
+        start = float(settings.get("start_s", "0")) if empty else float(stamps[0])
         return SignalGroup("", (), rate_hz=rate, start_s=start)
-    if told == Clock.NONE or (told is None and walked.n_samples and not walked.stamped + rate):
+    if clock == Clock.NONE or (clock is None and walked.n_samples and not walked.stamped + rate):
         return SignalGroup("", ())
     if walked.n_samples and not walked.first_stamped:
         raise _unstamped(path, walked, "its first sample has none to count from")
@@ -289,18 +278,11 @@ def _column(series: Any, i: int) -> np.ndarray:
         texts = [str(v) for v in column.tolist()]
     else:
         texts = [row[i] for row in series]
-    found = np.empty(len(texts), dtype=object)
-    found[:] = texts
-    return found
-
-
-def _is_markers(stream: Mapping[str, Any]) -> bool:
-    irregular = float(_first(stream, "nominal_srate")) == 0
-    return irregular and _first(stream, "channel_format") == "string"
+    return text_array(texts)
 
 
 def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:
-    """Say what looks odd about a stream."""
+    """Return remarks on what looks odd about a stream."""
     remarks = []
     if walked.footer_count is None:
         remarks.append("It has no footer: the recording was not closed.")
@@ -319,7 +301,7 @@ def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> l
 def _synchronised(
     path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
 ) -> list[str]:
-    """Say what became of the measured offsets of a stream's clock."""
+    """Return how the measured offsets of a stream's clock were used."""
     segments = stream["info"]["clock_segments"]
     if not (walked.n_offsets and walked.n_samples):
         return []
@@ -336,8 +318,8 @@ def _synchronised(
             "NOT on the clock of the other streams."
         ]
     resets = len(segments) - 1
-    told = f" Its clock was reset {resets} time(s); each part has a correction of its own."
+    resets_note = f" Its clock was reset {resets} time(s); each part has a correction of its own."
     return [
         f"Time stamps are corrected by {walked.n_offsets} offsets of its clock."
-        + (told if resets > 0 else "")
+        + (resets_note if resets > 0 else "")
     ]

@@ -1,4 +1,4 @@
-"""What of a content goes into an XDF file, and what cannot be held, a sentence each."""
+"""Plan of an XDF file: the content it can hold, and a sentence for each loss."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -10,8 +10,7 @@ import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.io.formats.losses import NOTE, listed
-from jointz.io.text.column_names import READING
-from jointz.io.text.signal_names import distinct_names
+from jointz.io.text.column_names import READING, distinct_names
 from jointz.io.xdf.xdf_tree import Tree, grown, holdable
 
 #: Where jointz keeps what XDF has no word for, in the description of a stream.
@@ -26,7 +25,7 @@ _RESERVED = ("name", "channel_count", "channel_format", "stream_id", "effective_
 
 
 class Clock(StrEnum):
-    """How a stream's samples are timed."""
+    """Kind of clock of a stream."""
 
     UNIFORM = "uniform"
     STAMPS = "stamps"
@@ -44,7 +43,7 @@ class XdfStream:
 
 @dataclass(frozen=True, slots=True)
 class XdfContent:
-    """What is to be written."""
+    """Content to be written."""
 
     header: Tree  # the description of the file, a tree
     streams: tuple[XdfStream, ...]  # in order
@@ -77,7 +76,7 @@ def plan(content: Acquisition) -> tuple[XdfContent, list[str]]:
     renamed = [g.name for g, name in zip(groups, names, strict=True) if g.name not in ("", name)]
     if renamed or len(set(names)) < len(names):
         lost.append(f"Names of groups change: {listed(map(repr, renamed or names))}.")
-    marked, own = _markers(content.events, groups, lost)
+    marked, event_group = _markers(content.events, groups, lost)
     streams = [
         _stream(
             replace(group, name=name),
@@ -88,8 +87,10 @@ def plan(content: Acquisition) -> tuple[XdfContent, list[str]]:
         )
         for group, name in zip(groups, names, strict=True)
     ]
-    if own is not None:
-        streams.append(_stream(own, lost, metadata={}, original=own.name, marked="only"))
+    if event_group is not None:
+        streams.append(
+            _stream(event_group, lost, metadata={}, original=event_group.name, marked="only")
+        )
     header, left = grown({k: v for k, v in owners[None].items() if k.split(".")[0] != "version"})
     left += [k for k in owners[None] if k.split(".")[0] == "version"]
     if left:
@@ -99,15 +100,15 @@ def plan(content: Acquisition) -> tuple[XdfContent, list[str]]:
 
 def _owners(content: Acquisition) -> dict[str | None, dict[str, str]]:
     """Return the metadata of each group, without its name before them, and of the file (None)."""
-    found: dict[str | None, dict[str, str]] = {None: {}}
+    owners: dict[str | None, dict[str, str]] = {None: {}}
     names = sorted((g.name for g in content.groups if g.name), key=len, reverse=True)
     for key, text in content.metadata.items():
         if key.startswith(READING):
             continue
         owner = next((name for name in names if key.startswith(f"{name}.")), None)
         inner = key if owner is None else key.removeprefix(f"{owner}.")
-        found.setdefault(owner, {})[inner] = text
-    return found
+        owners.setdefault(owner, {})[inner] = text
+    return owners
 
 
 def _parts(group: SignalGroup, lost: list[str]) -> list[SignalGroup]:
@@ -153,7 +154,7 @@ def _markers(
     for group in groups:
         if not group.signals[0].is_text:
             continue
-        found = Counter(events_of_safely(group))
+        found = Counter(_events_if_any(group))
         marked[group.name] = "yes" if found and found <= left else "no"
         if marked[group.name] == "yes":
             left -= found
@@ -165,7 +166,7 @@ def _markers(
     return marked, _event_group(rest)
 
 
-def events_of_safely(group: SignalGroup) -> list[Event]:
+def _events_if_any(group: SignalGroup) -> list[Event]:
     """Return the events of a stream of texts, none where a duration in it is no number."""
     try:
         return events_of(group)
@@ -218,14 +219,11 @@ def _stream(
     free = {k: v for k, v in free.items() if not k.startswith(OWN)}
     tree, unfit = grown({**fixed, **free})
     unfit += [k for k in metadata if k not in kept or k not in {*free}]
-    unfit = [k for k in dict.fromkeys(unfit) if k in metadata and (k, metadata[k]) != _told(fixed)]
+    written = ("nominal_srate", nominal)
+    unfit = [k for k in dict.fromkeys(unfit) if k in metadata and (k, metadata[k]) != written]
     if unfit:
         lost.append(f"It has no place for metadata: {listed(f'{original}.{k}' for k in unfit)}.")
     return XdfStream(tree, replace(group, signals=_encoded(group.signals, lost)), clock)
-
-
-def _told(fixed: Mapping[str, str]) -> tuple[str, str]:
-    return "nominal_srate", fixed["nominal_srate"]
 
 
 def _nominal(
@@ -235,17 +233,17 @@ def _nominal(
     kept = {k: v for k, v in metadata.items() if k != "nominal_srate"}
     if clock is Clock.UNIFORM:
         return repr(float(group.rate_hz or 0.0)), kept
-    said = metadata.get("nominal_srate", "")
+    stated = metadata.get("nominal_srate", "")
     try:
-        usable = 0 < float(said) < np.inf and clock is Clock.STAMPS
+        usable = 0 < float(stated) < np.inf and clock is Clock.STAMPS
     except ValueError:
         usable = False
-    return (said if usable else "0"), kept
+    return (stated if usable else "0"), kept
 
 
 def _channels(group: SignalGroup, lost: list[str]) -> dict[str, str]:
     """Return label, unit and description of each channel, as far as XML holds them."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     changed = []
     labels = [holdable(signal.name) for signal in group.signals]
     names = distinct_names(labels, len(labels), "channel")
@@ -257,24 +255,24 @@ def _channels(group: SignalGroup, lost: list[str]) -> dict[str, str]:
         written = (names[i - 1], words["unit"], words["description"] if note else "")
         if written != (signal.name, signal.unit, note):
             changed.append(signal.name)
-        found |= {f"{place}.{tag}": text for tag, text in words.items() if text}
+        texts |= {f"{place}.{tag}": text for tag, text in words.items() if text}
     if changed:
         lost.append(f"Names, units or descriptions change: {listed(map(repr, changed))}.")
-    return found
+    return texts
 
 
 def _encoded(signals: tuple[Signal, ...], lost: list[str]) -> tuple[Signal, ...]:
     """Return texts without letters that UTF-8 has not."""
-    found = []
+    encoded = []
     for signal in signals:
         if not signal.is_text:
-            found.append(signal)
+            encoded.append(signal)
             continue
         values = np.array([_encodable(str(text)) for text in signal.values], dtype=object)
         if any(a != b for a, b in zip(values, signal.values, strict=True)):
             lost.append(f"Signal '{signal.name}' has letters that UTF-8 has not.")
-        found.append(replace(signal, values=values))
-    return tuple(found)
+        encoded.append(replace(signal, values=values))
+    return tuple(encoded)
 
 
 def _encodable(text: str) -> str:

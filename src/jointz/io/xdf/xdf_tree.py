@@ -1,4 +1,4 @@
-"""The descriptions in an XDF file: trees of XML, and metadata by dotted names."""
+"""Descriptions in an XDF file: trees of XML, and metadata by dotted names."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -13,15 +13,15 @@ _INDEX = re.compile(r"[2-9]|[1-9]\d{1,3}")
 
 def flat(tree: Any, prefix: str = "") -> dict[str, str]:
     """Return the texts of a tree; the second of two siblings of one name is ``name.2``."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for tag, nodes in tree.items():
         for i, node in enumerate(nodes, start=1):
             name = f"{prefix}{tag}" + (f".{i}" if i > 1 else "")
             if isinstance(node, Mapping):
-                found |= flat(node, f"{name}.")
-            elif node is not None and str(node) and not _is_layout(str(node)):
-                found[name] = str(node)
-    return found
+                texts |= flat(node, f"{name}.")
+            elif node is not None and str(node) and str(node).strip():
+                texts[name] = str(node)
+    return texts
 
 
 def grown(texts: Mapping[str, str]) -> tuple[Tree, list[str]]:
@@ -51,15 +51,15 @@ def holdable(text: str) -> str:
 
 def _steps(name: str) -> Iterator[tuple[str, int]]:
     """Yield tag and number of each step down the tree; nothing where the name is no way."""
-    parts, found = name.split("."), []
+    parts, steps = name.split("."), []
     while parts:
         tag, index = parts.pop(0), 1
         if not _TAG.fullmatch(tag):
             return
         if parts and _INDEX.fullmatch(parts[0]):
             index = int(parts.pop(0))
-        found.append((tag, index))
-    yield from found
+        steps.append((tag, index))
+    yield from steps
 
 
 def _set(tree: Tree, steps: list[tuple[str, int]], text: str) -> None:
@@ -91,10 +91,6 @@ def _fill(element: ElementTree.Element, tree: Tree) -> None:
                 _fill(child, node)
             else:
                 child.text = node
-
-
-def _is_layout(text: str) -> bool:
-    return not text.strip()
 
 
 def _xml_holds(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""The bytes of an XDF 1.0 file, chunk by chunk.
+"""Bytes of an XDF 1.0 file, chunk by chunk.
 
 Written from the public specification (https://github.com/sccn/xdf/wiki/Specifications).
 """
@@ -73,11 +73,11 @@ def _texts(columns: list[np.ndarray], stamps: np.ndarray | None) -> bytes:
 
 def _footer(group: SignalGroup) -> dict[str, list[str]]:
     stamps = group.times_s()
-    found = {"sample_count": [str(group.n_samples)]}
+    content = {"sample_count": [str(group.n_samples)]}
     if stamps is not None and len(stamps):
-        found["first_timestamp"] = [repr(float(stamps[0]))]
-        found["last_timestamp"] = [repr(float(stamps[-1]))]
-    return found
+        content["first_timestamp"] = [repr(float(stamps[0]))]
+        content["last_timestamp"] = [repr(float(stamps[-1]))]
+    return content
 
 
 def _chunk(tag: int, body: bytes) -> bytes:

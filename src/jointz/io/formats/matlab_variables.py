@@ -1,4 +1,4 @@
-"""MATLAB files, version 5 to 7.3, through pymatreader."""
+"""Variables of MATLAB files, version 4 to 7.3, through pymatreader, and their dotted names."""
 
 import io
 import math
@@ -15,17 +15,7 @@ from scipy.io import whosmat
 from scipy.io.matlab import MatReadError, matfile_version
 
 from jointz.core.errors import DataError
-from jointz.core.study import FilesSpec
-from jointz.io.column_readers import (
-    RawTable,
-    TableRequest,
-    damaged,
-    file_sha256,
-    label_column,
-    missing_columns,
-    number_column,
-    register_reader,
-)
+from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
@@ -47,41 +37,6 @@ _LIBRARY_ERRORS = (
     *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError),
     *(MatReadError, zlib.error, struct.error),
 )
-_OBJECT_HINT = (
-    "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
-    "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
-)
-
-
-@register_reader(".mat")
-class MatlabReader:
-    """Reads series by dotted name through structs, ``data.knee.angle``.
-
-    ``data.signals.3`` is the third column of a matrix (samples in rows), or the
-    third element of a struct or cell array.
-    """
-
-    def read(self, path: Path, request: TableRequest) -> RawTable:
-        """Return the wanted series, flattened."""
-        names = [str(c) for c in request.columns]
-        tops = {name.partition(".")[0] for name in names}
-        content, has_objects = load_variables(path, tops)
-        found = {name: value_at(content, name.split(".")) for name in names}
-        missing = [name for name, value in found.items() if value is None]
-        if missing:
-            everything, has_objects = load_variables(path, None)
-            hint = _OBJECT_HINT if has_objects else ""
-            raise missing_columns(path, missing, list(series_names(everything)), hint)
-        columns = {}
-        for c in map(str, request.numeric):
-            columns[c] = number_column(path, c, _series(path, c, found[c]))
-        for c in map(str, request.labels):
-            columns[c] = label_column(path, c, _series(path, c, found[c]))
-        return RawTable(columns, {}, file_sha256(path))
-
-    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
-        """Return None: the names inside structs are known only after reading all."""
-        return None
 
 
 def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
@@ -206,30 +161,28 @@ def _numbered(value: Any, number: int) -> Any:
     return None
 
 
-def _series(path: Path, name: str, value: Any) -> np.ndarray:
+def series_at(path: Path, name: str, value: Any) -> np.ndarray:
+    """Return one series of samples."""
     if isinstance(value, list) and any(isinstance(v, (list, dict, np.ndarray)) for v in value):
-        raise DataError(
-            f"{path.name}, column '{name}': expected one series, found {len(value)} pieces. "
-            f"Choose one of them: {name}.1 to {name}.{len(value)}.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"expected one series, found {len(value)} pieces. Choose one of them: {name}.1 to "
+            f"{name}.{len(value)}.",
             channel=name,
         )
-    array = np.array(value, dtype=object) if _is_text(value) else np.atleast_1d(np.asarray(value))
+    text = isinstance(value, list) and any(isinstance(v, str) for v in value)
+    array = np.array(value, dtype=object) if text else np.atleast_1d(np.asarray(value))
     if array.ndim == 2 and 1 in array.shape:
         array = array.ravel()
     if array.ndim == 2:
-        raise DataError(
-            f"{path.name}, column '{name}': expected one series, found a matrix of "
-            f"{array.shape[0]} x {array.shape[1]}. Choose one of its columns: {name}.1 to "
-            f"{name}.{array.shape[1]}.",
-            path=str(path),
+        n_rows, n_columns = array.shape
+        raise file_error(
+            path,
+            f"expected one series, found a matrix of {n_rows} x {n_columns}. Choose one of its "
+            f"columns: {name}.1 to {name}.{n_columns}.",
             channel=name,
         )
     return array
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, list) and any(isinstance(v, str) for v in value)
 
 
 def _is_wide(matrix: np.ndarray) -> bool:
