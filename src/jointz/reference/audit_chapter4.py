@@ -34,9 +34,6 @@ BONFERRONI_PAIRS: Final[Mapping[str, Mapping[tuple[str, str], float]]] = Mapping
         "inertia": MappingProxyType({}),
     }
 )
-_NAMES: Final = MappingProxyType(
-    {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping", "inertia": "inertia"}
-)
 
 
 def column_mean(table: Mapping[str, Mapping[str, Printed]], subject: str) -> float:
@@ -162,7 +159,7 @@ def _averages() -> Iterable[Finding]:
 def _statistics() -> Iterable[Finding]:
     remark = "consistent with replicates taken as people; no proof of it"
     factors = (("timing_point", "timing point", POINT_P), ("participant", "subject", PARTICIPANT_P))
-    for parameter, name in _NAMES.items():
+    for parameter, name in chapter4.PARAMETER_NAMES.items():
         for factor, word, p_values in factors:
             limit, p = chapter4.FACTOR_P_BELOW[parameter, factor].value, p_values[parameter]
             if p >= limit:
@@ -174,7 +171,7 @@ def _statistics() -> Iterable[Finding]:
                     "not reproduced",
                     remark,
                 )
-    for parameter, name in _NAMES.items():
+    for parameter, name in chapter4.PARAMETER_NAMES.items():
         claims = [pair for pair, say in chapter4.PAIRS[parameter].items() if say == "different"]
         found = BONFERRONI_PAIRS[parameter]
         listed = ", ".join("-".join(pair) for pair in found) or "none"

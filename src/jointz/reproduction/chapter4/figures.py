@@ -24,8 +24,8 @@ from jointz.report.style import (
 )
 from jointz.report.wording import DASH, parameter_label
 from jointz.reproduction.chapter4 import statistics_figures as chapter4_statistics_figures
-from jointz.reproduction.chapter4.walking_figures import draw_device_effect, draw_strides
-from jointz.reproduction.chapter_figures import Drawings, draw_given, numbers
+from jointz.reproduction.chapter4.statistics_figures import draw_device_effect, draw_strides
+from jointz.reproduction.chapter_page import Drawings, draw_figures, numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +58,7 @@ _LEGEND_COLUMNS: Final = 3
 
 def draw_chapter4(curves: Mapping[str, Any]) -> dict[str, str]:
     """Draw the figures of chapter IV and 3.7 as far as the curves allow."""
-    return draw_given(DRAWINGS, curves)
+    return draw_figures(DRAWINGS, curves)
 
 
 # --- figure 4.4 ----------------------------------------------------------------------------------

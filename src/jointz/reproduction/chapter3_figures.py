@@ -21,7 +21,7 @@ from jointz.report.style import (
     place_legend,
 )
 from jointz.report.wording import MINUS, format_signed
-from jointz.reproduction.chapter_figures import Drawings, draw_given, every, numbers
+from jointz.reproduction.chapter_page import Drawings, draw_figures, every, numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +42,7 @@ _PRINTED: Final[Mapping[str, Any]] = {
 
 def draw_chapter3(curves: Mapping[str, Any]) -> dict[str, str]:
     """Draw the figures of chapter III that the curves allow."""
-    return draw_given(_DRAWINGS, curves)
+    return draw_figures(_DRAWINGS, curves)
 
 
 # --- figure 3.3 ----------------------------------------------------------------------------------
