@@ -180,7 +180,7 @@ def texts() -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
-def heading(chapter: int, name: str, **values: Any) -> tuple[str, str, str]:
+def heading(chapter: int, name: str, /, **values: Any) -> tuple[str, str, str]:
     """Return name, title and caption of a table, with values filled in."""
     text = texts()[f"chapter{chapter}"][name]
     return name, text["title"], text["caption"].format(**values)
@@ -198,7 +198,7 @@ def claim_table(chapter: int, name: str, rows: Iterable[Claim], **values: Any) -
     return ClaimTable(*heading(chapter, name, **values), tuple(rows))
 
 
-def stated_claims(name: str, **values: Any) -> list[Claim]:
+def stated_claims(name: str, /, **values: Any) -> list[Claim]:
     """Return statements of chapter 4, with values filled in."""
     stated = texts()["chapter4"][name]["claims"]
     return [Claim(**{key: text.format(**values) for key, text in one.items()}) for one in stated]
