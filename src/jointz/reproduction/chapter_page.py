@@ -15,6 +15,7 @@ from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import ClaimTable, Table, texts
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: More points than these no page shows and no printer prints.
@@ -184,3 +185,15 @@ def numbers(values: Sequence[float | None] | float | None) -> np.ndarray:
 def every(size: int, *, most: int = MOST_POINTS) -> slice:
     """Return which samples to draw of a long record."""
     return slice(None, None, max(1, -(-size // most)))
+
+
+def mark(axes: "Axes", at: float, bar: Sequence[float | None], colour: str, **look: Any) -> None:
+    """Draw a value with its bar, low to high; nothing where there is no value."""
+    value, low, high = numbers(bar)
+    if not np.isfinite(value):
+        return
+    if np.isfinite(low) and np.isfinite(high):
+        axes.vlines(at, low, high, colors=colour, linewidth=look.pop("bar_width", 1.0), zorder=2)
+    look.pop("bar_width", None)
+    style: dict[str, Any] = {"color": colour, "linestyle": "none", "zorder": 3}
+    axes.plot(at, value, **style | look)

@@ -4,7 +4,7 @@ import pytest
 
 from jointz.report.style import figure_style
 from jointz.reproduction.chapter4.published_statistics import published_statistics
-from jointz.reproduction.chapter4.statistics_figures import DRAWINGS
+from jointz.reproduction.chapter4.statistics_figures import STATISTICS_DRAWINGS as DRAWINGS
 from jointz.reproduction.chapter_page import draw_figures
 
 

@@ -54,7 +54,6 @@ _ROUNDING: Final = 0.0005
 BAND: Final = 0.2
 #: Of a test of equivalence at 5 %: two one-sided ones.
 _ONE_SIDED: Final = 1.0 - chapter4.SIGNIFICANCE_LEVEL
-_CONSISTENT: Final = "consistent with replicates taken as people; not proof of it"
 
 
 def published_statistics(
@@ -316,8 +315,8 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
     grand_mean = sum(level.mean for level in fit.means) / len(fit.means)
     band = BAND * grand_mean
     fits = fitting_scatter(parameter)
-    numbers = {point: number for number, point in chapter4.POINT_NUMBERS.items()}
-    found = fit.pairs("bonferroni")
+    points = list(chapter4.POINT_NUMBERS.values())
+    pairs = fit.pairs("bonferroni")
     paired = fit.pairs("none", error="paired")
     return {
         "name": name,
@@ -328,7 +327,7 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
         "rows_find": None if fits is None else critical_difference(parameter, 0.5 * sum(fits)),
         "pairs": [
             {
-                "numbers": [numbers[row["first"]], numbers[row["second"]]],
+                "numbers": [points.index(row["first"]) + 1, points.index(row["second"]) + 1],
                 "points": [row["first"], row["second"]],
                 "printed": chapter4.PAIRS[parameter][row["first"], row["second"]],
                 "difference": float(row["difference"]),
@@ -339,7 +338,7 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
                 "p_paired": float(p_paired),
                 "alike": _alike(row, band),
             }
-            for (_, row), p_paired in zip(found.iterrows(), paired["p"], strict=True)
+            for (_, row), p_paired in zip(pairs.iterrows(), paired["p"], strict=True)
         ],
     }
 
@@ -352,45 +351,42 @@ def _alike(row: "pd.Series[Any]", band: float) -> bool:
 
 def _claim(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> Claim:
     first, second = pair["numbers"]
-    judge = _of_likeness if pair["printed"] == "similar" else _of_difference
-    verdict, remark = judge(curve, pair)
+    verdict, remark = _judge(curve, pair)
     return Claim(
-        where="4.3.2.2",
-        claim=f"{curve['name']}, {first} and {second} ({' and '.join(pair['points'])})",
-        printed=str(pair["printed"]),
-        ours=(
-            f"{pair['difference']:.3g} [{pair['ci_low']:.3g}, {pair['ci_high']:.3g}] "
-            f"{curve['unit']}, p {p_text(pair['p'])}"
-        ),
-        verdict=verdict,
-        remark=remark,
+        "4.3.2.2",
+        f"{curve['name']}, {first} and {second} ({' and '.join(pair['points'])})",
+        str(pair["printed"]),
+        f"{pair['difference']:.3g} [{pair['ci_low']:.3g}, {pair['ci_high']:.3g}] "
+        f"{curve['unit']}, p {p_text(pair['p'])}",
+        verdict,
+        remark,
     )
 
 
-def _of_likeness(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
-    band, unit = curve["band"], curve["unit"]
-    if pair["p"] < chapter4.SIGNIFICANCE_LEVEL:
-        return "not reproduced", ""
-    if -band < pair["ci_low"] and pair["ci_high"] < band:
-        return "reproduced", f"inside ±{band:.2g} {unit}: alike"
-    return "not shown", f"no rejection here either; the interval leaves ±{band:.2g} {unit}"
-
-
-def _of_difference(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
-    level = chapter4.SIGNIFICANCE_LEVEL
-    if pair["p"] < level:
-        return "reproduced", ""
-    if curve["rows_find"] is None:
-        return "not reproduced", ""
-    without = {"pooled": pair["p_alone"], "paired": pair["p_paired"]}
-    alone = [f"{name} p {p_text(p)}" for name, p in without.items() if p < level]
+def _judge(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
+    """Return the verdict on what is printed of a pair, and the reason."""
+    level, band = chapter4.SIGNIFICANCE_LEVEL, f"±{curve['band']:.2g} {curve['unit']}"
+    differs = pair["p"] < level
+    if pair["printed"] == "similar":
+        if differs:
+            return "not reproduced", ""
+        if -curve["band"] < pair["ci_low"] and pair["ci_high"] < curve["band"]:
+            return "reproduced", f"inside {band}: alike"
+        return "not shown", f"no rejection here either; the interval leaves {band}"
+    if differs or curve["rows_find"] is None:
+        return "reproduced" if differs else "not reproduced", ""
+    uncorrected = {"pooled": pair["p_alone"], "paired": pair["p_paired"]}
+    alone = [f"{name} p {p_text(p)}" for name, p in uncorrected.items() if p < level]
     if alone:
         return (
             "not reproduced",
             "comes out with replicates as people, and with people where p is not corrected for 15 "
             f"pairs ({', '.join(alone)}); 4.2.4 says that it is",
         )
-    return "only with replicates as people", _CONSISTENT
+    return (
+        "only with replicates as people",
+        "consistent with replicates taken as people; not proof of it",
+    )
 
 
 def p_text(p: float) -> str:

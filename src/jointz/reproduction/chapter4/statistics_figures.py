@@ -36,7 +36,7 @@ _EVERY: Final = 2
 _HALF_MM: Final = 72.0
 
 
-def draw_strides(curve: Mapping[str, Any]) -> "Figure":
+def _draw_strides(curve: Mapping[str, Any]) -> "Figure":
     """Draw single and mean angle and torque over the gait cycle."""
     figure = new_figure(74.0)
     gait = numbers(curve["gait_pct"])
@@ -69,7 +69,7 @@ def _over_cycle(axes: "Axes") -> None:
     axes.set_xlabel("Gait cycle (%)")
 
 
-def draw_device_effect(curve: Mapping[str, Any]) -> "Figure":
+def _draw_device_effect(curve: Mapping[str, Any]) -> "Figure":
     """Draw t over the gait cycle with its thresholds, the mean angles, and their difference."""
     figure = new_figure(128.0)
     gait = numbers(curve["gait_pct"])
@@ -293,7 +293,11 @@ def _scatter_panel(axes: "Axes", curve: Mapping[str, Any]) -> None:
     axes.set_ylabel("Studies (%)")
 
 
-DRAWINGS: Final[Drawings] = {
+GAIT_DRAWINGS: Final[Drawings] = {
+    "figure_4_2": ("strides", _draw_strides),
+    "figure_4_3": ("device_effect", _draw_device_effect),
+}
+STATISTICS_DRAWINGS: Final[Drawings] = {
     "figure_pairs": ("pairs", _draw_pairs),
     "figure_replicates": ("replicates", _draw_replicates),
 }
