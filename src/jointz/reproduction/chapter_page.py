@@ -177,7 +177,7 @@ def draw_figures(drawings: Drawings, curves: Mapping[str, Any]) -> dict[str, str
         }
 
 
-def numbers(values: Sequence[float | None] | float | None) -> np.ndarray:
+def numbers(values: Sequence[float | None] | np.ndarray | float | None) -> np.ndarray:
     """Return plain values as an array, NaN where there is none."""
     return np.asarray(values, dtype=float)
 
@@ -187,7 +187,9 @@ def every(size: int, *, most: int = MOST_POINTS) -> slice:
     return slice(None, None, max(1, -(-size // most)))
 
 
-def mark(axes: "Axes", at: float, bar: Sequence[float | None], colour: str, **look: Any) -> None:
+def mark(
+    axes: "Axes", at: float, bar: Sequence[float | None] | np.ndarray, colour: str, **look: Any
+) -> None:
     """Draw a value with its bar, low to high; nothing where there is no value."""
     value, low, high = numbers(bar)
     if not np.isfinite(value):
