@@ -4,8 +4,11 @@ import pytest
 
 from jointz.io.protocols import load_protocol
 from jointz.reproduction.chapter4.figures import DRAWINGS, draw_chapter4
-from jointz.reproduction.chapter4.pilot import pilot_results, pilot_study
-from jointz.reproduction.chapter4.simulated import simulated_chapter
+from jointz.reproduction.chapter4.reproduce_chapter4 import (
+    pilot_results,
+    pilot_study,
+    simulated_chapter,
+)
 from jointz.reproduction.chapter4.walking import walking_study
 from jointz.reproduction.reproduction_result import Reproduction
 

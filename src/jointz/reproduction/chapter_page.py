@@ -1,18 +1,28 @@
-"""Chapters printed beside ours: one HTML page that needs nothing else."""
+"""Figures and pages of chapters: one HTML page that needs nothing else."""
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointz.analysis.page.report_page import inline_svg
+from jointz.report.style import figure_style, to_svg
 from jointz.report.wording import format_integer, pretty_unit
-from jointz.reproduction.chapter_captions import CAPTIONS, FIGURES_OF_TABLE
-from jointz.reproduction.chapter_tables import claim_cells, compared_cells, grid_cells, holds_truth
+from jointz.reproduction.chapter_tables import table_cells
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tables import ClaimTable, ComparedTable, Table
+from jointz.reproduction.reproduction_tables import ClaimTable, Table, texts
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: More points than these no page shows and no printer prints.
+MOST_POINTS: Final = 3000
+
+#: Figure -> the curve it shows, and what draws it.
+Drawings = Mapping[str, tuple[str, "Callable[[Any], Figure]"]]
 _ROMAN: Final = {2: "II", 3: "III", 4: "IV"}
 _PLUS_MINUS: Final = "\N{PLUS-MINUS SIGN}"
 _SIMULATED: Final = {
@@ -57,7 +67,7 @@ def _page(title: str, chapters: Sequence[tuple[Reproduction, Mapping[str, str]]]
 def _chapter(reproduction: Reproduction, figures: Mapping[str, str]) -> _Row:
     placed = _figures(figures)
     sections = [_section(reproduction.chapter, table, placed) for table in reproduction.tables]
-    shown = {one["name"] for section in sections for one in section["figures"]}
+    shown = {figure["name"] for section in sections for figure in section["figures"]}
     return {
         "number": reproduction.chapter,
         "heading": _heading(reproduction),
@@ -65,7 +75,7 @@ def _chapter(reproduction: Reproduction, figures: Mapping[str, str]) -> _Row:
         "lead": _lead(reproduction.chapter),
         "facts": _facts(reproduction),
         "sections": sections,
-        "loose": [one for name, one in placed.items() if name not in shown],
+        "loose": [figure for name, figure in placed.items() if name not in shown],
         "notes": reproduction.notes,
         "provenance": _flat(reproduction.provenance),
     }
@@ -102,7 +112,7 @@ def _facts(reproduction: Reproduction) -> list[tuple[str, str]]:
         for row in rows
     )
     facts = [(format_integer(printed), "printed numbers beside ours")] if printed else []
-    checked = [held for row in rows if (held := holds_truth(row)) is not None]
+    checked = [held for row in rows if (held := row.holds_truth) is not None]
     if checked:
         text = "intervals of the recommended method hold the truth of the simulation"
         facts.append((f"{sum(checked)} of {len(checked)}", text))
@@ -120,34 +130,25 @@ def _facts(reproduction: Reproduction) -> list[tuple[str, str]]:
 def _figures(figures: Mapping[str, str]) -> dict[str, _Row]:
     return {
         name: {
+            **text,
             "name": name,
-            "svg": inline_svg(figures[name], name, f"Figure {number}"),
-            "number": number,
-            "caption": caption,
+            "svg": inline_svg(figures[name], name, f"Figure {text['number']}"),
         }
-        for name, (number, caption) in CAPTIONS.items()
+        for name, text in texts()["figures"].items()
         if name in figures
     }
 
 
 def _section(chapter: int, table: Table, figures: Mapping[str, _Row]) -> _Row:
-    kind, cells = _cells(table)
+    kind, cells = table_cells(table)
     return {
         "id": f"table-{chapter}-" + re.sub(r"\W", "-", table.name),
         "title": table.title,
         "caption": table.caption,
         "kind": kind,
         "table": {"folded": False, **cells},
-        "figures": [figures[f] for f in FIGURES_OF_TABLE.get(table.name, ()) if f in figures],
+        "figures": [figure for figure in figures.values() if figure["table"] == table.name],
     }
-
-
-def _cells(table: Table) -> tuple[str, _Row]:
-    if isinstance(table, ComparedTable):
-        return "compared", compared_cells(table.rows)
-    if isinstance(table, ClaimTable):
-        return "claims", claim_cells(table.rows)
-    return "grid", grid_cells(table)
 
 
 def _flat(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -161,3 +162,40 @@ def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_text(one) for one in value)
     return str(value)
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+def draw_figures(drawings: Drawings, curves: Mapping[str, Any]) -> dict[str, str]:
+    """Draw the figures whose curves are there."""
+    with figure_style():
+        return {
+            name: to_svg(draw(curves[curve]))
+            for name, (curve, draw) in drawings.items()
+            if curves.get(curve)
+        }
+
+
+def numbers(values: Sequence[float | None] | np.ndarray | float | None) -> np.ndarray:
+    """Return plain values as an array, NaN where there is none."""
+    return np.asarray(values, dtype=float)
+
+
+def every(size: int, *, most: int = MOST_POINTS) -> slice:
+    """Return which samples to draw of a long record."""
+    return slice(None, None, max(1, -(-size // most)))
+
+
+def mark(
+    axes: "Axes", at: float, bar: Sequence[float | None] | np.ndarray, colour: str, **look: Any
+) -> None:
+    """Draw a value with its bar, low to high; nothing where there is no value."""
+    value, low, high = numbers(bar)
+    if not np.isfinite(value):
+        return
+    if np.isfinite(low) and np.isfinite(high):
+        axes.vlines(at, low, high, colors=colour, linewidth=look.pop("bar_width", 1.0), zorder=2)
+    look.pop("bar_width", None)
+    style: dict[str, Any] = {"color": colour, "linestyle": "none", "zorder": 3}
+    axes.plot(at, value, **style | look)

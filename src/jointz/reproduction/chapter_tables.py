@@ -1,4 +1,4 @@
-"""Cells of a chapter's tables: what the page and the terminal both show."""
+"""Cells of a chapter's tables, for the page and for the terminal."""
 
 import math
 from collections import Counter
@@ -6,8 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
-from jointz.report.wording import DASH, MINUS, format_number
-from jointz.reproduction.reproduction_tables import Claim, Compared, ParticipantGrid
+from jointz.report.wording import DASH, MINUS, format_number, pretty_unit
+from jointz.reproduction.reproduction_tables import (
+    Claim,
+    ClaimTable,
+    Compared,
+    ComparedTable,
+    ParticipantGrid,
+    Table,
+)
 
 _COLUMNS: Final = (
     ("printed", "Printed"),
@@ -21,6 +28,7 @@ _FEWEST_DIGITS: Final = 2
 _MOST_DIGITS: Final = 5
 _SMALL_SHARE: Final = 0.1
 _ALMOST_ALL_PCT: Final = 99.0
+_GAP: Final = "  "
 _PLUS_MINUS: Final = "\N{PLUS-MINUS SIGN}"
 
 #: Verdict -> how it is marked; others are open.
@@ -69,40 +77,28 @@ def _scale(rows: Sequence[Compared]) -> float:
 
 
 def _cell(row: Compared, key: str, scales: Mapping[str, float]) -> _Row:
+    """Return the text of a value, and what stands after it: an SD or an interval."""
     value: float | None = getattr(row, key)
+    low, high = row.recommended_low, row.recommended_high
+    half = None if low is None or high is None else 0.5 * (high - low)
+    sd = {"printed": row.printed_sd, "dissertation": row.dissertation_sd}.get(key)
+    width = {
+        "dissertation": half if sd is None else sd,
+        "recommended": half,
+        "truth": row.dissertation_sd if half is None else half,
+    }
     text = spread = ""
     if value is not None:
-        text, spread = _CELLS[key](row, value, scales[row.unit])
-    outside = key == "truth" and holds_truth(row) is False
+        write: Callable[[float], str] = _as_printed
+        if key != "printed":
+            write = _writer(value, width[key], scales[row.unit])
+        text = write(value)
+        if sd is not None:
+            spread = f"{_PLUS_MINUS} {write(sd)}"
+        elif key == "recommended" and low is not None and high is not None:
+            spread = f"[{write(low)}, {write(high)}]"
+    outside = key == "truth" and row.holds_truth is False
     return {"value": text or DASH, "spread": spread, "empty": value is None, "outside": outside}
-
-
-def _printed_cell(row: Compared, value: float, _: float) -> tuple[str, str]:
-    sd = row.printed_sd
-    return _as_printed(value), "" if sd is None else f"{_PLUS_MINUS} {_as_printed(sd)}"
-
-
-def _dissertation_cell(row: Compared, value: float, scale: float) -> tuple[str, str]:
-    sd = row.dissertation_sd
-    write = _writer(value, _half_width(row) if sd is None else sd, scale)
-    return write(value), "" if sd is None else f"{_PLUS_MINUS} {write(sd)}"
-
-
-def _recommended_cell(row: Compared, value: float, scale: float) -> tuple[str, str]:
-    write = _writer(value, _half_width(row), scale)
-    low, high = row.recommended_low, row.recommended_high
-    return write(value), "" if low is None or high is None else f"[{write(low)}, {write(high)}]"
-
-
-def _truth_cell(row: Compared, value: float, scale: float) -> tuple[str, str]:
-    half = _half_width(row)
-    return _writer(value, row.dissertation_sd if half is None else half, scale)(value), ""
-
-
-def _half_width(row: Compared) -> float | None:
-    if row.recommended_low is None or row.recommended_high is None:
-        return None
-    return 0.5 * (row.recommended_high - row.recommended_low)
 
 
 def _as_printed(value: float) -> str:
@@ -129,21 +125,6 @@ def _writer(value: float, spread: float | None, scale: float) -> Callable[[float
 
 def _exponent(value: float) -> int:
     return math.floor(math.log10(abs(value)))
-
-
-_CELLS: Final[Mapping[str, Callable[[Compared, float, float], tuple[str, str]]]] = {
-    "printed": _printed_cell,
-    "dissertation": _dissertation_cell,
-    "recommended": _recommended_cell,
-    "truth": _truth_cell,
-}
-
-
-def holds_truth(row: Compared) -> bool | None:
-    """Return whether the interval of a row holds its truth, None where it lacks either."""
-    if row.truth is None or row.recommended_low is None or row.recommended_high is None:
-        return None
-    return row.recommended_low <= row.truth <= row.recommended_high
 
 
 def claim_cells(rows: Sequence[Claim]) -> _Row:
@@ -182,3 +163,59 @@ def _grid_cell(value: float | None, label: str) -> str:
     if value is None:
         return DASH
     return _as_printed(value) if label == "printed" else _writer(value, None, 0.0)(value)
+
+
+def table_cells(table: Table) -> tuple[str, _Row]:
+    """Return the kind of a table and its cells."""
+    if isinstance(table, ComparedTable):
+        return "compared", compared_cells(table.rows)
+    if isinstance(table, ClaimTable):
+        return "claims", claim_cells(table.rows)
+    return "grid", grid_cells(table)
+
+
+# --- terminal ------------------------------------------------------------------------------------
+
+
+def table_lines(table: Table) -> list[str]:
+    """Return a table as lines of text; a long one is left to its file."""
+    _, cells = table_cells(table)
+    if isinstance(table, ParticipantGrid):
+        lines = [f"{table.title}, {pretty_unit(table.unit)}"]
+        for block in cells["blocks"]:
+            rows = [[block["label"], *table.participants, "Average"]]
+            rows += [[row["point"], *row["cells"], row["average"]] for row in block["rows"]]
+            lines += _aligned(rows)
+        return lines
+    if cells["folded"]:
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in cells.get("counts", {}).items())
+        return [
+            table.title,
+            f"{_GAP}{counts or f'{len(table.rows)} rows'}: tables/{table.name}.csv",
+        ]
+    if isinstance(table, ClaimTable):
+        rows = [["Where", "Statement", "Printed", "Here", "Verdict"]]
+        rows += [[r.where, r.claim, r.printed, r.ours, r.verdict] for r in table.rows]
+        return [table.title, *_aligned(rows)]
+    head = ["Quantity", "Unit", *(column["head"] for column in cells["columns"]), "Note"]
+    rows = [head, *(_texts(row, cells["columns"]) for row in cells["rows"])]
+    return [table.title, *_aligned(rows if cells["noted"] else [row[:-1] for row in rows])]
+
+
+def _texts(row: _Row, columns: Sequence[_Row]) -> list[str]:
+    texts = [row["quantity"], pretty_unit(row["unit"])]
+    for column in columns:
+        cell = row["cells"][column["key"]]
+        outside = " (outside the interval)" if cell["outside"] else ""
+        texts.append(f"{cell['value']} {cell['spread']}".rstrip() + outside)
+    return [*texts, row["note"]]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows with columns of equal width, without letters that terminals often lack."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    padded = (map(str.ljust, row, widths) for row in rows)
+    lines = (_GAP + _GAP.join(row).rstrip() for row in padded)
+    return [
+        line.replace(MINUS, "-").replace("\N{RIGHT SINGLE QUOTATION MARK}", "'") for line in lines
+    ]

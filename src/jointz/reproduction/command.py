@@ -46,7 +46,6 @@ def reproduce(
     Example: jointz reproduce 2 --out reproduced
     """
     del debug
-    from jointz.reproduction.chapter_text import chapter_text
     from jointz.reproduction.reproduce import CHAPTERS, PAGE
     from jointz.reproduction.reproduce import reproduce as run_chapters
 
@@ -66,7 +65,7 @@ def reproduce(
         emit_json({"status": "ok", "chapters": shown})
         return
     for one in made if not quiet else ():
-        emit(chapter_text(one.reproduction))
+        emit(one.reproduction.summary())
         emit(f"Page: {one.page}")
     if not quiet:
         emit(f"All chapters: {out / PAGE}")

@@ -14,13 +14,13 @@ from jointz.analysis.results_folder import (
     write_marker,
 )
 from jointz.core.whole_file import whole_file
-from jointz.reproduction.chapter2.figures import draw_chapter2
-from jointz.reproduction.chapter2.reproduce_chapter2 import reproduce_chapter2
-from jointz.reproduction.chapter3.figures import draw_chapter3
-from jointz.reproduction.chapter3.reproduce_chapter3 import reproduce_chapter3
+from jointz.reproduction.chapter2_figures import draw_chapter2
+from jointz.reproduction.chapter3_figures import draw_chapter3
 from jointz.reproduction.chapter4.figures import draw_chapter4
 from jointz.reproduction.chapter4.reproduce_chapter4 import reproduce_chapter4
 from jointz.reproduction.chapter_page import render_chapter, render_validation
+from jointz.reproduction.reproduce_chapter2 import reproduce_chapter2
+from jointz.reproduction.reproduce_chapter3 import reproduce_chapter3
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.tasks.progress import Progress
 

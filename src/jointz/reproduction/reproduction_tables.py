@@ -1,24 +1,26 @@
 """Tables of a chapter: numbers, statements and participants, printed beside ours."""
 
-from collections.abc import Mapping
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
 
 import pandas as pd
+from pydantic import Field
+
+from jointz.reference import OtherDevice, Printed
+from jointz.reference.audit import audit
+from jointz.results.estimates import ParameterEstimate
 
 #: What became of a printed statement. ``not shown``: the test comes out as printed, and what the
 #: text makes of it does not follow, as likeness from a test that did not reject.
 Verdict = Literal[
-    "reproduced",
-    "not reproduced",
-    "not shown",
-    "only with replicates as people",
-    "contradiction",
-    "not possible",
-    "ambiguous",
-    "worth knowing",
-    "not tested",
-]
+    "reproduced", "not reproduced", "not shown", "only with replicates as people",
+    "contradiction", "not possible", "ambiguous", "worth knowing", "not tested",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,15 +41,61 @@ class Compared:
     recommended_high: float | None = None
     note: str = ""  # what a reader should know
 
+    @property
+    def holds_truth(self) -> bool | None:
+        """Whether the interval holds the truth, None where the row lacks either."""
+        if self.truth is None or self.recommended_low is None or self.recommended_high is None:
+            return None
+        return self.recommended_low <= self.truth <= self.recommended_high
+
+
+#: A value alone, with its standard deviation, or with the limits of its interval.
+Number = float | None | tuple[float | None, ...]
+
+
+def compare(
+    quantity: str,
+    unit: str = "",
+    printed: Printed | None = None,
+    dissertation: Number = None,
+    recommended: Number | ParameterEstimate = None,
+    *,
+    truth: float | None = None,
+    note: str | None = None,
+) -> Compared:
+    """Set a printed number beside ours: mean and SD; value, lower and upper limit.
+
+    The note is that of the printed number where none is given.
+    """
+    if isinstance(recommended, ParameterEstimate):
+        recommended = recommended.value, recommended.ci_low, recommended.ci_high
+    mean, sd = dissertation if isinstance(dissertation, tuple) else (dissertation, None)
+    interval = recommended if isinstance(recommended, tuple) else (recommended, None, None)
+    value, low, high = interval
+    return Compared(
+        quantity,
+        unit,
+        printed.value if printed else None,
+        mean,
+        value,
+        truth,
+        printed.sd if printed else None,
+        sd,
+        low,
+        high,
+        note if note is not None else printed.note if printed else "",
+    )
+
 
 @dataclass(frozen=True, slots=True)
 class ComparedTable:
-    """A table of a chapter."""
+    """A table that sets number beside number."""
 
     name: str  # for files: letters, digits and ``_``
-    title: str  # heading, and what stands below it
+    title: str
     caption: str
     rows: tuple[Compared, ...]
+    kind: Literal["ComparedTable"] = "ComparedTable"
 
     def frame(self) -> pd.DataFrame:
         """Return one row a quantity."""
@@ -64,18 +112,19 @@ class Claim:
     # computed
     printed: str
     ours: str
-    verdict: Verdict  # see :data:`Verdict`
+    verdict: Verdict
     remark: str = ""  # what follows
 
 
 @dataclass(frozen=True, slots=True)
 class ClaimTable:
-    """Printed statements with what became of them."""
+    """Printed statements with their verdicts."""
 
-    name: str  # as of :class:`ComparedTable`
+    name: str
     title: str
     caption: str
     rows: tuple[Claim, ...]
+    kind: Literal["ClaimTable"] = "ClaimTable"
 
     def frame(self) -> pd.DataFrame:
         """Return one row a statement."""
@@ -97,53 +146,87 @@ class GridBlock:
 class ParticipantGrid:
     """Timing points by participants, as tables 4.1 to 4.4 are printed."""
 
-    name: str  # as of :class:`ComparedTable`
+    name: str
     title: str
     caption: str
     unit: str  # of all values
     participants: tuple[str, ...]  # heads of the columns
     blocks: tuple[GridBlock, ...]  # one below the other
+    kind: Literal["ParticipantGrid"] = "ParticipantGrid"
 
     def frame(self) -> pd.DataFrame:
         """Return one row a source and timing point, a column a participant, and the average."""
         return pd.DataFrame(
             [
-                {
-                    "source": block.label,
-                    "timing_point": point,
-                    "unit": self.unit,
-                    **dict(zip(self.participants, row, strict=True)),
-                    "average": block.average[point],
-                }
+                {"source": block.label, "timing_point": point, "unit": self.unit}
+                | dict(zip(self.participants, row, strict=True))
+                | {"average": block.average[point]}
                 for block in self.blocks
                 for point, row in block.cells.items()
             ]
         )
 
 
-Table = ComparedTable | ClaimTable | ParticipantGrid
+Table = Annotated[ComparedTable | ClaimTable | ParticipantGrid, Field(discriminator="kind")]
 
 
-def table_to_dict(table: Table) -> dict[str, Any]:
-    """Return a table as plain values, ready for JSON."""
-    return {"kind": type(table).__name__, **asdict(table)}
+# --- sentences -----------------------------------------------------------------------------------
 
 
-def table_from_dict(data: Mapping[str, Any]) -> Table:
-    """Rebuild a table from :func:`table_to_dict`."""
-    values = {name: value for name, value in data.items() if name != "kind"}
-    kind = data.get("kind")
-    if kind == "ComparedTable":
-        return ComparedTable(**values | {"rows": tuple(Compared(**r) for r in values["rows"])})
-    if kind == "ClaimTable":
-        return ClaimTable(**values | {"rows": tuple(Claim(**r) for r in values["rows"])})
-    if kind == "ParticipantGrid":
-        blocks = tuple(_block(block) for block in values["blocks"])
-        people = tuple(values["participants"])
-        return ParticipantGrid(**values | {"participants": people, "blocks": blocks})
-    raise ValueError(f"expected a ComparedTable, ClaimTable or ParticipantGrid, got {kind!r}")
+@cache
+def texts() -> dict[str, Any]:
+    """Return all sentences: of ``figures``, and of a chapter by the name of its table."""
+    file = files("jointz.reproduction").joinpath("texts.toml")
+    return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
-def _block(data: Mapping[str, Any]) -> GridBlock:
-    cells = {point: tuple(row) for point, row in data["cells"].items()}
-    return GridBlock(data["label"], cells, dict(data["average"]))
+def heading(chapter: int, name: str, /, **values: Any) -> tuple[str, str, str]:
+    """Return name, title and caption of a table, with values filled in."""
+    text = texts()[f"chapter{chapter}"][name]
+    return name, text["title"], text["caption"].format(**values)
+
+
+def compared_table(
+    chapter: int, name: str, rows: Iterable[Compared], **values: Any
+) -> ComparedTable:
+    """Return a table of numbers under its title and caption."""
+    return ComparedTable(*heading(chapter, name, **values), tuple(rows))
+
+
+def claim_table(chapter: int, name: str, rows: Iterable[Claim], **values: Any) -> ClaimTable:
+    """Return a table of statements under its title and caption."""
+    return ClaimTable(*heading(chapter, name, **values), tuple(rows))
+
+
+def stated_claims(name: str, /, **values: Any) -> list[Claim]:
+    """Return statements of chapter 4, with values filled in."""
+    stated = texts()["chapter4"][name]["claims"]
+    return [Claim(**{key: text.format(**values) for key, text in one.items()}) for one in stated]
+
+
+def device_table(chapter: int, devices: Iterable[OtherDevice]) -> ComparedTable:
+    """Return the errors of other devices that a chapter prints."""
+    rows = []
+    for device in devices:
+        citations = ", ".join(map(str, device.citations))
+        quantity = f"{device.quantity} [{citations}]"
+        rows.append(Compared(quantity, device.unit, device.high, note=device.note))
+    return compared_table(chapter, "other_devices", rows)
+
+
+def audit_claims(*chapters: int) -> ClaimTable:
+    """Return the contradictions of the printed text, of some chapters or of all."""
+    rows = []
+    for finding in audit():
+        number = re.search(r"\d", finding.where)
+        if number is None:
+            raise ValueError(f"audit_claims: expected a number in {finding.where!r}")
+        if chapters and int(number.group()) not in chapters:
+            continue
+        verdict: Verdict = finding.kind
+        # Tables factors and pairs show what reproduces the statements of 4.3.2.2.
+        if finding.where == "4.3.2.2" and finding.kind == "not reproduced":
+            verdict = "only with replicates as people"
+        stated = (finding.where, finding.what, finding.printed, finding.recomputed)
+        rows.append(Claim(*stated, verdict, finding.remark))
+    return claim_table(4, "audit", rows)

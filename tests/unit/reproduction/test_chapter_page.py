@@ -4,9 +4,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from jointz.reproduction.chapter2.figures import draw_chapter2
+from jointz.reproduction.chapter2_figures import draw_chapter2
 from jointz.reproduction.chapter_page import render_chapter, render_validation
-from jointz.reproduction.chapter_text import chapter_text
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import (
     Claim,
@@ -318,7 +317,7 @@ def test_chapters_of_one_page_share_no_id(figures):
 
 
 def test_the_terminal_shows_statements_and_participants():
-    text = chapter_text(CHAPTER_4)
+    text = CHAPTER_4.summary()
     assert "reproduced" in text
     assert "not reproduced" in text
     assert "S2" in text

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from jointz.core.events import StrideRecord
-from jointz.reproduction.chapter4.gait_claims import (
+from jointz.reproduction.chapter4.walking import (
     NODES,
     PersonGait,
     effect_figure,

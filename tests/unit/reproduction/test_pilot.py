@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.reproduction.chapter4.pilot import PilotStudy, pilot_results
+from jointz.reproduction.chapter4.reproduce_chapter4 import PilotStudy, pilot_results
 from jointz.reproduction.chapter4.walking import COLUMNS
 
 BASE = {"stiffness_per_mass": 1.0, "damping_per_mass": 0.04, "inertia": 0.05}

@@ -12,14 +12,15 @@ from jointz.kernels.statistics.mixed_model_likelihood import (
 from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.reference import chapter4
 from jointz.reference.audit_chapter4 import PARTICIPANT_P, POINT_P
-from jointz.reproduction.chapter4.replicates import replicates_as_people, replicates_published
-from jointz.reproduction.chapter4.rows import (
-    PARAMETERS,
+from jointz.reference.chapter4 import PARAMETER_NAMES
+from jointz.reproduction.chapter4.replicates import (
     critical_difference,
     fitting_scatter,
     largest_scatter,
     mean_squares,
     published_cells,
+    replicates_as_people,
+    replicates_published,
 )
 
 PEOPLE, POINTS, ROWS = 10, 6, 7
@@ -86,7 +87,7 @@ def test_many_tables_are_analysed_as_each_alone():
     np.testing.assert_allclose(made.error[2, 1], mean_squares(tables[2, 1]).error)
 
 
-@pytest.mark.parametrize("parameter", PARAMETERS)
+@pytest.mark.parametrize("parameter", PARAMETER_NAMES)
 def test_published_tables_have_the_p_values_of_the_audit(parameter):
     point, person = mean_squares(published_cells(parameter)).p_of_cells()
     assert float(point) == pytest.approx(POINT_P[parameter], rel=1e-5)
@@ -111,7 +112,7 @@ def claims_come_out(parameter, scatter, n_rows=50):
     return pairs and max(map(float, p)) < 0.001
 
 
-@pytest.mark.parametrize("parameter", PARAMETERS)
+@pytest.mark.parametrize("parameter", PARAMETER_NAMES)
 def test_all_printed_claims_come_out_in_the_range_and_not_beside_it(parameter):
     low, high = fitting_scatter(parameter)
     for inside in (low + 1e-6, 0.5 * (low + high), high - 1e-6):
@@ -126,7 +127,7 @@ def test_too_few_rows_do_not_give_the_printed_claims():
     assert not any(claims_come_out("stiffness_per_mass", s, 10) for s in np.linspace(0, 5, 51))
 
 
-@pytest.mark.parametrize("parameter", PARAMETERS)
+@pytest.mark.parametrize("parameter", PARAMETER_NAMES)
 def test_both_factors_are_below_the_limit_up_to_the_largest_scatter(parameter):
     squares = mean_squares(published_cells(parameter))
     for k, largest in enumerate(largest_scatter(parameter)):

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from jointz.report.style import figure_style
-from jointz.reproduction.chapter2 import figures as chapter2_figures
-from jointz.reproduction.chapter2.figures import draw_chapter2
+from jointz.reproduction import chapter2_figures
+from jointz.reproduction.chapter2_figures import draw_chapter2
 
 TRUTH = {
     "stiffness": dict(zip("12345", (165.0, 279.0, 165.0, 279.0, 165.0), strict=True)),

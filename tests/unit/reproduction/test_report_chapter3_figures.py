@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from jointz.report.style import figure_style
-from jointz.reproduction.chapter3 import figures as chapter3_figures
-from jointz.reproduction.chapter3.figures import draw_chapter3
+from jointz.reproduction import chapter3_figures
+from jointz.reproduction.chapter3_figures import draw_chapter3
 
 
 def torque_models():

@@ -9,10 +9,9 @@ import pytest
 from jointz.core.errors import OutputError
 from jointz.core.events import PulseEstimate
 from jointz.reference import chapter2
-from jointz.reproduction import reproduce
-from jointz.reproduction.chapter2 import chapter2_claims, chapter2_loads
-from jointz.reproduction.chapter2.chapter2_loads import Pair
-from jointz.reproduction.chapter2.mechanisms import mechanism_table
+from jointz.reproduction import chapter2_loads, reproduce
+from jointz.reproduction.chapter2_loads import Pair
+from jointz.reproduction.chapter2_mechanisms import mechanism_table
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import Compared, ComparedTable
 
@@ -61,7 +60,7 @@ def test_every_cell_of_tables_2_1_and_2_2_stands_beside_the_printed_one():
 
 
 def test_shares_of_pairs_below_the_truth_are_counted():
-    rows = {r.quantity: r for r in chapter2_claims._below_rows(pairs(stiffness=1.02))}
+    rows = {r.quantity: r for r in chapter2_loads._below_rows(pairs(stiffness=1.02))}
     assert rows["stiffness below the truth, pairs"].dissertation == 0.0
     assert rows["inertia below the truth, pairs"].dissertation == 100.0
     assert rows["inertia below the truth, trajectories"].recommended == 100.0
@@ -71,7 +70,7 @@ def test_shares_of_pairs_below_the_truth_are_counted():
 
 
 def test_damping_that_is_not_noisy_is_counted_as_such():
-    (row,) = chapter2_claims._damping_rows(pairs())
+    row = chapter2_loads._damping_row(pairs())
     assert row.dissertation == 0.0
 
 
@@ -93,7 +92,7 @@ def pulses(method, effect):
 
 
 def test_shares_of_anovas_stand_beside_shares_of_the_same_anovas():
-    table, notes = chapter2_claims.claim_tables(
+    table, notes = chapter2_loads.claim_tables(
         pairs(), pulses("dissertation", 5.0), pulses("pulse_likelihood", 0.0)
     )
     rows = {r.quantity: r for r in table.rows}

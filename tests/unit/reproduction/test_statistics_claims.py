@@ -9,14 +9,16 @@ from scipy import stats
 
 from jointz.reference import chapter3, chapter4
 from jointz.reference.audit import audit
-from jointz.reproduction.audit_claims import audit_claims
-from jointz.reproduction.chapter4 import pairs as chapter4_pairs
-from jointz.reproduction.chapter4 import statistics_claims as chapter4_statistics
-from jointz.reproduction.chapter4.comparisons import implied_fwhm, spm_threshold
-from jointz.reproduction.chapter4.pairs import fitted_models, pairs_table
-from jointz.reproduction.chapter4.statistics_claims import published_statistics
+from jointz.reproduction.chapter4 import published_statistics as chapter4_statistics
+from jointz.reproduction.chapter4.published_statistics import (
+    fitted_models,
+    implied_fwhm,
+    pairs_table,
+    published_statistics,
+    spm_threshold,
+)
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tables import ClaimTable, ComparedTable
+from jointz.reproduction.reproduction_tables import ClaimTable, ComparedTable, audit_claims
 
 NAMES = {"stiffness": "K", "damping": "B", "inertia": "J"}
 
@@ -242,7 +244,7 @@ def test_verdicts_of_the_audit_are_its_kinds_but_for_what_replicates_explain():
 
 
 def test_what_no_scatter_of_rows_gives_is_not_reproduced(monkeypatch):
-    monkeypatch.setattr(chapter4_pairs, "fitting_scatter", lambda _: None)
+    monkeypatch.setattr(chapter4_statistics, "fitting_scatter", lambda _: None)
     monkeypatch.setattr(chapter4_statistics, "largest_scatter", lambda _: (None, None))
     fits = fitted_models()
     pairs, curves = pairs_table(fits)
@@ -256,7 +258,7 @@ def test_what_no_scatter_of_rows_gives_is_not_reproduced(monkeypatch):
 
 
 def test_pairs_whose_interval_lies_in_the_band_are_called_alike(monkeypatch):
-    monkeypatch.setattr(chapter4_pairs, "BAND", 5.0)
+    monkeypatch.setattr(chapter4_statistics, "BAND", 5.0)
     pairs, curves = pairs_table(fitted_models())
     similar = [row for row in pairs.rows if row.printed == "similar"]
     assert all(row.remark.endswith(": alike") for row in similar)

@@ -3,9 +3,9 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from jointz.report.style import figure_style
-from jointz.reproduction.chapter4.statistics_claims import published_statistics
-from jointz.reproduction.chapter4.statistics_figures import DRAWINGS
-from jointz.reproduction.chapter_figures import draw_given
+from jointz.reproduction.chapter4.published_statistics import published_statistics
+from jointz.reproduction.chapter4.statistics_figures import STATISTICS_DRAWINGS as DRAWINGS
+from jointz.reproduction.chapter_page import draw_figures
 
 
 @pytest.fixture(scope="module")
@@ -24,12 +24,12 @@ def texts(axes):
 
 
 def test_both_figures_are_well_formed_and_small(curves):
-    made = draw_given(DRAWINGS, curves)
+    made = draw_figures(DRAWINGS, curves)
     assert list(made) == ["figure_pairs", "figure_replicates"]
     for svg in made.values():
         assert ET.fromstring(svg).attrib["width"].startswith("510.23")  # 180 mm in points
         assert len(svg) < 150e3
-    assert draw_given(DRAWINGS, curves) == made
+    assert draw_figures(DRAWINGS, curves) == made
 
 
 def test_every_pair_stands_at_its_difference_in_its_panel(curves):

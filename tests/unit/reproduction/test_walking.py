@@ -8,18 +8,23 @@ import pytest
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4
-from jointz.reproduction.chapter4.gait_claims import PersonGait
-from jointz.reproduction.chapter4.grids import accuracy_table, means_table, participant_grids
-from jointz.reproduction.chapter4.literature_claims import impedance_figure, literature_figure
-from jointz.reproduction.chapter4.simulated import simulated_chapter, simulated_statistics
+from jointz.reference.chapter4 import PARAMETER_NAMES
+from jointz.reproduction.chapter4.person_tables import (
+    accuracy_table,
+    impedance_figure,
+    literature_figure,
+    means_table,
+    participant_grids,
+)
+from jointz.reproduction.chapter4.reproduce_chapter4 import simulated_chapter, simulated_statistics
 from jointz.reproduction.chapter4.walking import (
     COLUMNS,
-    PARAMETERS,
+    PersonGait,
     WalkedStudy,
     estimated,
     true_values,
 )
-from jointz.reproduction.reproduction_tables import table_from_dict, table_to_dict
+from jointz.reproduction.reproduction_result import Reproduction
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.statistics.waveform_test import WaveformTest
 
@@ -224,15 +229,14 @@ def test_the_device_is_found_to_change_gait_where_it_does(shift, verdict):
 def test_all_tables_and_curves_are_plain_values():
     tables, curves = simulated_chapter(study(refused={("recommended", "inertia", "S01")}))
     assert [t.name for t in tables[4:]] == ["means", "accuracy", "simulated_statistics"]
-    for table in tables:
-        plain = json.loads(json.dumps(table_to_dict(table), allow_nan=False))
-        assert table_from_dict(plain) == table
+    made = Reproduction(4, "Walking", tables)
+    assert Reproduction.from_dict(json.loads(json.dumps(made.to_dict(), allow_nan=False))) == made
     assert json.loads(json.dumps(curves, allow_nan=False)).keys() == curves.keys()
 
 
 def test_figure_4_4_shows_quasi_stiffness_and_only_what_is_stated_of_others():
     curve = impedance_figure(study())
-    assert list(curve["parameters"]) == list(PARAMETERS)
+    assert list(curve["parameters"]) == list(PARAMETER_NAMES)
     first = curve["parameters"]["stiffness_per_mass"]["printed"][0]
     assert first["high"] - first["value"] == pytest.approx(first["value"] - first["low"])
     assert curve["quasi_stiffness"]["TST"] == pytest.approx(-1.31, abs=0.001)
@@ -287,7 +291,7 @@ def test_the_truth_is_per_kg_where_the_tables_are(tmp_path):
 def test_both_tests_of_the_device_are_of_the_same_curves():
     tables, _ = simulated_chapter(study())
     assert isinstance(tables[-1].rows[0].ours, str)
-    from jointz.reproduction.chapter4.gait_claims import device_effect
+    from jointz.reproduction.chapter4.walking import device_effect
 
     field, flips = device_effect(gait())
     assert isinstance(field, WaveformTest)

@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -23,9 +21,8 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.wording import DASH, parameter_label
-from jointz.reproduction.chapter4 import statistics_figures as chapter4_statistics_figures
-from jointz.reproduction.chapter4.walking_figures import draw_device_effect, draw_strides
-from jointz.reproduction.chapter_figures import Drawings, draw_given, numbers
+from jointz.reproduction.chapter4 import statistics_figures
+from jointz.reproduction.chapter_page import Drawings, draw_figures, mark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,9 +31,13 @@ if TYPE_CHECKING:
 _Rows = Sequence[Mapping[str, Any]]
 #: Source -> its place beside the timing point (% of the cycle), colour and marker.
 _LOOKS: Final[Mapping[str, tuple[float, str, Mapping[str, Any]]]] = {
-    "printed": (-2.4, MUTED, {"marker": "v", "markersize": 5.0, "markerfacecolor": "white"}),
-    "dissertation": (-0.8, VERMILION, {"marker": "o", "markersize": 4.6}),
-    "recommended": (0.8, BLUE, {"marker": "D", "markersize": 4.2}),
+    "printed": (
+        -2.4,
+        MUTED,
+        {"marker": "v", "markersize": 5.0, "markeredgewidth": 0.8, "markerfacecolor": "white"},
+    ),
+    "dissertation": (-0.8, VERMILION, {"marker": "o", "markersize": 4.6, "markeredgewidth": 0.8}),
+    "recommended": (0.8, BLUE, {"marker": "D", "markersize": 4.2, "markeredgewidth": 0.8}),
 }
 _LABELS: Final = {
     "printed": "printed",
@@ -58,7 +59,7 @@ _LEGEND_COLUMNS: Final = 3
 
 def draw_chapter4(curves: Mapping[str, Any]) -> dict[str, str]:
     """Draw the figures of chapter IV and 3.7 as far as the curves allow."""
-    return draw_given(DRAWINGS, curves)
+    return draw_figures(DRAWINGS, curves)
 
 
 # --- figure 4.4 ----------------------------------------------------------------------------------
@@ -129,20 +130,8 @@ def _draw_sources(axes: "Axes", sources: Mapping[str, _Rows], onsets: Mapping[st
             axes.plot(ends, [row["value"]] * 2, color=FAINT, zorder=1.5, **_TRUTH_LOOK)
     for source, (shift, colour, look) in _LOOKS.items():
         for row in sources[source]:
-            bar = numbers([row["value"], row["low"], row["high"]])
-            _mark(axes, onsets[row["point"]] + shift, bar, colour=colour, look=look)
-
-
-def _mark(
-    axes: "Axes", at: float, bar: np.ndarray, *, colour: str, look: Mapping[str, Any]
-) -> None:
-    """Draw a value with its bar; nothing where there is none."""
-    value, low, high = bar
-    if not np.isfinite(value):
-        return
-    if np.isfinite(low) and np.isfinite(high):
-        axes.vlines(at, low, high, colors=colour, linewidth=1.0, zorder=2)
-    axes.plot(at, value, color=colour, linestyle="none", markeredgewidth=0.8, zorder=3, **look)
+            bar = (row["value"], row["low"], row["high"])
+            mark(axes, onsets[row["point"]] + shift, bar, colour, **look)
 
 
 def _draw_stated(axes: "Axes", rows: _Rows, onsets: Mapping[str, float]) -> None:
@@ -260,14 +249,11 @@ def _draw_two_people(
         for point, bar in person.items():
             at = onsets[point] + place
             _short_truth(axes, at, true[point][0])
-            _mark(
-                axes, at, numbers(bar), colour=_PERSON_COLOURS[source],
-                look={**look, "markersize": 3.2},
-            )  # fmt: skip
+            mark(axes, at, bar, _PERSON_COLOURS[source], **{**look, "markersize": 3.2})
     for point, value in sources[source]["mean"].items():
         at = onsets[point] + mean_place
         _short_truth(axes, at, sources["truth"]["mean"].get(point))
-        _mark(axes, at, numbers([value, None, None]), colour=colour, look=look)
+        mark(axes, at, (value, None, None), colour, **look)
 
 
 def _short_truth(axes: "Axes", at: float, value: float | None) -> None:
@@ -278,10 +264,9 @@ def _short_truth(axes: "Axes", at: float, value: float | None) -> None:
 
 #: Figures of the simulated studies of chapters III and IV.
 DRAWINGS: Final[Drawings] = {
-    "figure_4_2": ("strides", draw_strides),
-    "figure_4_3": ("device_effect", draw_device_effect),
+    **statistics_figures.GAIT_DRAWINGS,
     "figure_4_4": ("impedance", _draw_impedance),
     "figure_a_1": ("literature", _draw_literature),
     "figure_3_7": ("pilot", _draw_pilot),
-    **chapter4_statistics_figures.DRAWINGS,
+    **statistics_figures.STATISTICS_DRAWINGS,
 }

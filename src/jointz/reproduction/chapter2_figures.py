@@ -22,7 +22,7 @@ from jointz.report.style import (
     place_text,
 )
 from jointz.report.wording import MINUS, format_signed, parameter_label, pretty_unit
-from jointz.reproduction.chapter_figures import Drawings, draw_given, numbers
+from jointz.reproduction.chapter_page import Drawings, draw_figures, numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ _METHODS: Final = (
 
 def draw_chapter2(curves: Mapping[str, Any]) -> dict[str, str]:
     """Draw the figures of chapter II that the curves allow."""
-    return draw_given(_DRAWINGS, curves)
+    return draw_figures(_DRAWINGS, curves)
 
 
 # --- figure 2.5 ----------------------------------------------------------------------------------

@@ -1,18 +1,15 @@
-"""Parts of a chapter, as many at once as there are cores."""
+"""Simulated studies of a chapter, as many at once as there are cores."""
 
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from jointz.core.provenance import now, software
 from jointz.io.protocols import load_protocol
 from jointz.session.run import TRUTH_FILE, run
 from jointz.tasks.engine import Task, done_in_turn
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress
-
-#: Called with tasks done, tasks in all, and what was done last.
 
 
 def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[str, Any]]:
@@ -24,28 +21,18 @@ def in_processes(tasks: Sequence[Task[Any]], tell: Progress) -> Iterator[tuple[s
             tell(count, len(tasks), done.name)
 
 
-def provenance(chapter: int, seed: int, preset: str) -> dict[str, Any]:
-    """Return what a chapter needs to be made again."""
-    return {
-        **software(),
-        "created": now(),
-        "settings": {"chapter": chapter, "seed": seed, "preset": preset},
-    }
-
-
 def run_study(folder: str, protocol: str, seed: int, preset: str, *, load: str = "") -> Path:
     """Run a protocol, with one of its loads where one is named."""
     spec = load_protocol(protocol)
     if load:
-        kept = tuple(one for one in spec.loads if one.name == load)
+        kept = tuple(item for item in spec.loads if item.name == load)
         spec = spec.model_copy(update={"loads": kept})
     study = Path(folder) / f"{protocol}-{load}"
     run(spec, out=study, seed=seed, preset=preset)
     return study
 
 
-def study_truth(study: Path, load: str) -> dict[str, Any]:
-    """Return what was simulated."""
+def study_truth(study: Path, participant: str) -> Any:
+    """Return the true values of a load or person of a simulated study."""
     content = json.loads((study / TRUTH_FILE).read_text(encoding="utf-8"))
-    truth: dict[str, Any] = content["participants"][load]
-    return truth
+    return content["participants"][participant]

@@ -25,7 +25,8 @@ from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.reference import chapter2
-from jointz.reproduction.reproduction_tables import Compared, ComparedTable
+from jointz.reproduction.chapter2_loads import PARAMETERS, error_pct
+from jointz.reproduction.reproduction_tables import ComparedTable, compare, compared_table
 from jointz.session.participant_run import run_participant
 from jointz.session.run_settings import RunSettings
 from jointz.session.study_file import study_toml
@@ -34,7 +35,7 @@ from jointz.sim.benches.bench_load import draw_load
 from jointz.sim.benches.sea import sea_preset
 from jointz.sim.benches.sea_bench_rig import SeaBench
 
-_PARAMETERS = ("stiffness", "damping", "inertia")
+_UNITS = {"stiffness": "%", "damping": "N*m*s/rad", "inertia": "%"}
 _WINDOW_S = 0.1
 #: A mechanism's error is near a printed one within this many percentage points.
 _NEAR_PCT = 2.0
@@ -87,6 +88,7 @@ def mechanism_errors(mechanism: Mechanism, *, seed: int) -> dict[str, float]:
         study = Path(folder)
         _record(study, protocol, mechanism, seed)
         opened = open_study(study)
+        single = analyze(opened, method="dissertation", resamples=2, seed=seed).single
         if mechanism.window_filter_hz:
             trials = {
                 (entry.participant, entry.condition): read_recording(opened, entry)[0]
@@ -100,49 +102,37 @@ def mechanism_errors(mechanism: Mechanism, *, seed: int) -> dict[str, float]:
                     trials[load.name, "perturbed"],
                     load=load.name,
                     cutoff_hz=mechanism.window_filter_hz,
-                    onsets_s=[
-                        p.onset_s
-                        for p in analyze(opened, method="dissertation", resamples=2).single
-                        if p.participant == load.name
-                    ],
+                    onsets_s=[p.onset_s for p in single if p.participant == load.name],
                 )
             )
-        else:
-            single = analyze(opened, method="dissertation", resamples=2, seed=seed).single
     return _errors(protocol, single)
 
 
-def mechanism_table(found: Mapping[str, Mapping[str, float]]) -> ComparedTable:
+def mechanism_table(errors: Mapping[str, Mapping[str, float]]) -> ComparedTable:
     """Return what every mechanism alone does."""
-    units = {"stiffness": "%", "damping": "N*m*s/rad", "inertia": "%"}
-    return ComparedTable(
-        "mechanisms",
-        "One mechanism at a time (2.2.3)",
-        "Errors of the dissertation's method on a bench that is wrong in one way only, means over "
-        f"cases 1 to 4 along reference A. {_alike(found)} The damping, whose error is not "
-        "printed, could tell more.",
-        tuple(
-            Compared(quantity=f"{name}: {parameter}", unit=units[parameter], dissertation=value)
-            for name, errors in found.items()
-            for parameter, value in errors.items()
-        ),
-    )
+    rows = [
+        compare(f"{name}: {parameter}", _UNITS[parameter], dissertation=value)
+        for name, values in errors.items()
+        for parameter, value in values.items()
+    ]
+    return compared_table(2, "mechanisms", rows, alike=_alike(errors))
 
 
-def _alike(found: Mapping[str, Mapping[str, float]]) -> str:
+def _alike(errors_of: Mapping[str, Mapping[str, float]]) -> str:
     """Say which mechanisms, alone or in pairs, make both printed averages (2.3.2)."""
     printed = {
         "stiffness": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.SPRINGS],
         "inertia": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.INERTIAS],
     }
-    causes = [name for name, errors in found.items() if any(errors.values())]
+    causes = [name for name, errors in errors_of.items() if any(errors.values())]
     tried = {
-        names: {key: _together([found[name][key] for name in names]) for key in printed}
+        names: {key: _together([errors_of[name][key] for name in names]) for key in printed}
         for count in (1, 2)
         for names in combinations(causes, count)
     }
     near = [
-        f"{' with '.join(names)} ({_of_both(errors)})"
+        f"{' with '.join(names)} (stiffness {errors['stiffness']:+.1f} %, "
+        f"inertia {errors['inertia']:+.1f} %)"
         for names, errors in tried.items()
         if all(
             min(values) - _NEAR_PCT <= errors[key] <= max(values) + _NEAR_PCT
@@ -164,10 +154,6 @@ def _alike(found: Mapping[str, Mapping[str, float]]) -> str:
 def _together(errors_pct: Sequence[float]) -> float:
     """Return the error of gains that are wrong one on top of the other, %."""
     return 100.0 * (prod(1.0 + error / 100.0 for error in errors_pct) - 1.0)
-
-
-def _of_both(errors: Mapping[str, float]) -> str:
-    return f"stiffness {errors['stiffness']:+.1f} %, inertia {errors['inertia']:+.1f} %"
 
 
 def _protocol() -> Protocol:
@@ -240,12 +226,12 @@ def _filtered_in_window(
 
 def _errors(protocol: Protocol, single: tuple[PulseEstimate, ...]) -> dict[str, float]:
     machine = sea_preset("clean").machine
-    found: dict[str, list[float]] = {name: [] for name in _PARAMETERS}
+    errors: dict[str, list[float]] = {name: [] for name in PARAMETERS}
     for load in protocol.loads:
-        hung = draw_load(load, seed=0, spread=False)
-        mine = [p for p in single if p.participant == load.name]
-        for name in _PARAMETERS:
-            value = fmean(getattr(p, name) for p in mine) - getattr(machine, name)
-            truth = getattr(hung, name)
-            found[name].append(value if name == "damping" else 100.0 * (value / truth - 1.0))
-    return {name: fmean(values) for name, values in found.items()}
+        true_load = draw_load(load, seed=0, spread=False)
+        own = [p for p in single if p.participant == load.name]
+        for name in PARAMETERS:
+            value = fmean(getattr(p, name) for p in own) - getattr(machine, name)
+            truth = getattr(true_load, name)
+            errors[name].append(value if name == "damping" else error_pct(value, truth))
+    return {name: fmean(values) for name, values in errors.items()}

@@ -21,7 +21,7 @@ from jointz.report.style import (
     place_legend,
 )
 from jointz.report.wording import MINUS, format_signed
-from jointz.reproduction.chapter_figures import Drawings, draw_given, every, numbers
+from jointz.reproduction.chapter_page import Drawings, draw_figures, every, mark, numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +42,7 @@ _PRINTED: Final[Mapping[str, Any]] = {
 
 def draw_chapter3(curves: Mapping[str, Any]) -> dict[str, str]:
     """Draw the figures of chapter III that the curves allow."""
-    return draw_given(_DRAWINGS, curves)
+    return draw_figures(_DRAWINGS, curves)
 
 
 # --- figure 3.3 ----------------------------------------------------------------------------------
@@ -229,11 +229,10 @@ def _point(
     look: Mapping[str, Any],
 ) -> None:
     """Draw a value with its bar and write it beside; nothing where there is none."""
-    value, low, high = bar
+    value = bar[0]
     if not np.isfinite(value):
         return
-    axes.vlines(at, low, high, colors=colour, linewidth=1.4, zorder=2)
-    axes.plot(at, value, color=colour, markeredgecolor=colour, zorder=3, **look)
+    mark(axes, at, bar, colour, bar_width=1.4, markeredgecolor=colour, **look)
     axes.annotate(
         f"{value:.1f}", (at, value), xytext=(6, 0), textcoords="offset points", va="center",
         fontsize=SMALL_PT, color=INK, zorder=4,

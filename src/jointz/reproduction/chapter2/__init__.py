@@ -1,1 +1,0 @@
-"""Chapter 2: the series elastic actuator on a bench."""
