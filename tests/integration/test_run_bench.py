@@ -14,13 +14,13 @@ from jointz.core.clock import VirtualClock
 from jointz.core.errors import DeviceError, SafetyStop
 from jointz.core.session_log import Flag
 from jointz.experiment.files.journal import read_journal
-from jointz.experiment.files.session_files import bench_plan_of
 from jointz.experiment.session import Session, SessionPlan
+from jointz.experiment.trial_kinds import BENCH_TRIALS
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
-from jointz.session.rigs.registry import open_rig, rig_settings
+from jointz.session.rigs.rig_settings import open_rig, rig_settings
 from jointz.session.worker_pool import NoOperator
 
 PERIOD_S = 1.0 / 900.0
@@ -66,7 +66,7 @@ def test_a_bench_study_is_opened_with_nothing_special(study):
 def test_the_pulses_recorded_are_those_that_were_planned(study):
     opened = open_study(study)
     trials = read_recording(opened, opened.spec.recordings[1])
-    plans = bench_plan_of(study / "sessions" / "case-1")
+    plans = BENCH_TRIALS.read_plan(study / "sessions" / "case-1")
     for k, trial in enumerate(trials, start=1):
         command = trial["command"].to_numpy()
         time = trial["time"].to_numpy() - float(trial["time"][0])

@@ -20,7 +20,7 @@ from jointz.experiment.timing import timing_report
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.session.participant_run import _stopped_by_signals
-from jointz.session.rigs.registry import RigSettings, open_rig
+from jointz.session.rigs.rig_settings import RigSettings, open_rig
 from jointz.session.worker_pool import NoOperator
 from jointz.sim.simulated_devices import SimulatedActuator, SimulatedSensor
 

@@ -1,6 +1,7 @@
 """Nothing intact is lost to damaged files: flipped bits and cut ends in log, journal and plan."""
 
 import shutil
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ import jointz
 from jointz.core.errors import DataError
 from jointz.core.recording import damage_of
 from jointz.experiment.files.journal import decode_event, is_completed, pulses_done, read_journal
-from jointz.experiment.files.session_files import keep_plan, plan_of
+from jointz.experiment.files.session_files import keep_plan
+from jointz.experiment.trial_kinds import WALKING_TRIALS
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
+from jointz.session.recordings_report import open_recordings
 from jointz.session.salvage import salvage_advice, salvage_recordings
 from jointz.session.session_check import missing_events, write_down_losses
-from jointz.session.session_recordings import condition_record
 
 TRIES = 100
 CONDITION = "perturbed"
@@ -85,16 +87,8 @@ def events_of(session):
 
 
 def recorded(session, protocol):
-    return condition_record(
-        session,
-        protocol.conditions[-1],
-        events=events_of(session),
-        plan=plan_of(session)[CONDITION],
-        file="S01_perturbed.nc",
-        participant="S01",
-        protocol=protocol,
-        salvage=True,
-    )
+    recordings = open_recordings(session, protocol, events_of(session), salvage=True)
+    return recordings.record(protocol.conditions[-1])
 
 
 def assert_equal_outside(found, whole):
@@ -180,14 +174,14 @@ def test_a_damaged_journal_costs_no_pulse(protocol, session, harm):
 @pytest.mark.parametrize("name", ["plan.json", "plan.json.copy"])
 @pytest.mark.parametrize("harm", [flipped, cut_off])
 def test_a_damaged_plan_is_read_from_its_other_copy(session, name, harm):
-    file, whole = session / name, plan_of(session)
+    file, whole = session / name, WALKING_TRIALS.read_plan(session)
     content, rng = file.read_bytes(), np.random.default_rng(5)
-    plan = {trial: [pulse.to_dict() for pulse in pulses] for trial, pulses in whole.items()}
+    plan = {trial: [asdict(pulse) for pulse in pulses] for trial, pulses in whole.items()}
     assert keep_plan(session, plan) == ""
     for _ in range(TRIES):
         spoilt = harm(content, rng)
         file.write_bytes(spoilt)
-        assert plan_of(session) == whole
+        assert WALKING_TRIALS.read_plan(session) == whole
         assert keep_plan(session, plan).startswith(f"{name}: damaged")
         assert file.read_bytes() == spoilt
 
@@ -219,7 +213,7 @@ def test_a_session_with_a_flipped_bit_ends_and_says_what_it_cost(protocol, out, 
 
     analysis = jointz.analyze(out, resamples=2)
     (lost,) = [p for p in analysis.pulses if p.code == "damaged_log"]
-    (numbered,) = [p for p in plan_of(session)[CONDITION] if p.number == 2]
+    (numbered,) = [p for p in WALKING_TRIALS.read_plan(session)[CONDITION] if p.number == 2]
     assert lost.timing_point == numbered.timing_point
     assert "damaged from" in lost.detail
     assert len(analysis.pulses) == 3

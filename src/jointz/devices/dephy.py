@@ -30,16 +30,23 @@ from typing import Any
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import DephySpec
-from jointz.devices.dephy_library import flexsea_device, flexsea_kept_quiet
+from jointz.devices.dephy_library import flexsea_kept_quiet
 from jointz.devices.dephy_samples import FAULT_NAMES, Samples
 from jointz.devices.dephy_units import Units, Winding
-from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import (
+    ACTIVE,
+    FAULT,
+    FINALISED,
+    INACTIVE,
+    UNCONFIGURED,
+    DriverBase,
+    load_library,
+)
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import Actuator, ActuatorDescription, ActuatorSample
 from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
 
 _LOG = logging.getLogger(__name__)
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
 
 #: The least that flexsea takes, ms; the device waits for five of them.
 HEARTBEAT_MS = 50
@@ -54,7 +61,7 @@ _LOCK_S = 0.02
 _LIBRARY_ERRORS = (RuntimeError, OSError, ValueError, AssertionError, AttributeError, TypeError)
 
 
-class DephyActPack(Lived):
+class DephyActPack(DriverBase):
     """A Dephy ActPack as an actuator of an experiment; see the module for what guards the wearer.
 
     Friction is not compensated here: the experiment does it before the safety gate.
@@ -66,7 +73,7 @@ class DephyActPack(Lived):
         *,
         clock: Clock,
         repeat: Repeat = RepeatingThread,
-        before: "DephyActPack | None" = None,
+        before: Actuator | None = None,
     ) -> None:
         super().__init__(f"Dephy ActPack at {spec.port}")
         sign = spec.direction if spec.side == "right" else -spec.direction
@@ -76,7 +83,8 @@ class DephyActPack(Lived):
         self._repeat = repeat
         self._units = Units(gear_ratio=model.gear_ratio, sign=sign, zero_counts=spec.zero_counts)
         self._torque_per_ampere = model.gear_ratio * model.torque_constant
-        self._winding = Winding(spec.winding) if before is None else before._cooled(clock)
+        known = before._cooled(clock) if isinstance(before, DephyActPack) else None
+        self._winding = known or Winding(spec.winding)
         self._samples = Samples(self._name, self._units, self._winding)
         self._device: Any = None
         self._watchdog: Repeating | None = None
@@ -121,7 +129,7 @@ class DephyActPack(Lived):
 
     def configure(self) -> None:
         """Connect; afterwards ``INACTIVE``."""
-        self._require(_UNCONFIGURED)
+        self._require(UNCONFIGURED)
         if not self.has_heartbeat:
             _LOG.warning(
                 "%s: firmware %s has no heartbeat (9.1 has): when program or cable die the motor "
@@ -129,7 +137,7 @@ class DephyActPack(Lived):
                 self._name,
                 self._spec.firmware,
             )
-        device_class = flexsea_device(self._name)
+        device_class = load_library("flexsea.device", device=self._name, extra="dephy").Device
         with flexsea_kept_quiet():
             try:
                 device = device_class(
@@ -153,11 +161,11 @@ class DephyActPack(Lived):
                 ) from exc
         self._device = device
         self._check_side(device)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to sample and to obey; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         device, spec = self._device, self._spec
         kp, ki, ff = spec.current_gains
         try:
@@ -176,7 +184,7 @@ class DephyActPack(Lived):
         self._commanded_ns = self._sampled_ns = self._now_ns()
         self._relaxed = True
         self._samples.begin()
-        self._state = _ACTIVE
+        self._state = ACTIVE
         self._watchdog = self._repeat(self._relax_when_forgotten, spec.command_timeout_s / _LOOKS)
 
     def stop(self) -> None:
@@ -184,15 +192,11 @@ class DephyActPack(Lived):
         if self._watchdog is not None:
             self._watchdog.cancel()
             self._watchdog = None
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-        if self._device is not None and self._state is not _FINALISED:
+        super().stop()
+        if self._device is not None and self._state is not FINALISED:
             self._let_go()
 
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         device, self._device = self._device, None
         if device is None:
             return
@@ -202,7 +206,7 @@ class DephyActPack(Lived):
 
     def read(self) -> list[ActuatorSample]:
         """Return all samples queued since the last read, oldest first."""
-        self._require(_ACTIVE, _FAULT)
+        self._require(ACTIVE, FAULT)
         try:
             queued = self._queued()
         except _LIBRARY_ERRORS as exc:
@@ -216,8 +220,8 @@ class DephyActPack(Lived):
             )
         take = self._samples.take
         samples = [s for data in queued if (s := take(data, host_ns)) is not None]
-        if self._state is _ACTIVE and any(sample.faults for sample in samples):
-            self._state = _FAULT
+        if self._state is ACTIVE and any(sample.faults for sample in samples):
+            self._state = FAULT
             self._let_go()
         return samples
 
@@ -227,7 +231,7 @@ class DephyActPack(Lived):
         Current by equation 4.1 without friction and inertia, clamped to the limit of this
         device, and to less the warmer the winding is.
         """
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
         largest = self._spec.limits.current_a * self._winding.share
@@ -255,7 +259,7 @@ class DephyActPack(Lived):
         held = self._sending.acquire(timeout=_LOCK_S)
         try:
             forgotten = self._now_ns() - self._commanded_ns >= after_ns
-            if self._state is _ACTIVE and not self._relaxed and forgotten:
+            if self._state is ACTIVE and not self._relaxed and forgotten:
                 self._relaxed = True
                 self._device.command_motor_current(0)
         except _LIBRARY_ERRORS:
@@ -320,3 +324,6 @@ class DephyActPack(Lived):
 
 def _version(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in text.split("."))
+
+
+DRIVER = Driver(DephySpec, DephyActPack, package="flexsea")

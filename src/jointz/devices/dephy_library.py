@@ -1,26 +1,12 @@
-"""What flexsea does beside its work, undone."""
+"""Undo what flexsea changes in the whole program."""
 
 import contextlib
-import importlib
 import io
 import logging
 import sys
 from collections.abc import Iterator
-from typing import Any
-
-from jointz.core.errors import DeviceError
 
 _LOG = logging.getLogger(__name__)
-
-
-def flexsea_device(name: str) -> Any:
-    """Return flexsea's class of a device."""
-    try:
-        return importlib.import_module("flexsea.device").Device
-    except ImportError as exc:
-        raise DeviceError(
-            name, 'flexsea is not installed. Install it: pip install "jointz[dephy]".'
-        ) from exc
 
 
 @contextlib.contextmanager

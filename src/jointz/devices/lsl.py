@@ -20,11 +20,9 @@ from typing import Any
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import LslSpec
-from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
-
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, channel_unit
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import SensorDescription, SensorSample
 
 #: What nobody fetched for so long is thrown away by liblsl.
 _BUFFER_S = 2  # of markers: 200
@@ -41,7 +39,7 @@ _DRIFT = 1e-3
 LIBRARY_ERRORS = (RuntimeError, OSError)
 
 
-class LslSensor(Lived):
+class LslSensor(DriverBase):
     """One channel of a stream as a sensor of an experiment; see the module for its timing."""
 
     def __init__(self, spec: LslSpec, channel: str, *, clock: Clock) -> None:
@@ -58,20 +56,20 @@ class LslSensor(Lived):
     def describe(self) -> SensorDescription:
         """Return what the sensor says about itself; in any state."""
         spec = self._spec
-        contact = self._channel == "contact"
+        unit, kind = channel_unit(self._channel, spec.kind)
         return SensorDescription(
             name=f"{self._name}, channel {spec.index}",
             model="Lab Streaming Layer (never tried with an amplifier or over a network)",
             serial=spec.source_id,
             channel=self._channel,
-            unit="rad" if not contact else "V" if spec.kind == "voltage" else "1",
+            unit=unit,
             sample_rate_hz=spec.sample_rate_hz,
-            kind=spec.kind if contact else "",
+            kind=kind,
         )
 
     def configure(self) -> None:
         """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
-        self._require(_UNCONFIGURED)
+        self._require(UNCONFIGURED)
         spec = self._spec
         inlet = open_inlet(
             self._name,
@@ -81,28 +79,20 @@ class LslSensor(Lived):
         )
         self.offset_s = inlet.time_correction(0.0)
         self._inlet = inlet
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to sample; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         try:
             self._inlet.flush()
         except LIBRARY_ERRORS as exc:
             raise self._gone(exc) from exc
         self._received_ns = self._now_ns()
         self._fastest = None
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
-    def stop(self) -> None:
-        """Sample no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         inlet, self._inlet = self._inlet, None
         if inlet is not None:
             with contextlib.suppress(*LIBRARY_ERRORS):
@@ -110,7 +100,7 @@ class LslSensor(Lived):
 
     def read(self) -> list[SensorSample]:
         """Return all samples that arrived since the last read, oldest first."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         received: list[tuple[float, float]] = []
         index = self._spec.index
         try:
@@ -221,3 +211,6 @@ def load_pylsl(name: str) -> Any:
         raise DeviceError(
             name, f'pylsl is not installed ({exc}). Install it: pip install "jointz[lsl]".'
         ) from exc
+
+
+DRIVER = Driver(LslSpec, LslSensor, package="pylsl")

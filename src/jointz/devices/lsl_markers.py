@@ -7,12 +7,9 @@ import contextlib
 from typing import Any, NamedTuple
 
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Lifecycle
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase
 from jointz.devices.lsl import LIBRARY_ERRORS, load_pylsl, open_inlet
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 _MOST_MARKERS = 256
 
 
@@ -25,7 +22,7 @@ class Marker(NamedTuple):
     text: str  # what was sent
 
 
-class LslMarkers(Lived):
+class LslMarkers(DriverBase):
     """A stream of markers; it comes when it comes and is no sensor."""
 
     def __init__(self, stream: str, *, source_id: str = "", timeout_s: float = 5.0) -> None:
@@ -36,32 +33,24 @@ class LslMarkers(Lived):
 
     def configure(self) -> None:
         """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
-        self._require(_UNCONFIGURED)
+        self._require(UNCONFIGURED)
         self._inlet = open_inlet(
             self._name, self._known_by, timeout_s=self._timeout_s, check=self._check
         )
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to listen; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         self._pulled()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[Marker]:
         """Return the markers since the last read, oldest first."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         return self._pulled()
 
-    def stop(self) -> None:
-        """Listen no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         inlet, self._inlet = self._inlet, None
         if inlet is not None:
             with contextlib.suppress(*LIBRARY_ERRORS):

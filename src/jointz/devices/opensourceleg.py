@@ -32,8 +32,9 @@ from weakref import WeakValueDictionary
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError
-from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, FAULT, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import Actuator, ActuatorDescription, ActuatorSample, Lifecycle
 from jointz.devices.opensourceleg_output import LOOK_S, TorqueOutput
 from jointz.devices.opensourceleg_polling import (
     NEVER_TRIED,
@@ -51,7 +52,6 @@ from jointz.devices.opensourceleg_setup import (
     SensorKeys,
     check_port,
     check_usable,
-    checked_keys,
     profile_of,
 )
 from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
@@ -68,14 +68,12 @@ _FAULT_NAMES = MappingProxyType(
         _HANG: "a call of opensourceleg hung for longer than the command timeout",
     }
 )
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
 _log = logging.getLogger(__name__)
 #: One sensor for all channels that name it, for as long as one of them is there.
 _sources: WeakValueDictionary[str, OpenSourceLegSource] = WeakValueDictionary()
 
 
-class OpenSourceLegActuator(Lived):
+class OpenSourceLegActuator(DriverBase):
     """An actuator of opensourceleg (a subclass of its ``ActuatorBase``) as ours.
 
     A thread updates it and writes the commands; reading and commanding never wait for it. A zero
@@ -119,8 +117,8 @@ class OpenSourceLegActuator(Lived):
     @property
     def state(self) -> Lifecycle:
         """Where the device is in its life."""
-        faulty = self._faults and self._state in (_ACTIVE, _INACTIVE)
-        return _FAULT if faulty else self._state
+        faulty = self._faults and self._state in (ACTIVE, INACTIVE)
+        return FAULT if faulty else self._state
 
     @property
     def stop_confirmed(self) -> bool:
@@ -143,32 +141,32 @@ class OpenSourceLegActuator(Lived):
 
     def configure(self) -> None:
         """Start the library's actuator, in its current or torque mode, at zero torque."""
-        self._require(_UNCONFIGURED)
+        self._require(UNCONFIGURED)
         check_port(self._device.library, self._name)
         _log.warning("%s: firmware %s.", self._name, NO_HEARTBEAT)
         self._device.begin(self._enter_mode, self._poll)
         self._watchdog = self._repeat(self._output.look, LOOK_S)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to queue samples and to obey; afterwards ``ACTIVE``, also after a hang."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         self._faults &= ~_HANG
         self._check_sound()
         self._wanted = (0.0, 0)
         self._queue.clear()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[ActuatorSample]:
         """Return all samples queued since the last read, oldest first."""
-        if self.state is not _FAULT:
-            self._require(_ACTIVE)
+        if self.state is not FAULT:
+            self._require(ACTIVE)
         self._device.check()
         return drained(self._queue)
 
     def command_torque(self, torque_nm: float) -> None:
         """Ask for a torque on the joint until the next command or the command timeout."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         self._check_sound()
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
@@ -180,16 +178,13 @@ class OpenSourceLegActuator(Lived):
 
         It takes up to 40 ms if the library hangs.
         """
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
+        super().stop()
         self._wanted = (0.0, 0)
         self._device.wake()
         self._output.settle()
 
-    def close(self) -> None:
-        """Stop, end the thread and let the actuator go; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
+        """End the thread and release the actuator."""
         is_let_go = self._device.end(lambda: self._output.write(0.0))
         if self._watchdog is not None and (is_let_go or self.stop_confirmed):
             self._watchdog.cancel()  # else it goes on sending zero
@@ -215,10 +210,10 @@ class OpenSourceLegActuator(Lived):
     def _target_nm(self) -> float:
         """Return the torque that holds now, N*m; a polling thread that is late is a fault."""
         now_ns, (torque_nm, asked_ns) = self._device.clock.now_ns(), self._wanted
-        if torque_nm and self._state is _ACTIVE and now_ns - self._polled_ns > self._late_ns:
+        if torque_nm and self._state is ACTIVE and now_ns - self._polled_ns > self._late_ns:
             self._faults |= _HANG
         held = now_ns - asked_ns <= self._timeout_ns
-        return torque_nm if held and self.state is _ACTIVE else 0.0
+        return torque_nm if held and self.state is ACTIVE else 0.0
 
     def _may_be_on(self) -> bool:
         """Tell whether a torque is asked for, and the polling thread could take it back."""
@@ -253,7 +248,7 @@ class OpenSourceLegActuator(Lived):
             self._output.write(0.0)  # before the log, which may take its time
             if not is_known:
                 _log.error("%s: in fault (%s), at zero torque.", self._name, _names_of(fault))
-        if (self._is_new() or fault) and self._state is _ACTIVE:
+        if (self._is_new() or fault) and self._state is ACTIVE:
             self._queue.append(self._sample())
 
     def _write(self, torque_nm: float) -> None:
@@ -296,22 +291,27 @@ def _names_of(faults: int) -> str:
     return ", ".join(name for bit, name in _FAULT_NAMES.items() if bit & faults)
 
 
-def open_actuator(keys: Mapping[str, Any], *, clock: Clock) -> OpenSourceLegActuator:
+def open_actuator(
+    keys: ActuatorKeys, *, clock: Clock, before: Actuator | None = None
+) -> OpenSourceLegActuator:
     """Return the actuator of a ``device.toml``, ``UNCONFIGURED``."""
-    spec = checked_keys(ActuatorKeys, keys, "actuator")
-    return OpenSourceLegActuator(made(spec.device, spec.arguments), spec.setup, clock=clock)
+    del before
+    return OpenSourceLegActuator(made(keys.device, keys.arguments), keys.setup, clock=clock)
 
 
-def open_sensor(keys: Mapping[str, Any], channel: str, *, clock: Clock) -> OpenSourceLegSensor:
+def open_sensor(keys: SensorKeys, channel: str, *, clock: Clock) -> OpenSourceLegSensor:
     """Return a sensor of a ``device.toml``, ``UNCONFIGURED``."""
-    spec = checked_keys(SensorKeys, keys, channel)
     shared = json.dumps(
-        [spec.device, spec.arguments, spec.sample_rate_hz, id(clock)], sort_keys=True, default=str
+        [keys.device, keys.arguments, keys.sample_rate_hz, id(clock)], sort_keys=True, default=str
     )
     source = _sources.get(shared)
     if source is None:
         source = OpenSourceLegSource(
-            made(spec.device, spec.arguments), clock=clock, sample_rate_hz=spec.sample_rate_hz
+            made(keys.device, keys.arguments), clock=clock, sample_rate_hz=keys.sample_rate_hz
         )
         _sources[shared] = source
-    return OpenSourceLegSensor(source, spec.reading(channel))
+    return OpenSourceLegSensor(source, keys.reading(channel))
+
+
+ACTUATOR_DRIVER = Driver(ActuatorKeys, open_actuator, package="opensourceleg")
+SENSOR_DRIVER = Driver(SensorKeys, open_sensor, package="opensourceleg")

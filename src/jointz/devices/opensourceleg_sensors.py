@@ -14,8 +14,8 @@ from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.devices.interface import SensorDescription, SensorSample
 from jointz.devices.opensourceleg_polling import (
     NEVER_TRIED,
     QUEUE_LENGTH,
@@ -26,8 +26,6 @@ from jointz.devices.opensourceleg_polling import (
 )
 from jointz.devices.opensourceleg_setup import Reading
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 #: A library whose update does not return raises nothing; without a sample for so long it is gone.
 _SILENCE_NS = 1_000_000_000
 
@@ -76,7 +74,7 @@ class OpenSourceLegSource:
                 sensor.take(now_ns)
 
 
-class OpenSourceLegSensor(Lived):
+class OpenSourceLegSensor(DriverBase):
     """One channel of a sensor of opensourceleg as our sensor; never tried on hardware."""
 
     def __init__(self, source: OpenSourceLegSource, reading: Reading) -> None:
@@ -99,21 +97,21 @@ class OpenSourceLegSensor(Lived):
 
     def configure(self) -> None:
         """Start the library's sensor; afterwards ``INACTIVE``."""
-        self._require(_UNCONFIGURED)
+        self._require(UNCONFIGURED)
         self._source.join(self)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to queue samples; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         self._device.check()
         self._queue.clear()
         self._sampled_ns = self._device.clock.now_ns()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[SensorSample]:
         """Return all samples queued since the last read, oldest first."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         self._device.check()
         samples, now_ns = drained(self._queue), self._device.clock.now_ns()
         if samples:
@@ -124,19 +122,11 @@ class OpenSourceLegSensor(Lived):
             )
         return samples
 
-    def stop(self) -> None:
-        """Go to ``INACTIVE``; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and leave the library's sensor; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         self._source.leave(self)
 
     def take(self, now_ns: int) -> None:
         """Queue what the library's sensor says, while ``ACTIVE``; called by the source."""
-        if self._state is _ACTIVE:
+        if self._state is ACTIVE:
             value = self._reading.of(self._device.library)
             self._queue.append(SensorSample(now_ns, now_ns, value))

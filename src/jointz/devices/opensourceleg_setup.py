@@ -4,14 +4,16 @@ import inspect
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from jointz.core.checked_model import CheckedModel, place_of
-from jointz.core.errors import DataError, DeviceError, NotConnectedError
+from jointz.core.checked_model import CheckedModel
+from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
+from jointz.devices.driver_base import channel_unit
+from jointz.devices.drivers import DriverSettings
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -61,7 +63,7 @@ class ActuatorSetup(CheckedModel):
     profile: Profile | None = None
 
 
-class ActuatorKeys(ActuatorSetup):
+class ActuatorKeys(ActuatorSetup, DriverSettings):
     """An actuator in a ``device.toml``: its class, what that is made with, and the setup.
 
     ``device`` is module and class, as ``opensourceleg.actuators.dephy:DephyActuator``;
@@ -102,7 +104,7 @@ class Reading(CheckedModel):
         return self.gain * raw + self.offset
 
 
-class SensorKeys(CheckedModel):
+class SensorKeys(DriverSettings):
     """A sensor in a ``device.toml``: its class, what that is made with, and the reading.
 
     ``device`` and ``arguments`` as an actuator has them; two channels with the same of both
@@ -121,29 +123,16 @@ class SensorKeys(CheckedModel):
 
     def reading(self, channel: str) -> Reading:
         """Return how the channel is read."""
-        contact = channel == "contact"
-        voltage = contact and self.kind == "voltage"
+        unit, kind = channel_unit(channel, self.kind)
         return Reading(
             channel=channel,
-            unit="V" if voltage else "1" if contact else "rad",
+            unit=unit,
             attribute=self.attribute,
             index=self.index,
             gain=self.gain,
             offset=self.offset,
-            kind=self.kind if contact else "",
+            kind=kind,
         )
-
-
-KeysT = TypeVar("KeysT", bound=CheckedModel)
-
-
-def checked_keys(model: type[KeysT], keys: Mapping[str, Any], section: str) -> KeysT:
-    """Return the keys of a section of a ``device.toml``, checked."""
-    try:
-        return model.model_validate(dict(keys))
-    except ValidationError as exc:
-        problems = [f"  - {place_of((section, *e['loc']))}: {e['msg']}." for e in exc.errors()]
-        raise DataError("\n".join(["device.toml:", *problems])) from exc
 
 
 def profile_of(actuator: object) -> Profile:

@@ -10,18 +10,15 @@ marker of Lab Streaming Layer with the time between which the line was set, some
 """
 
 import contextlib
-import importlib
 import json
 from collections.abc import Callable
 from typing import Any, Protocol
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Device, Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, load_library
+from jointz.devices.interface import Device, SensorDescription, SensorSample
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 #: Edges that the kernel keeps for who does not fetch them.
 _KEPT_EDGES = 1024
 #: No more samples than of so long are made at a time.
@@ -36,7 +33,7 @@ class DigitalOutput(Device, Protocol):
         ...
 
 
-class _Line(Lived):
+class _Line(DriverBase):
     """A line of a chip, in or out."""
 
     def __init__(self, chip: str, line: int) -> None:
@@ -47,8 +44,8 @@ class _Line(Lived):
 
     def configure(self) -> None:
         """Take the line; afterwards ``INACTIVE``."""
-        self._require(_UNCONFIGURED)
-        library = _gpiod(self._name)
+        self._require(UNCONFIGURED)
+        library = load_library("gpiod", device=self._name, extra="gpio")
         try:
             self._request = library.request_lines(
                 self._chip,
@@ -60,21 +57,13 @@ class _Line(Lived):
             raise NotConnectedError(
                 self._name, f"cannot be taken ({exc}). Is it free, and the user in group gpio?"
             ) from exc
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         request, self._request = self._request, None
         if request is not None:
             with contextlib.suppress(OSError):
                 request.release()
-
-    def stop(self) -> None:
-        """Do no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
 
     def _settings(self, library: Any) -> Any:
         raise NotImplementedError
@@ -111,15 +100,15 @@ class SyncInput(_Line):
 
     def activate(self) -> None:
         """Begin to sample; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
+        self._require(INACTIVE)
         self._fetched()
         self._level = self._asked(lambda: int(bool(self._request.get_value(self._line))))
         self._next_ns = self._now_ns() // self._period_ns * self._period_ns + self._period_ns
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[SensorSample]:
         """Return all samples since the last read, oldest first."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         self.edges = self._fetched()
         now_ns, at = self._now_ns(), 0
         self._next_ns = max(self._next_ns, now_ns - round(_LONGEST_S * 1e9))
@@ -171,19 +160,19 @@ class SyncOutput(_Line):
 
     def activate(self) -> None:
         """Begin to obey; afterwards ``ACTIVE``."""
-        self._require(_INACTIVE)
-        self._state = _ACTIVE
+        self._require(INACTIVE)
+        self._state = ACTIVE
 
     def stop(self) -> None:
         """Set the line low and go to ``INACTIVE``; never raises, never blocks."""
-        if self._state is _ACTIVE:
+        if self._state is ACTIVE:
             with contextlib.suppress(DeviceError):
                 self.set_high(False)
         super().stop()
 
     def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
         """Set the line."""
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         value = self._library.line.Value
         try:
             self._request.set_value(self._line, value.ACTIVE if high else value.INACTIVE)
@@ -217,12 +206,3 @@ def send_pulse(
         clock.wait_until_ns(after_ns + round(width_s * 1e9))
     finally:
         output.set_high(False)
-
-
-def _gpiod(name: str) -> Any:
-    try:
-        return importlib.import_module("gpiod")
-    except ImportError as exc:
-        raise DeviceError(
-            name, 'gpiod is not installed. Install it: pip install "jointz[gpio]".'
-        ) from exc

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from jointz.core.protocols.protocol import WithoutConsole
 from jointz.experiment.control_box import Command, ControlBox, Order
 from jointz.experiment.files.journal import Journal
-from jointz.experiment.trial_setup import AnyTrial
+from jointz.experiment.trial_kinds import AnyTrial
 
 #: A page that gives no sign of life for so long is lost.
 LOST_AFTER_NS = 3_000_000_000

@@ -4,9 +4,7 @@ Made once from the protocol and a seed, and written down: what was planned can
 be compared with what was done, and an interrupted session goes on with the rest.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,15 +25,6 @@ class PlannedPulse:
     def sham(self) -> bool:
         """Whether nothing is to be felt."""
         return self.amplitude_nm == 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the pulse as plain values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "PlannedPulse":
-        """Return the pulse that :meth:`to_dict` wrote."""
-        return cls(**values)
 
 
 def make_plan(

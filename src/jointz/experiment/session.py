@@ -14,9 +14,9 @@ stretch with the pulses that the journal does not count as done.
 
 import time
 import zlib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -30,9 +30,7 @@ from jointz.core.errors import DeviceError, SafetyStop, WriteError
 from jointz.core.protocols.protocol import ConditionSpec
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
-from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Device, Devices, Rig
-from jointz.experiment.bench.bench_plan import TimedPulse, make_bench_plan
 from jointz.experiment.console_link import ConsoleLink
 from jointz.experiment.control_box import ControlBox
 from jointz.experiment.driver_errors import drivers_answer_for
@@ -50,18 +48,15 @@ from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.files.session_files import (
     CONTROL_FILE,
     JOURNAL_FILE,
-    bench_plan_of,
     keep_description,
     keep_plan,
     log_path,
-    plan_of,
 )
 from jointz.experiment.files.whole_files import make_folder
 from jointz.experiment.loop import ControlLoop, undisturbed
-from jointz.experiment.plan import PlannedPulse, make_plan
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.stop_signals import signals_held
-from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
+from jointz.experiment.trial_kinds import AnyTrial, TrialSetup, trial_kind
 
 #: Called with the trial and how far it is: of walking accepted strides, completed pulses and
 #: planned pulses; of a bench trial seconds done, the same again and seconds in all.
@@ -110,6 +105,7 @@ class Session:
         attended: bool = False,
     ) -> None:
         self._plan = plan
+        self._kind = trial_kind(plan.protocol)
         self._rig = rig
         self._clocks = clocks
         self._operator = operator
@@ -176,27 +172,21 @@ class Session:
 
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""
-        plan, wearer = self._plan, self._rig.wearer.id
-        pulse, walking = plan.protocol.pulse, plan.protocol.kind == "walking"
-        rng = plan.stream(wearer, "")
-        plans = {}
-        for condition in plan.protocol.conditions:
-            if condition.perturbations is None or pulse is None:
-                continue
-            for name in condition.trial_names:
-                made: Sequence[TimedPulse | PlannedPulse] = (
-                    make_plan(condition.perturbations, pulse, rng)
-                    if walking
-                    else make_bench_plan(condition, pulse, rng)
-                )
-                plans[name] = [one.to_dict() for one in made]
-        return plans
+        protocol, rng = self._plan.protocol, self._plan.stream(self._rig.wearer.id, "")
+        pulse = protocol.pulse
+        if pulse is None:
+            return {}
+        return {
+            name: [asdict(one) for one in self._kind.make_plan(condition, pulse, rng)]
+            for condition in protocol.conditions
+            if condition.perturbations is not None
+            for name in condition.trial_names
+        }
 
     def _run_trial_of(
         self, condition: ConditionSpec, name: str, events: list[Event], journal: Journal
     ) -> None:
         segment, clock = segments_begun(events, name), self._clocks()
-        walking = self._plan.protocol.kind == "walking"
         drivers: dict[str, object] = {"rig": self._rig}
         note = partial(self._note, journal, condition=name, segment=segment)
         with ExitStack() as stack:
@@ -206,13 +196,16 @@ class Session:
             drivers |= devices.named()
             for device in devices.all():
                 stack.push(partial(_close, device))
-            gate = self._gate(devices, self._felt(events, name) if walking else 0)
+            pulses = self._kind.read_plan(self._plan.folder).get(name, ())
+            shams = {pulse.number for pulse in pulses if pulse.amplitude_nm == 0.0}
+            felt = sum(number not in shams for number in pulses_begun(events, name))
+            gate = self._gate(devices, pulses_before=felt)
             note("segment_started")
             recorder = stack.enter_context(
                 Recorder(
                     log_path(self._plan.folder, name, segment),
                     self._header(condition, name, segment, devices),
-                    _layout(devices, walking=walking),
+                    self._kind.layout(devices),
                 )
             )
             setup = TrialSetup(
@@ -224,9 +217,13 @@ class Session:
                 gate=gate,
                 recorder=recorder,
                 clock=clock,
+                journal=journal,
+                pulses=pulses,
+                done=pulses_done(events, name),
+                rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
                 contact_levels_v=self._rig.calibration.contact_levels_v,
             )
-            trial = (self._walking if walking else self._bench)(setup, events, journal)
+            trial = self._kind.trial(setup, partial(self._progress, name))
             self._run_trial(trial, setup, note)
             # How long the log is then: one that is found shorter has lost something.
             note("condition_completed", log_bytes=recorder.size_bytes)
@@ -235,27 +232,6 @@ class Session:
         """Write an event down, with the time of day where the time is a real one."""
         moment = {"time_ns": time.time_ns()} if self._real_time else {}
         journal.write(event, **details, **moment)
-
-    def _bench(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
-        del events, journal  # a trial on a bench is done again from its beginning
-        return bench_trial(
-            setup,
-            bench_plan_of(self._plan.folder).get(setup.name, ()),
-            rng=self._plan.stream(self._rig.wearer.id, f"references of {setup.name}"),
-            progress=lambda done, total: self._progress(setup.name, done, done, total),
-        )
-
-    def _walking(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
-        pulses = plan_of(self._plan.folder).get(setup.name, ())
-        done = pulses_done(events, setup.name)
-        return walking_trial(
-            setup,
-            [pulse for pulse in pulses if pulse.number not in done],
-            journal=journal,
-            progress=lambda strides, completed: self._progress(
-                setup.name, strides, len(done) + completed, len(pulses)
-            ),
-        )
 
     def _run_trial(self, trial: AnyTrial, setup: TrialSetup, note: Callable[..., None]) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
@@ -284,12 +260,7 @@ class Session:
         if self._stop_requested:
             raise KeyboardInterrupt
 
-    def _felt(self, events: list[Event], name: str) -> int:
-        """Return how many pulses the wearer felt in earlier stretches of a condition."""
-        shams = {p.number for p in plan_of(self._plan.folder).get(name, ()) if p.sham}
-        return sum(number not in shams for number in pulses_begun(events, name))
-
-    def _gate(self, devices: Devices, pulses_before: int) -> SafetyGate | None:
+    def _gate(self, devices: Devices, *, pulses_before: int) -> SafetyGate | None:
         if devices.actuator is None:
             return None
         described = devices.actuator.describe()
@@ -314,13 +285,6 @@ class Session:
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
-
-
-def _layout(devices: Devices, *, walking: bool) -> Layout:
-    """Return what the records of a log look like."""
-    if walking:
-        return WALKING
-    return BENCH if devices.contact is None else BENCH_CONTACT
 
 
 def _confirm_stop(note: Callable[..., None], not_stopped: Collection[str]) -> None:

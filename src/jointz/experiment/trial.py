@@ -74,6 +74,8 @@ class Trial:
         clock: Clock,
         progress: TrialProgress,
     ) -> None:
+        if devices.angle is None or devices.contact is None:
+            raise ValueError("expected devices with a goniometer and a footswitch.")
         self._period_ns = course.period_ns
         self._streams = Streams(devices)
         self._watch = GaitWatch(course.gait, course.contact_levels)
@@ -186,10 +188,8 @@ class Trial:
             )
 
     def _record(self, slot: int, host_ns: int) -> None:
-        streams = self._streams
-        counts = len(streams.actuator), len(streams.angle), len(streams.contact)
-        parts = max(1, *counts)
-        self._recorder.write(*[self._part(slot, host_ns, i) for i in range(parts)])
+        parts = range(self._streams.parts)
+        self._recorder.write(*[self._part(slot, host_ns, part) for part in parts])
 
     def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""

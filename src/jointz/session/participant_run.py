@@ -17,10 +17,9 @@ from jointz.experiment.files.session_files import JOURNAL_FILE
 from jointz.experiment.files.whole_files import read_object, write_whole
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
 from jointz.experiment.stop_signals import STOP_SIGNALS, acknowledge_stop
-from jointz.session.bench_report import write_bench
+from jointz.session.recordings_report import write_recordings
 from jointz.session.run_settings import RunSettings
 from jointz.session.session_check import write_down_losses
-from jointz.session.walking_report import write_walking
 
 REPORT_FILE = "report.json"
 
@@ -46,8 +45,7 @@ def run_participant(
     with _stopped_by_signals(session):
         write_down_losses(folder, settings.protocol, salvage=settings.salvage)
         session.run()
-    write = write_walking if settings.protocol.kind == "walking" else write_bench
-    report = write(rig, settings, folder)
+    report = write_recordings(rig, settings, folder)
     # As of today: a device file may say something else when the last participant is measured.
     report["calibration"] = rig.calibration.model_dump(exclude_none=True)
     texts = salvaged_texts(read_journal(folder / JOURNAL_FILE))

@@ -26,7 +26,7 @@ from jointz.io.protocols import load_protocol
 from jointz.results.run_report import RunReport, StudyRun
 from jointz.session.participant_run import REPORT_FILE as SESSION_REPORT
 from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
-from jointz.session.rigs.registry import (
+from jointz.session.rigs.rig_settings import (
     RigSettings,
     hardware_settings,
     open_rig,

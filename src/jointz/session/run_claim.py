@@ -18,7 +18,7 @@ from jointz.experiment.files.whole_files import (
     read_object,
 )
 from jointz.io.calibration_file import CalibrationFile
-from jointz.session.rigs.registry import RigSettings
+from jointz.session.rigs.rig_settings import RigSettings
 from jointz.session.run_settings import SESSIONS, RunSettings
 
 RUN_FILE, REPORT_FILE, STUDY_FILE = "run.json", "run_report.json", "study.toml"

@@ -1,13 +1,10 @@
 """How an experiment is run, and what its files are called."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from jointz.core.protocols.protocol import Protocol
-from jointz.experiment.timing import timing_report
-from jointz.io.log_reader import SessionLog
+from jointz.core.protocols.protocol import ConditionSpec, Protocol
 
 #: The folder of a study that holds what was recorded.
 SESSIONS = "sessions"
@@ -40,17 +37,6 @@ def pulses_name(participant: str, condition: str) -> str:
     return f"{participant}_{condition}_pulses.csv"
 
 
-def timing_rows(
-    wearer: str, condition: str, logs: Sequence[SessionLog], settings: RunSettings
-) -> list[dict[str, Any]]:
-    """Return how well the loop kept its time, a row a log."""
-    period_ns = round(1e9 / settings.protocol.rates.control_hz)
-    return [
-        {
-            "participant": wearer,
-            "condition": condition,
-            "segment": log.header["segment"],
-            **timing_report(log.records, period_ns),
-        }
-        for log in logs
-    ]
+def has_pulse_table(protocol: Protocol, condition: ConditionSpec) -> bool:
+    """Tell whether a recording has a table of pulses; the study of a bench states them itself."""
+    return condition.perturbations is not None and protocol.kind != "bench"

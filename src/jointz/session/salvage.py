@@ -10,19 +10,13 @@ from pydantic import ValidationError
 from jointz.core.errors import DataError, TooLargeError
 from jointz.core.protocols.protocol import ConditionSpec, Protocol
 from jointz.experiment.files.journal import read_journal
-from jointz.experiment.files.session_files import (
-    JOURNAL_FILE,
-    SESSION_FILE,
-    bench_plan_of,
-    plan_of,
-)
+from jointz.experiment.files.session_files import JOURNAL_FILE, SESSION_FILE
 from jointz.experiment.files.whole_files import kept_beside, read_twice, write_whole
 from jointz.io.formats.netcdf_recording import read_recording, write_recording
-from jointz.session.bench_recordings import bench_record, pulse_table
+from jointz.session.recordings_report import open_recordings
 from jointz.session.run_claim import RUN_FILE, STUDY_FILE
-from jointz.session.run_settings import SESSIONS, pulses_name, recording_name
+from jointz.session.run_settings import SESSIONS, has_pulse_table, pulses_name, recording_name
 from jointz.session.session_check import missing_events
-from jointz.session.session_recordings import condition_record
 from jointz.session.study_file import pulses_csv
 
 
@@ -100,35 +94,14 @@ def _make_again(file: Path, session: Path, condition: ConditionSpec, protocol: P
     """Write a recording and its pulse table; what is there is kept beside where it differs."""
     events = read_journal(session / JOURNAL_FILE, salvage=True)
     events += missing_events(session, protocol, events)
-    if protocol.kind == "walking":
-        record = condition_record(
-            session,
-            condition,
-            events=events,
-            plan=plan_of(session).get(condition.name, ()),
-            file=file.name,
-            participant=session.name,
-            protocol=protocol,
-            salvage=True,
-        )
-        recording, table = record.recording, record.pulses
-    else:
-        recording, _ = bench_record(
-            session,
-            condition,
-            events=events,
-            file=file.name,
-            participant=session.name,
-            protocol=protocol,
-            salvage=True,
-        )
-        table = pulse_table(recording, bench_plan_of(session).get(condition.name, ()))
+    record = open_recordings(session, protocol, events, salvage=True).record(condition)
     if file.exists():
         kept_beside(file)
-    write_recording(recording, file)
-    pulses = file.with_name(pulses_name(session.name, condition.name))
-    if condition.perturbations is None or protocol.kind == "bench":
+    write_recording(record.recording, file)
+    if not has_pulse_table(protocol, condition):
         return
-    if pulses.exists() and pulses.read_bytes() != pulses_csv(table).encode():
-        kept_beside(pulses)
-    write_whole(pulses, pulses_csv(table))
+    table = file.with_name(pulses_name(session.name, condition.name))
+    text = pulses_csv(record.pulses)
+    if table.exists() and table.read_bytes() != text.encode():
+        kept_beside(table)
+    write_whole(table, text)

@@ -18,15 +18,11 @@ from jointz.experiment.files.journal import (
     segments_begun,
     write_salvaged,
 )
-from jointz.experiment.files.session_files import JOURNAL_FILE, has_content, log_path, plan_of
+from jointz.experiment.files.session_files import JOURNAL_FILE, has_content, log_path
 from jointz.experiment.trial import COOL_DOWN_STRIDES
+from jointz.experiment.trial_kinds import WALKING_TRIALS
 from jointz.io.log_reader import SessionLog, read_log
-from jointz.session.session_recordings import (
-    begun_pulses,
-    damaged_ticks,
-    pulses_of_log,
-    ticks_of,
-)
+from jointz.session.log_pulses import begun_pulses, damaged_ticks, pulses_of_log, ticks_of
 
 _SAME = ("event", "condition", "segment", "pulse", "slot")
 
@@ -119,8 +115,8 @@ def _shown(
         ticks = ticks_of(log.records)
         at_end = ticks["stride"][np.searchsorted(ticks["slot"], pulse.end_slot)]
         needed_strides = int(at_end) + COOL_DOWN_STRIDES
-    planned = plan_of(folder).get(name, ())
-    if done >= {one.number for one in planned} and log.records["stride"][-1] >= needed_strides:
+    planned = WALKING_TRIALS.read_plan(folder).get(name, ())
+    if done >= {pulse.number for pulse in planned} and log.records["stride"][-1] >= needed_strides:
         yield {"event": "condition_completed", **about, "log_bytes": log.whole_bytes}
 
 

@@ -1,10 +1,15 @@
-"""From the raw logs of a session to the recordings of a study."""
+"""Recordings of a study, made from the logs of a session.
+
+:class:`SessionRecordings` does what walking and benches share; its subclasses hold what differs.
+"""
 
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -16,13 +21,34 @@ from jointz.core.session_log import Flag
 from jointz.devices.interface import Stretch
 from jointz.experiment.files.journal import Event, pulses_done, segments_begun
 from jointz.experiment.files.session_files import has_content, log_path
-from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.gait.onset_errors import onset_accuracy
+from jointz.experiment.trial_kinds import BENCH_TRIALS, WALKING_TRIALS, TrialKind
+from jointz.gait.heel_strikes import find_heel_strikes
+from jointz.gait.strides import find_strides
+from jointz.gait.timestamps import find_gaps
 from jointz.io.log_reader import SessionLog, read_log
+from jointz.session.log_pulses import damaged_s, pulse_rows, ticks_of
+from jointz.session.run_settings import recording_name
 from jointz.session.stream_alignment import clock_notes, fresh, onto
 
-#: Channel of the recording -> field of the log; the same name and unit in both.
-_MOTOR_FIELDS = ("motor_angle", "motor_velocity", "current", "applied_torque")
-_MOTOR_UNITS = {"applied_torque": "N*m"}
+#: Between two stretches of a recording: a hole that nobody takes for walking.
+PAUSE_S = 10.0
+_CLOCKS = {
+    "actuator": "actuator_time_ns",
+    "angle": "angle_sensor_time_ns",
+    "torque": "torque_sensor_time_ns",
+    "positioner": "positioner_time_ns",
+    "contact": "contact_time_ns",
+}
+#: Units of channels that no schema knows, or that may have several.
+_UNITS = {
+    "applied_torque": "N*m",
+    "reference": "N*m",
+    "position": "rad",
+    "reference_position": "rad",
+    "trial": "1",
+}
+_MOTOR = {name: name for name in ("motor_angle", "motor_velocity", "current")}
 _PULSE_COLUMNS = (
     "pulse",
     "onset_s",
@@ -32,88 +58,7 @@ _PULSE_COLUMNS = (
     "completed",
     "damaged",
 )
-#: Between two stretches of a recording: a hole that nobody takes for walking.
-PAUSE_S = 10.0
-_CLOCKS = {
-    "actuator": "actuator_time_ns",
-    "angle": "angle_sensor_time_ns",
-    "contact": "contact_time_ns",
-}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ConditionRecord:
-    """What was recorded in a condition, all its stretches one after the other."""
-
-    recording: xr.Dataset
-    # ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed, damaged``, one row a
-    # pulse that began, shams left out
-    pulses: pd.DataFrame
-    stretches: tuple[Stretch, ...]  # number, offset and end of each log
-    logs: tuple[SessionLog, ...]  # the logs of the stretches
-
-
-def condition_record(
-    folder: Path,
-    condition: ConditionSpec,
-    *,
-    events: Sequence[Event],
-    plan: Sequence[PlannedPulse],
-    file: str,
-    participant: str,
-    protocol: Protocol,
-    salvage: bool = False,
-) -> ConditionRecord:
-    """Put the logs of a condition together."""
-    paths = [
-        path
-        for segment in range(segments_begun(events, condition.name))
-        if has_content(path := log_path(folder, condition.name, segment))
-    ]
-    logs = [read_log(path, salvage=salvage) for path in paths]
-    worn = condition.worn
-    pieces, tables, stretches, end_s = [], [], [], -PAUSE_S
-    damage_s: list[tuple[float, float]] = []
-    for log in logs:
-        time, channels = _aligned(log.records, worn=worn)
-        if time.size == 0:
-            continue
-        holes_s = damaged_s(log, time, _master(worn=worn))
-        begin_s = min([float(time[0]), *(begin for begin, _ in holes_s)])
-        offset_s = end_s + PAUSE_S - begin_s
-        damage_s += [(begin + offset_s, end + offset_s) for begin, end in holes_s]
-        pieces.append((time + offset_s, channels))
-        stretches.append(Stretch(int(log.header["segment"]), offset_s, float(time[-1])))
-        tables.append(_pulses(log, time + offset_s, plan, events, worn=worn))
-        end_s = max([float(time[-1]), *(end for _, end in holes_s)]) + offset_s
-    hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
-    volts = gives_volts(logs[0].header.get("devices", {}))
-    recording = build_recording(
-        np.concatenate([time for time, _ in pieces]),
-        {name: np.concatenate([c[name] for _, c in pieces]) for name in pieces[0][1]},
-        units={"contact": "V" if volts else "1", **_MOTOR_UNITS},
-        condition=condition.condition,
-        file=file,
-        contact_kind="voltage" if volts else "contact",
-        history=(
-            {
-                "step": "converted from the session's logs",
-                "logs": [path.name for path in paths],
-                "sha256": hashes,
-                "clocks": [clock_notes(log.records, _CLOCKS) for log in logs],
-            },
-            *damage_step(damage_s),
-        ),
-        participant=participant,
-        joint=protocol.joint,
-        positive=protocol.positive,
-    )
-    return ConditionRecord(
-        recording=recording,
-        pulses=pd.concat(tables, ignore_index=True),
-        stretches=tuple(stretches),
-        logs=tuple(logs),
-    )
+Rows = list[dict[str, Any]]
 
 
 def gives_volts(devices: Mapping[str, Any]) -> bool:
@@ -122,188 +67,341 @@ def gives_volts(devices: Mapping[str, Any]) -> bool:
     return bool(switch and switch.get("kind") == "voltage")
 
 
-def _aligned(records: np.ndarray, *, worn: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Bring all streams to the time of the actuator's samples, or the goniometer's without it."""
-    master = _master(worn=worn)
-    rows = records[fresh(records, master)]
-    time_ns = rows[master]
-    channels = {
-        "angle": onto(records, "angle", clock="angle_sensor_time_ns", master=master),
-        "contact": onto(
-            records, "contact", clock="contact_time_ns", master=master, interpolated=False
-        ),
-    }
-    if worn:
-        channels |= {name: rows[name].astype(float) for name in _MOTOR_FIELDS}
-        channels["command"] = command_at_samples(records, fresh(records, master))
-    return time_ns * 1e-9, channels
+@dataclass(frozen=True, slots=True, eq=False)
+class ConditionRecord:
+    """What was recorded in a condition, all its stretches one after the other."""
 
-
-def _master(*, worn: bool) -> str:
-    return _CLOCKS["actuator" if worn else "angle"]
-
-
-def damaged_s(log: SessionLog, time_s: np.ndarray, master: str) -> list[tuple[float, float]]:
-    """Return the stretches of a log that were left out, from intact sample to intact sample, s."""
-    records = log.records
-    before = np.concatenate([[0], np.cumsum(fresh(records, master))])
-    holes = []
-    for at, (_, after) in zip((d.at for d in log.damage), damaged_ticks(log), strict=True):
-        first = before[at] == 0  # how long it was is told by the ticks alone
-        lost_s = after / log.header["control_hz"] if first else 0.0
-        begin = time_s[0] - lost_s if first else time_s[before[at] - 1]
-        end = time_s[min(before[at], time_s.size - 1)]
-        if at == records.size:
-            end = end + (after - int(records["slot"][-1])) / log.header["control_hz"]
-        holes.append((float(begin), float(end)))
-    return holes
-
-
-def damage_step(damage_s: Sequence[tuple[float, float]]) -> tuple[dict[str, Any], ...]:
-    """Return what the history of a recording says of damaged stretches; nothing without one."""
-    if not damage_s:
-        return ()
-    step = "left out damaged records of the session's logs"
-    return ({"step": step, "damaged_s": [list(hole) for hole in damage_s]},)
-
-
-def command_at_samples(records: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Return the pulse torque that was asked for when each sample was taken, N*m.
-
-    Of several samples that came with a tick all but the last were taken before its
-    command was given.
-    """
-    ticks = ticks_of(records)
-    before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
-    rows = records[new]
-    last = np.append(rows["slot"][1:] != rows["slot"][:-1], True)[: rows.size]
-    tick = np.searchsorted(ticks["slot"], rows["slot"])
-    return np.asarray(np.where(last, rows["command"].astype(float), before[tick]))
-
-
-def ticks_of(records: np.ndarray) -> np.ndarray:
-    """Return the first record of every tick that there is."""
-    slots = records["slot"]
-    return np.asarray(records[np.append(True, slots[1:] != slots[:-1])[: slots.size]])
-
-
-def _times_of(slots: np.ndarray, log: SessionLog, time_s: np.ndarray, *, worn: bool) -> np.ndarray:
-    """Return when ticks were, by the time of the newest sample read by then, s."""
-    records = log.records
-    sampled = records["slot"][fresh(records, _master(worn=worn))].astype(np.int64)
-    newest = (np.searchsorted(sampled, slots, side="right") - 1).clip(0)
-    late = (slots - sampled[newest]) / float(log.header["control_hz"])
-    return np.asarray(time_s[newest] + late)
+    recording: xr.Dataset
+    # one row a pulse that began, shams left out: ``onset_s, duration_s, amplitude_nm``, of walking
+    # ``pulse, timing_point, completed, damaged`` too
+    pulses: pd.DataFrame
+    stretches: tuple[Stretch, ...]  # number, offset and end of each log
+    logs: tuple[SessionLog, ...]  # the logs of the stretches
 
 
 @dataclass(frozen=True, slots=True)
-class PulseOfLog:
-    """A pulse that began in a log."""
+class _Piece:
+    """One log on the time of the recording."""
 
-    number: int  # in the plan
-    onset_slot: int  # its first tick
-    # the first tick without it; None where the log ends with it or does not tell
-    end_slot: int | None
-    touched: bool  # whether damaged records lie in it, or next to it
-    faded: bool  # whether the safety gate broke it off
+    log: SessionLog
+    time_s: np.ndarray  # of all samples of the master
+    counted: np.ndarray  # which of them are recorded
+    channels: dict[str, np.ndarray]
 
 
-def begun_pulses(events: Sequence[Event], condition: str, segment: int) -> dict[int, int]:
-    """Return the pulses that began in a log by the journal: first tick -> number."""
-    return {
-        event["slot"]: event["pulse"]
-        for event in events
-        if event["event"] == "pulse_started"
-        and (event["condition"], event["segment"]) == (condition, segment)
-    }
+@dataclass(frozen=True, slots=True)
+class SessionRecordings(ABC):
+    """The recordings of one session."""
 
+    KIND: ClassVar[TrialKind]
 
-def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]:
-    """Return the pulses of a log, shams too, in order; also those that damage hides."""
-    ticks = ticks_of(log.records)
-    number, slot = ticks["pulse"].astype(int), ticks["slot"].astype(int)
-    # What lies in a lost end shows in the journal alone, and is lost.
-    holes = [hole for hole in damaged_ticks(log) if hole[1] <= slot.max(initial=-1)]
-    onsets = {}
-    for at in np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0)):
-        onsets[int(slot[at])] = int(number[at])
-    for before, after in holes:  # one that began in it shows later, or never
-        hidden = {s: n for s, n in begun.items() if before <= s <= after}
-        if onsets.get(after) in hidden.values():
-            del onsets[after]
-        onsets |= hidden
-    changes = np.flatnonzero(np.diff(number)) + 1
-    found = []
-    for onset_slot, pulse in sorted(onsets.items()):
-        first = int(np.searchsorted(slot, onset_slot))
-        end = first  # it began and ended in the damage
-        if number[first] == pulse:
-            end = int(min(changes[changes > first], default=number.size))
-        last = int(slot[min(end, number.size - 1)])
-        found.append(
-            PulseOfLog(
-                pulse,
-                onset_slot,
-                end_slot=int(slot[end]) if end < number.size else None,
-                touched=any(before <= last and after >= onset_slot for before, after in holes),
-                faded=bool(np.any(ticks["flags"][first:end] & Flag.FADING)),
-            )
-        )
-    return found
+    folder: Path
+    participant: str
+    protocol: Protocol
+    events: Sequence[Event]  # of the journal
+    plans: Mapping[str, Sequence[Any]]  # pulses of every trial
+    salvage: bool = False  # whether damaged records are left out instead of refused
 
+    def record(self, condition: ConditionSpec) -> ConditionRecord:
+        """Put the logs of a condition together, one after the other."""
+        paths = self._paths(condition)
+        logs = [read_log(path, salvage=self.salvage) for path in paths]
+        master = _CLOCKS["actuator" if condition.worn else "angle"]
+        pieces: list[_Piece] = []
+        stretches: list[Stretch] = []
+        damage_s: list[tuple[float, float]] = []
+        end_s = -PAUSE_S
+        for log in logs:
+            rows = log.records[fresh(log.records, master)]
+            if not rows.size:
+                continue
+            time_s, counted = rows[master] * 1e-9, (rows["flags"] & Flag.LEAD) == 0
+            holes_s = damaged_s(log, time_s, master)
+            recorded_s = time_s[counted]
+            offset_s = end_s + PAUSE_S - self._begin_s(recorded_s, holes_s)
+            damage_s += [(begin + offset_s, end + offset_s) for begin, end in holes_s]
+            stretches.append(Stretch(int(log.header["segment"]), offset_s, float(recorded_s[-1])))
+            pieces.append(_Piece(log, time_s + offset_s, counted, self._channels(log, master)))
+            end_s = max([float(recorded_s[-1]), *(end for _, end in holes_s)]) + offset_s
+        recording = self._build(condition, pieces, paths, logs, damage_s)
+        pulses = self._pulses(condition, recording, pieces, master)
+        return ConditionRecord(recording, pulses, tuple(stretches), tuple(logs))
 
-def damaged_ticks(log: SessionLog) -> list[tuple[int, int]]:
-    """Return the ticks before and after every stretch left out, after a lost end by its size."""
-    slot = log.records["slot"].astype(int).tolist()
-    last = slot[-1] if slot else -1
-    ticks = []
-    for at, n_bytes in log.damage:
-        n_lost = n_bytes / log.header["record_bytes"] * ((last + 1) / len(slot) if slot else 1.0)
-        after = slot[at] if at < len(slot) else last + round(n_lost)
-        ticks.append((slot[at - 1] if at else -1, after))
-    return ticks
+    def _paths(self, condition: ConditionSpec) -> list[Path]:
+        """Return the logs that count: all stretches, or the last of each trial."""
+        paths = []
+        for name in condition.trial_names:
+            count = segments_begun(self.events, name)
+            segments = range(count) if self.KIND.resumes else [count - 1]
+            files = [log_path(self.folder, name, segment) for segment in segments]
+            paths += [file for file in files if not self.KIND.resumes or has_content(file)]
+        return paths
 
-
-def _pulses(
-    log: SessionLog,
-    time_s: np.ndarray,
-    plan: Sequence[PlannedPulse],
-    events: Sequence[Event],
-    *,
-    worn: bool,
-) -> pd.DataFrame:
-    """Return the pulses of a stretch as the log shows them, shams left out."""
-    name, segment = log.header["condition"], log.header["segment"]
-    done = pulses_done(events, name)
-    ended = {
-        event["onset_slot"]: event.get("slot")
-        for event in events
-        if event["event"] == "pulse_completed"
-        and (event["condition"], event["segment"]) == (name, segment)
-    }
-    table = []
-    for shown in pulses_of_log(log, begun_pulses(events, name, segment)):
-        pulse, event = plan[shown.number - 1], done.get(shown.number)
-        if pulse.sham:
-            continue
-        completed = (
-            event is not None
-            and event["segment"] == segment
-            and event["onset_slot"] == shown.onset_slot
-        )
-        end_slot = ended.get(shown.onset_slot) if shown.touched else None
-        last_slot = int(log.records["slot"][-1])
-        slots = np.array([shown.onset_slot, end_slot or shown.end_slot or last_slot])
-        onset_s, end_s = _times_of(slots, log, time_s, worn=worn)
-        table.append(
+    def _build(
+        self,
+        condition: ConditionSpec,
+        pieces: list[_Piece],
+        paths: list[Path],
+        logs: list[SessionLog],
+        damage_s: list[tuple[float, float]],
+    ) -> xr.Dataset:
+        channels = {
+            name: np.concatenate([piece.channels[name][piece.counted] for piece in pieces])
+            for name in pieces[0].channels
+        }
+        if any(one.trials > 1 for one in self.protocol.conditions):
+            numbers = np.arange(1.0, len(pieces) + 1.0)
+            channels["trial"] = np.repeat(numbers, [piece.counted.sum() for piece in pieces])
+        volts = gives_volts(logs[0].header.get("devices", {}))
+        contact = ("voltage" if volts else "contact") if "contact" in channels else ""
+        history: list[dict[str, Any]] = [
             {
-                "pulse": pulse.number,
-                "onset_s": onset_s,
-                "duration_s": end_s - onset_s,
-                "amplitude_nm": pulse.amplitude_nm,
-                "timing_point": pulse.timing_point,
-                "completed": completed,
-                "damaged": shown.touched,
+                "step": "converted from the session's logs",
+                "logs": [path.name for path in paths],
+                "sha256": [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths],
+                "clocks": [clock_notes(log.records, _clocks(log)) for log in logs],
+            }
+        ]
+        if damage_s:
+            step = "left out damaged records of the session's logs"
+            history.append({"step": step, "damaged_s": [list(hole) for hole in damage_s]})
+        return build_recording(
+            np.concatenate([piece.time_s[piece.counted] for piece in pieces]),
+            channels,
+            units=_UNITS | {"contact": "V" if volts else "1"},
+            condition=condition.condition,
+            file=recording_name(self.participant, condition.name),
+            contact_kind=contact,
+            history=tuple(history),
+            participant=self.participant,
+            joint=self.protocol.joint,
+            positive=self.protocol.positive,
+        )
+
+    @abstractmethod
+    def _begin_s(self, time_s: np.ndarray, holes_s: list[tuple[float, float]]) -> float:
+        """Return where a stretch begins, s."""
+
+    @abstractmethod
+    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
+        """Return the channels of a log at the samples of the master clock."""
+
+    @abstractmethod
+    def _pulses(
+        self, condition: ConditionSpec, recording: xr.Dataset, pieces: list[_Piece], master: str
+    ) -> pd.DataFrame:
+        """Return the pulses of a condition."""
+
+    @abstractmethod
+    def onset_rows(
+        self,
+        condition: ConditionSpec,
+        record: ConditionRecord,
+        levels_v: tuple[float, float] | None,
+    ) -> Rows:
+        """Return how many pulses were done, and where in the gait cycle they began."""
+
+    @abstractmethod
+    def gap_rows(self, condition: ConditionSpec, record: ConditionRecord) -> Rows:
+        """Return how many strides lay between the pulses."""
+
+    @abstractmethod
+    def aborted_rows(self, condition: ConditionSpec, record: ConditionRecord) -> Rows:
+        """Return the pulses that were broken off, whose recording holds them all the same."""
+
+
+class WalkingRecordings(SessionRecordings):
+    """Recordings of walking: all stretches of a condition, pulses at points of the gait cycle."""
+
+    KIND = WALKING_TRIALS
+
+    def _begin_s(self, time_s: np.ndarray, holes_s: list[tuple[float, float]]) -> float:
+        return min([float(time_s[0]), *(begin for begin, _ in holes_s)])
+
+    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
+        aligned = partial(_aligned, log.records, master)
+        channels = {"angle": aligned("angle"), "contact": aligned("contact")}
+        if master == _CLOCKS["actuator"]:
+            channels |= _motor(log.records, _MOTOR | {"applied_torque": "applied_torque"})
+        return channels
+
+    def _pulses(
+        self, condition: ConditionSpec, recording: xr.Dataset, pieces: list[_Piece], master: str
+    ) -> pd.DataFrame:
+        del recording
+        plan = self.plans.get(condition.name, ())
+        rows = [
+            row
+            for piece in pieces
+            for row in pulse_rows(piece.log, piece.time_s, plan, self.events, clock=master)
+        ]
+        return pd.DataFrame(rows, columns=list(_PULSE_COLUMNS))
+
+    def onset_rows(
+        self,
+        condition: ConditionSpec,
+        record: ConditionRecord,
+        levels_v: tuple[float, float] | None,
+    ) -> Rows:
+        """Return how many pulses of each timing point were done, and where they began."""
+        if condition.perturbations is None:
+            return []
+        strikes = find_heel_strikes(record.recording, levels_v=levels_v)
+        strides = find_strides(strikes.time_s, find_gaps(record.recording["time"].to_numpy()))
+        accuracy = onset_accuracy(
+            record.pulses,
+            strides,
+            timing_points=condition.perturbations.timing_points or {},
+            strides_in_mean=self.protocol.gait.strides_in_mean if self.protocol.gait else 1,
+        )
+        # Shams are in plan and journal, not among the pulses.
+        plan = self.plans.get(condition.name, ())
+        point_of = {pulse.number: pulse.timing_point for pulse in plan if not pulse.sham}
+        outcomes = {
+            "planned": list(point_of),
+            "completed": list(pulses_done(self.events, condition.name)),
+            **{
+                outcome: [
+                    event["pulse"]
+                    for event in self.events
+                    if (event["event"], event["condition"]) == (f"pulse_{outcome}", condition.name)
+                ]
+                for outcome in ("missed", "aborted", "lost")
+            },
+        }
+        rows: Rows = []
+        for row in accuracy.to_dict("records"):
+            counts = {
+                outcome: sum(point_of.get(number) == row["timing_point"] for number in numbers)
+                for outcome, numbers in outcomes.items()
+            }
+            about = {"participant": self.participant, "condition": condition.name}
+            rows.append(about | counts | {str(name): value for name, value in row.items()})
+        return rows
+
+    def gap_rows(self, condition: ConditionSpec, record: ConditionRecord) -> Rows:
+        """Return strides between pulses of one stretch, as the device counted them."""
+        if condition.perturbations is None:
+            return []
+        gaps: list[int] = []
+        for log in record.logs:
+            number = log.records["pulse"].astype(np.int64)
+            begins = np.flatnonzero((np.diff(number, prepend=0) != 0) & (number > 0))
+            gaps += np.diff(log.records["stride"][begins].astype(int)).tolist()
+        fewest, most = condition.perturbations.gap_strides or (0, 0)
+        return [
+            {
+                "participant": self.participant,
+                "condition": condition.name,
+                "fewest": min(gaps, default=0),
+                "most": max(gaps, default=0),
+                "longer_than_planned": sum(gap > most for gap in gaps),
+                "planned_fewest": fewest,
+                "planned_most": most,
+            }
+        ]
+
+    def aborted_rows(self, condition: ConditionSpec, record: ConditionRecord) -> Rows:
+        """Return the pulses that were broken off; those that are damaged have another code."""
+        if condition.perturbations is None:
+            return []
+        file, pulses = recording_name(self.participant, condition.name), record.pulses
+        aborted = pulses[~(pulses["completed"] | pulses["damaged"]).astype(bool)]
+        return [
+            {"participant": self.participant, "recording": file, "onset_s": float(onset)}
+            for onset in aborted["onset_s"]
+        ]
+
+
+class BenchRecordings(SessionRecordings):
+    """Recordings of a bench: the trials of a condition, each while its reference was followed."""
+
+    KIND = BENCH_TRIALS
+
+    def _begin_s(self, time_s: np.ndarray, holes_s: list[tuple[float, float]]) -> float:
+        del holes_s  # damage before the first sample lies in the lead, which is not recorded
+        return float(time_s[0])
+
+    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
+        devices, aligned = log.header["devices"], partial(_aligned, log.records, master)
+        channels = _motor(log.records, _MOTOR | {"reference": "reference_torque"})
+        channels["angle"] = channels["motor_angle"]
+        if devices["angle"] is not None:
+            channels["angle"] = aligned("angle")
+        if devices["torque"] is not None:
+            channels[devices["torque"]["channel"]] = aligned("torque", "measured_torque")
+        if devices["positioner"] is not None:
+            channels[devices["positioner"]["channel"]] = aligned("positioner", "position")
+            reference = log.records[fresh(log.records, master)]["reference_position"]
+            channels["reference_position"] = reference.astype(float)
+        if devices["contact"] is not None:
+            channels["contact"] = aligned("contact")
+        return channels
+
+    def _pulses(
+        self, condition: ConditionSpec, recording: xr.Dataset, pieces: list[_Piece], master: str
+    ) -> pd.DataFrame:
+        """Return the pulses of one trial as its command shows them; several have no table."""
+        del pieces, master
+        if condition.trials > 1:
+            return pd.DataFrame()
+        time = recording["time"].to_numpy()
+        on = np.concatenate([[False], recording["command"].to_numpy() != 0.0, [False]])
+        begins, ends = np.flatnonzero(on[1:] & ~on[:-1]), np.flatnonzero(on[:-1] & ~on[1:])
+        ends = np.minimum(ends, time.size - 1)  # of a pulse that is on in the last sample
+        plan = self.plans.get(condition.name, ())
+        felt = [pulse.amplitude_nm for pulse in plan if pulse.amplitude_nm != 0.0]
+        return pd.DataFrame(
+            {
+                "onset_s": time[begins],
+                "duration_s": time[ends] - time[begins],
+                "amplitude_nm": felt[: begins.size],
             }
         )
-    return pd.DataFrame(table, columns=list(_PULSE_COLUMNS))
+
+    def onset_rows(
+        self,
+        condition: ConditionSpec,
+        record: ConditionRecord,
+        levels_v: tuple[float, float] | None,
+    ) -> Rows:
+        """Return how many pulses a condition had: an interrupted trial was done again whole."""
+        del record, levels_v
+        count = sum(len(self.plans.get(name, ())) for name in condition.trial_names)
+        row = {"participant": self.participant, "condition": condition.name, "timing_point": ""}
+        row |= {"planned_pct": None, "planned": count, "completed": count}
+        row |= dict.fromkeys(("missed", "aborted", "lost", "n", "n_missing"), 0)
+        row |= dict.fromkeys(("error_mean_pct", "error_sd_pct", "theory_sd_pct"))
+        return [row] if count else []
+
+    def gap_rows(self, condition: ConditionSpec, record: ConditionRecord) -> Rows:
+        """Return nothing: there are no strides."""
+        del condition, record
+        return []
+
+    aborted_rows = gap_rows
+
+
+def _clocks(log: SessionLog) -> dict[str, str]:
+    """Return the clocks that the log's layout has."""
+    fields = log.records.dtype.names or ()
+    return {device: clock for device, clock in _CLOCKS.items() if clock in fields}
+
+
+def _aligned(records: np.ndarray, master: str, device: str, field: str = "") -> np.ndarray:
+    """Return what a device measured at the samples of the master clock; a contact is held."""
+    clock, held = _CLOCKS[device], device == "contact"
+    return onto(records, field or device, clock=clock, master=master, interpolated=not held)
+
+
+def _motor(records: np.ndarray, fields: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Return channels of the actuator's samples, and the pulse torque asked for then, N*m."""
+    rows, ticks = records[fresh(records, _CLOCKS["actuator"])], ticks_of(records)
+    # Of several samples that came with a tick all but the last were taken before its command.
+    before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
+    last = np.append(rows["slot"][1:] != rows["slot"][:-1], True)[: rows.size]
+    tick = np.searchsorted(ticks["slot"], rows["slot"])
+    command = np.where(last, rows["command"].astype(float), before[tick])
+    return {name: rows[field].astype(float) for name, field in fields.items()} | {
+        "command": command
+    }

@@ -12,7 +12,7 @@ from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
 from jointz.io.toml_text import written_table, written_text, written_value
-from jointz.session.run_settings import pulses_name, recording_name
+from jointz.session.run_settings import has_pulse_table, pulses_name, recording_name
 from jointz.session.session_recordings import gives_volts
 
 _WALKING_UNITS = {
@@ -151,7 +151,7 @@ def _recordings(participant: str, protocol: Protocol) -> list[str]:
         ):
             lines += [f"session = {written_text(condition.session or condition.name)}"]
         lines += [f"file = {written_text(recording_name(participant, condition.name))}"]
-        if condition.perturbations is not None and protocol.kind != "bench":
+        if has_pulse_table(protocol, condition):
             lines += [f"perturbations = {written_text(pulses_name(participant, condition.name))}"]
     return lines
 

@@ -18,7 +18,7 @@ from typing import Any
 from jointz.experiment.session import Operator
 from jointz.experiment.stop_signals import STOP_SIGNALS, hide_consequences, interrupt
 from jointz.session.participant_run import run_participant
-from jointz.session.rigs.registry import RigSettings, open_rig
+from jointz.session.rigs.rig_settings import RigSettings, open_rig
 from jointz.session.run_settings import RunSettings
 from jointz.tasks.engine import (
     Done,

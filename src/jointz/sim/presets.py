@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import radians
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from jointz.core.errors import DataError
 
 Range = tuple[float, float]
+PresetT = TypeVar("PresetT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +303,11 @@ def preset(name: str) -> Preset:
     >>> preset("nominal").goniometer.delay_s
     0.002
     """
-    if name not in PRESETS:
-        raise DataError(f"preset: expected one of {', '.join(PRESETS)}; got {name!r}.")
-    return PRESETS[name]
+    return named_preset(PRESETS, name, what="preset")
+
+
+def named_preset(presets: Mapping[str, PresetT], name: str, *, what: str) -> PresetT:
+    """Return one of several presets; ``what`` they are of stands in the error."""
+    if name not in presets:
+        raise DataError(f"{what}: expected one of {', '.join(presets)}; got {name!r}.")
+    return presets[name]

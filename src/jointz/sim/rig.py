@@ -14,7 +14,6 @@ from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
 from jointz.sim.benches.running_plant import RunningPlant
 from jointz.sim.calibration_benches.calibration_instruments import OffsetSensor, draw_angle_zero
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
-from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
@@ -118,16 +117,8 @@ class SimulatedRig:
             The host's.
         """
         build = self.build(worn=worn)
-        running = RunningPlant(
-            build,
-            motion=self.motion(condition, segment),
-            contacts=ContactMaker(
-                self.preset.footswitch,
-                contact_share=self.preset.gait.contact_share,
-                rng=self.person.stream(f"contact {condition}", segment),
-            ),
-            noise=self.person.stream(f"noise {condition}", segment),
-        )
+        motion = self.motion(condition, segment)
+        running = RunningPlant(build, motion, purpose=condition, segment=segment)
         wiring = Wiring(running, clock, self.inject)
         return Devices(
             angle=self._goniometer(wiring, goniometer(build)),

@@ -46,5 +46,17 @@ class SampledTime(ABC):
         self.due_ns = due_ns
 
     @abstractmethod
+    def command(self, torque_nm: float, now_ns: int) -> None:
+        """Ask the actuator for a torque."""
+
+    @abstractmethod
+    def release(self, now_ns: int) -> None:
+        """Let the actuator give no torque any more."""
+
+    @abstractmethod
+    def fail(self, bits: int) -> None:
+        """Set fault bits of the actuator: it goes to zero torque by itself."""
+
+    @abstractmethod
     def _step(self) -> None:
         """Compute the next sample, append it to the queues and count it."""

@@ -1,8 +1,8 @@
-"""The simulated devices: faces of one running plant."""
+"""Simulated devices, all of one running plant."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
@@ -14,9 +14,10 @@ from jointz.devices.interface import (
     SensorDescription,
     SensorSample,
 )
+from jointz.sim.benches.running_bench import RunningBench
 from jointz.sim.benches.running_plant import RunningPlant
 from jointz.sim.injection import DeviceName, Injection, Kind, Misbehaviour
-from jointz.sim.sampled_time import Sample
+from jointz.sim.sampled_time import Sample, SampledTime
 
 _NAN = float("nan")
 _new = tuple.__new__  # of named tuples: half the time of their constructors
@@ -25,61 +26,11 @@ _DOUBLE_CYCLES = (0.25, 0.35)
 _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40 ns a time
 
 
-class Running(Protocol):
-    """A plant that runs on the time of a clock, as far as somebody looks at it."""
-
-    @property
-    def samples(self) -> int:
-        """Computed so far."""
-        ...
-
-    @property
-    def due_ns(self) -> int:
-        """When, by the host's clock, the next sample comes."""
-        ...
-
-    def queue(self) -> list[Sample]:
-        """Return a new list to which every sample from now on is appended."""
-        ...
-
-    def forget(self, queue: list[Sample]) -> None:
-        """Append no more to a list."""
-        ...
-
-    def look(self, now_ns: int) -> None:
-        """Compute all samples up to a time of the host."""
-        ...
-
-    def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque."""
-        ...
-
-    def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more."""
-        ...
-
-    def fail(self, bits: int) -> None:
-        """Set fault bits of the actuator."""
-        ...
-
-
-class Moving(Running, Protocol):
-    """A plant with a far side that is moved."""
-
-    def move_to(self, angle_rad: float, now_ns: int) -> None:
-        """Ask the positioner for an angle."""
-        ...
-
-    def hold_still(self, now_ns: int) -> None:
-        """Let the positioner stay where it is."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Wiring:
     """What the devices of one stretch have in common."""
 
-    plant: Running  # the physics
+    plant: SampledTime  # the physics
     clock: Clock  # the host's
     inject: Injection  # what is to go wrong
 
@@ -92,7 +43,7 @@ class _SimulatedDevice:
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
         self._now_ns: Callable[[], int] = wiring.clock.now_ns
-        self._plant: Running = wiring.plant
+        self._plant: SampledTime = wiring.plant
         self._orders = wiring.inject.orders
         self._state = Lifecycle.UNCONFIGURED
         self._queue: list[Sample] = []
@@ -337,7 +288,9 @@ class SimulatedPositioner(_SimulatedSensor):
     _device: DeviceName = "positioner"
     _place = 3
 
-    def __init__(self, wiring: Wiring, plant: Moving, description: PositionerDescription) -> None:
+    def __init__(
+        self, wiring: Wiring, plant: RunningBench, description: PositionerDescription
+    ) -> None:
         super().__init__(wiring)
         self._moved = plant
         self._description = description

@@ -3,6 +3,9 @@
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -11,8 +14,16 @@ import pytest
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError
 from jointz.devices.adc import Ads1115Sensor
-from jointz.devices.config import DeviceFile, device_file
+from jointz.devices.config import DeviceFile, LslSpec, device_file
 from jointz.devices.dephy import DephyActPack
+from jointz.devices.drivers import (
+    BUILT_IN,
+    GROUP,
+    Driver,
+    DriverSettings,
+    load_driver,
+    registered_devices,
+)
 from jointz.devices.interface import Lifecycle
 from jointz.devices.lsl import LslSensor
 from jointz.devices.open_devices import open_devices
@@ -193,19 +204,56 @@ def test_chips_on_two_buses_may_have_one_address() -> None:
     assert isinstance(device_file(parsed(contact=contact)), DeviceFile)
 
 
-def test_opensourceleg_is_handed_its_keys(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = ModuleType("jointz.devices.opensourceleg")
-    asked: list[Any] = []
-    module.open_actuator = lambda keys, *, clock: asked.append((keys, clock))
-    module.open_sensor = lambda keys, channel, *, clock: asked.append((keys, channel, clock))
-    monkeypatch.setitem(sys.modules, "jointz.devices.opensourceleg", module)
-    clock = VirtualClock()
-    raw = {
-        "actuator": {"driver": "opensourceleg", "class": "DephyActuator"},
-        "contact": {"driver": "opensourceleg", "index": 3},
-    }
-    open_devices(raw, clock=clock)
-    assert asked == [({"index": 3}, "contact", clock), ({"class": "DephyActuator"}, clock)]
+# --- drivers of other packages -------------------------------------------------------------------
+
+
+class LabSettings(DriverSettings):
+    port: str
+
+
+@pytest.fixture
+def _lab_drivers(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Register the drivers of a lab's package by entry points."""
+    module = ModuleType("lab")
+    module.MOTOR = Driver(LabSettings, lambda *given, **named: (given, named))
+    module.SENSOR = Driver(LabSettings, lambda *given, **named: (given, named))
+    monkeypatch.setitem(sys.modules, "lab", module)
+    names = {"actuator.lab": "lab:MOTOR", "sensor.lab": "lab:SENSOR", "sensor.lsl": "lab:SENSOR"}
+    points = [EntryPoint(name, place, GROUP) for name, place in names.items()]
+    monkeypatch.setattr("jointz.core.entry_points.entry_points", lambda **_group: points)
+    registered_devices.cache_clear()
+    yield
+    registered_devices.cache_clear()
+
+
+@pytest.mark.usefixtures("_lab_drivers")
+def test_a_device_file_can_name_the_drivers_of_another_package() -> None:
+    clock, section = VirtualClock(), {"driver": "lab", "port": "a"}
+    devices = open_devices({"actuator": section, "contact": section}, clock=clock)
+    settings = LabSettings(**section)
+    assert devices.actuator == ((settings,), {"clock": clock, "before": None})
+    assert devices.contact == ((settings, "contact"), {"clock": clock})
+    assert device_file({"angle": section}).model_dump()["angle"] == section
+
+
+@pytest.mark.usefixtures("_lab_drivers")
+def test_another_package_cannot_replace_a_driver_and_its_keys_are_checked() -> None:
+    with pytest.raises(DeviceFileError) as told:
+        device_file(parsed(angle={"driver": "lab"}, contact={"driver": "none"}))
+    assert told.value.problems == (
+        "angle.port: missing; it is required.",
+        "contact.driver: expected one of ads1115, lab, lsl, opensourceleg; got 'none'.",
+    )
+    assert load_driver("contact", "lsl").settings is LslSpec
+
+
+def test_the_drivers_and_rigs_of_jointz_are_entry_points() -> None:
+    file = Path(__file__).parents[3] / "pyproject.toml"
+    project = tomllib.loads(file.read_text("utf-8"))["project"]
+    assert project["entry-points"][GROUP] == dict(BUILT_IN)
+    for name, place in BUILT_IN.items():
+        opens = EntryPoint(name, place, GROUP).load()
+        assert callable(opens.open if isinstance(opens, Driver) else opens)
 
 
 @pytest.mark.parametrize("section", ["actuator", "angle", "contact"])

@@ -19,16 +19,23 @@ import numpy as np
 import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
-from jointz.core.errors import DataError, DeviceError, NotConnectedError
+from jointz.core.errors import DeviceError, DeviceFileError, NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
 from jointz.devices import opensourceleg_output as output_module
 from jointz.devices import opensourceleg_polling as polling_module
+from jointz.devices.config import device_file
 from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, open_sensor
 from jointz.devices.opensourceleg_polling import QUEUE_LENGTH, PollingThread, made
 from jointz.devices.opensourceleg_sensors import OpenSourceLegSensor, OpenSourceLegSource
-from jointz.devices.opensourceleg_setup import ActuatorSetup, Profile, Reading
+from jointz.devices.opensourceleg_setup import (
+    ActuatorKeys,
+    ActuatorSetup,
+    Profile,
+    Reading,
+    SensorKeys,
+)
 from jointz.experiment.session import _stop
 from jointz.testing import ActuatorContract, SensorContract
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
@@ -791,13 +798,18 @@ def test_a_torque_that_arrives_after_the_stop_is_taken_back(hanging):
 # --- device.toml ---------------------------------------------------------------------------------
 
 KEYS = {
+    "driver": "opensourceleg",
     "device": "opensourceleg.actuators.dephy:DephyActuator",
     "arguments": {"gear_ratio": GEAR, "frequency": 500},
     "torque_model": MODEL.model_dump(),
     "limits": LIMITS.model_dump(),
     "sign": -1,
 }
-SENSOR_KEYS = {"device": "opensourceleg.sensors.encoder:AS5048B", "sample_rate_hz": 500.0}
+SENSOR_KEYS = {
+    "driver": "opensourceleg",
+    "device": "opensourceleg.sensors.encoder:AS5048B",
+    "sample_rate_hz": 500.0,
+}
 
 
 @pytest.fixture
@@ -820,7 +832,7 @@ def package(monkeypatch):
 
 
 def test_an_actuator_is_made_from_a_device_file_and_tracebacks_stay(package):
-    actuator = open_actuator(KEYS, clock=PolledClock())
+    actuator = open_actuator(ActuatorKeys(**KEYS), clock=PolledClock())
     described = actuator.describe()
     assert described.sample_rate_hz == 500.0
     assert described.torque_model == MODEL
@@ -832,9 +844,11 @@ def test_an_actuator_is_made_from_a_device_file_and_tracebacks_stay(package):
 def test_channels_that_name_the_same_sensor_share_it():
     clock = PolledClock()
     keys = {**SENSOR_KEYS, "attribute": "data", "arguments": {"tag": "adc"}}
-    angle = open_sensor({**keys, "index": 0}, "angle", clock=clock)
-    contact = open_sensor({**keys, "index": 1, "gain": 1e-3}, "contact", clock=clock)
-    other = open_sensor({**keys, "arguments": {"tag": "b"}, "index": 0}, "angle", clock=clock)
+    angle = open_sensor(SensorKeys(**keys, index=0), "angle", clock=clock)
+    contact = open_sensor(SensorKeys(**keys, index=1, gain=1e-3), "contact", clock=clock)
+    other = open_sensor(
+        SensorKeys(**{**keys, "arguments": {"tag": "b"}}, index=0), "angle", clock=clock
+    )
     assert angle._source is contact._source
     assert angle._source is not other._source
     told = [(s.describe().unit, s.describe().kind) for s in (angle, contact)]
@@ -843,12 +857,10 @@ def test_channels_that_name_the_same_sensor_share_it():
 
 def test_all_problems_of_the_keys_are_told_at_once():
     keys = {**KEYS, "sign": 2, "gain": 1.0, "limits": {**LIMITS.model_dump(), "torque_nm": -1.0}}
-    with pytest.raises(DataError) as caught:
-        open_actuator(keys, clock=PolledClock())
-    for place in ("actuator.sign", "actuator.gain", "actuator.limits.torque_nm"):
-        assert place in str(caught.value)
-    with pytest.raises(DataError, match=r"angle\.sample_rate_hz"):
-        open_sensor({"device": SENSOR_KEYS["device"]}, "angle", clock=PolledClock())
+    with pytest.raises(DeviceFileError) as caught:
+        device_file({"actuator": keys, "angle": SENSOR_KEYS | {"sample_rate_hz": -1.0}})
+    places = {"actuator.sign", "actuator.gain", "actuator.limits.torque_nm", "angle.sample_rate_hz"}
+    assert {told.split(":")[0] for told in caught.value.problems} == places
 
 
 def test_only_classes_of_opensourceleg_are_made():
@@ -1189,8 +1201,8 @@ def test_the_librarys_adc_is_read_in_millivolts(monkeypatch):
         "attribute": "data",
     }
     monkeypatch.setattr(OpenSourceLegSource.__init__, "__kwdefaults__", {"polling": clock.polling})
-    angle = open_sensor({**keys, "index": 0, "gain": 2e-3}, "angle", clock=clock)
-    contact = open_sensor({**keys, "index": 1, "gain": 1e-3}, "contact", clock=clock)
+    angle = open_sensor(SensorKeys(**keys, index=0, gain=2e-3), "angle", clock=clock)
+    contact = open_sensor(SensorKeys(**keys, index=1, gain=1e-3), "contact", clock=clock)
     for sensor in (angle, contact):
         sensor.configure()
         sensor.activate()

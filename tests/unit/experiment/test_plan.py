@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -135,8 +136,8 @@ def test_shams_lie_at_random_places_between_the_others():
 
 def test_a_plan_survives_json():
     plan = plan_of(direction="both", sham_share=0.2)
-    text = json.dumps([p.to_dict() for p in plan])
-    assert tuple(PlannedPulse.from_dict(values) for values in json.loads(text)) == plan
+    text = json.dumps([asdict(p) for p in plan])
+    assert tuple(PlannedPulse(**values) for values in json.loads(text)) == plan
 
 
 @given(

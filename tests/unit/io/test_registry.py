@@ -58,7 +58,7 @@ def _lab_formats(monkeypatch):
     points = [EntryPoint(suffix, f"{__name__}:{kind.__name__}", registry.GROUP)
               for suffix, kind in entries.items()]  # fmt: skip
     monkeypatch.setitem(sys.modules, __name__, SimpleNamespace(**globals()))
-    monkeypatch.setattr(registry, "entry_points", lambda **_group: points)
+    monkeypatch.setattr("jointz.core.entry_points.entry_points", lambda **_group: points)
     registry._formats.cache_clear()
     yield
     registry._formats.cache_clear()

@@ -15,7 +15,7 @@ from jointz.experiment.files.session_files import log_path
 from jointz.experiment.plan import PlannedPulse
 from jointz.gait.timestamps import find_gaps
 from jointz.io.protocols import load_protocol
-from jointz.session.session_recordings import condition_record
+from jointz.session.session_recordings import WalkingRecordings
 
 MS = 1_000_000
 PERIOD = 2 * MS
@@ -117,15 +117,9 @@ class Session:
             yield tuple(row.values())
 
     def record(self, condition="perturbed"):
-        return condition_record(
-            self.folder,
-            ConditionSpec(name="perturbed", condition=condition, prompt="Walk.", strides=10),
-            events=read_journal(self.journal),
-            plan=PLAN,
-            file="S01_perturbed.nc",
-            participant="S01",
-            protocol=PROTOCOL,
-        )
+        spec = ConditionSpec(name="perturbed", condition=condition, prompt="Walk.", strides=10)
+        events, plans = read_journal(self.journal), {"perturbed": PLAN}
+        return WalkingRecordings(self.folder, "S01", PROTOCOL, events, plans).record(spec)
 
 
 @pytest.fixture

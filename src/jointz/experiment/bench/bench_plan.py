@@ -4,9 +4,8 @@ Nothing on a bench has to be waited for, so the whole of a trial is laid out bef
 it begins.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,15 +28,6 @@ class TimedPulse:
     timing_point: str  # where in the cycle of the reference; "" where there is none
     onset_s: float  # s: since the reference began
     amplitude_nm: float  # N*m: signed height; 0 for a sham
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the pulse as plain values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "TimedPulse":
-        """Return the pulse that :meth:`to_dict` wrote."""
-        return cls(**values)
 
 
 def make_bench_plan(

@@ -6,10 +6,9 @@ from jointz.core.clock import Clock
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Devices
 from jointz.experiment.bench.bench_plan import BenchCourse
-from jointz.experiment.bench.bench_streams import BenchStreams
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
-from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE
+from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
 
 _LEAD, _OVERRUN = int(Flag.LEAD), int(Flag.OVERRUN)
 
@@ -35,7 +34,7 @@ class BenchTrial:
             raise ValueError("expected devices with an actuator.")
         self._course = course
         self._period_ns = period_ns
-        self._streams = BenchStreams(devices)
+        self._streams = Streams(devices)
         self._has_angle_sensor = devices.angle is not None
         self._has_contact = devices.contact is not None
         self._gate = gate
@@ -105,23 +104,13 @@ class BenchTrial:
     def _record(
         self, slot: int, place: int, host_ns: int, *, requested: float, overran: bool
     ) -> None:
-        streams, course = self._streams, self._course
+        course = self._course
         flags = self._gate.flags | (_OVERRUN if overran else 0)
         if not course.first <= slot < course.stop:
             flags |= _LEAD
-        parts = max(
-            len(streams.actuator),
-            len(streams.angle),
-            len(streams.torque),
-            len(streams.position),
-            len(streams.contact),
-        )
         tick = (slot, place, host_ns, requested, flags)
         record = self._part_with_contact if self._has_contact else self._part
-        if parts < 2:
-            self._recorder.write(record(0, tick))
-        else:
-            self._recorder.write(*[record(part, tick) for part in range(parts)])
+        self._recorder.write(*[record(part, tick) for part in range(self._streams.parts)])
 
     def _part_with_contact(
         self, part: int, tick: tuple[int, int, int, float, int]
@@ -136,7 +125,7 @@ class BenchTrial:
         streams, course = self._streams, self._course
         slot, place, host_ns, requested, flags = tick
         actuator, angle, torque = streams.actuator, streams.angle, streams.torque
-        position = streams.position
+        position = streams.positioner
         a = actuator[part] if part < len(actuator) else NO_ACTUATOR_SAMPLE
         g = angle[part] if part < len(angle) else NO_SENSOR_SAMPLE
         t = torque[part] if part < len(torque) else NO_SENSOR_SAMPLE

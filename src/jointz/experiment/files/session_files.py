@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError
-from jointz.experiment.bench.bench_plan import TimedPulse
 from jointz.experiment.files.whole_files import is_written, read_twice, write_twice
-from jointz.experiment.plan import PlannedPulse
 
 JOURNAL_FILE = "journal.jsonl"
 #: Where the operator's page leaves its commands, while there is one.
@@ -27,22 +25,6 @@ def has_content(log: Path) -> bool:
         return False
     with log.open("rb") as stream:
         return stream.readline().endswith(b"\n")
-
-
-def plan_of(folder: Path) -> dict[str, tuple[PlannedPulse, ...]]:
-    """Return the plan that a walking session wrote down, condition by condition."""
-    return {
-        name: tuple(PlannedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
-    }
-
-
-def bench_plan_of(folder: Path) -> dict[str, tuple[TimedPulse, ...]]:
-    """Return the plan that a session on a bench wrote down, trial by trial."""
-    return {
-        name: tuple(TimedPulse.from_dict(entry) for entry in pulses)
-        for name, pulses in read_twice(folder / PLAN_FILE)[0].items()
-    }
 
 
 def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:

@@ -6,11 +6,12 @@ value a class that implements :class:`Format`. It is loaded when a file of its s
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Protocol, cast
 
 from jointz.core.acquisition import Acquisition
+from jointz.core.entry_points import registered
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
@@ -158,8 +159,7 @@ def _format_of_file(path: Path) -> Format:
 @cache
 def _formats() -> Mapping[str, EntryPoint]:
     """Return the formats by suffix; those of other packages cannot replace those of jointz."""
-    own = {suffix: EntryPoint(suffix, place, GROUP) for suffix, place in BUILT_IN.items()}
-    return {entry.name.lower(): entry for entry in entry_points(group=GROUP)} | own
+    return registered(GROUP, BUILT_IN)
 
 
 @cache

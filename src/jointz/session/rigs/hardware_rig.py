@@ -17,6 +17,7 @@ from jointz.core.errors import DataError, DeviceFileError
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.config import DeviceFile, device_file
+from jointz.devices.drivers import load_driver
 from jointz.devices.interface import Actuator, Devices, Wearer
 from jointz.devices.open_devices import open_devices
 from jointz.io.calibration_file import CalibrationFile
@@ -24,13 +25,6 @@ from jointz.io.device_file import read_device_file
 from jointz.session.participant_run import check_id
 
 UNTRIED = "No driver of jointz was ever tried on hardware."
-#: What must be installed for a driver.
-_LIBRARIES = {
-    "dephy": "flexsea",
-    "opensourceleg": "opensourceleg",
-    "ads1115": "smbus2",
-    "lsl": "pylsl",
-}
 #: The sensors that a step of a calibration looks at; the others are on nothing then.
 _SENSORS_OF_STEP = {
     "zero": ("angle",),
@@ -92,12 +86,13 @@ class HardwareRig:
     def notes(self) -> Mapping[str, Any]:
         """Return file, drivers, versions of their libraries, and that nothing was tried."""
         file = self._hardware.file
-        drivers = {name: spec.driver for name, spec in file.sections().items()}
+        sections = file.sections()
+        packages = {load_driver(name, one.driver).package for name, one in sections.items()}
         return {
             "simulated": False,
             "device_file": self._hardware.where,
-            "drivers": drivers,
-            "libraries": {_LIBRARIES[one]: _version(_LIBRARIES[one]) for one in drivers.values()},
+            "drivers": {name: one.driver for name, one in sections.items()},
+            "libraries": {package: _version(package) for package in sorted(packages) if package},
             "untried": UNTRIED,
             "settings": file.model_dump(mode="json", exclude={"participants", "calibration"}),
         }

@@ -4,7 +4,7 @@ from typing import Any
 
 from jointz.core.clock import RealClock
 from jointz.devices.opensourceleg_actuator import as_opensourceleg
-from jointz.session.rigs.registry import RigSettings, open_rig
+from jointz.session.rigs.rig_settings import RigSettings, open_rig
 
 
 def simulated_opensourceleg_actuator(

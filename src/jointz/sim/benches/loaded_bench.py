@@ -1,16 +1,16 @@
-"""What both simulated benches have in common: one load, its devices, its random numbers."""
+"""Base class of simulated benches: one load, its devices, its random numbers."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 from zlib import crc32
 
 import numpy as np
 
 from jointz.core.clock import Clock
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import TorqueModelSpec
+from jointz.core.study import DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import (
     ActuatorDescription,
     Devices,
@@ -19,7 +19,10 @@ from jointz.devices.interface import (
     Wearer,
 )
 from jointz.sim.benches.bench_load import BenchLoad
-from jointz.sim.benches.running_bench import BenchPlant, RunningBench
+from jointz.sim.benches.compiled_bench import CompiledBench
+from jointz.sim.benches.qdd_bench import QddSettings
+from jointz.sim.benches.running_bench import RunningBench
+from jointz.sim.benches.sea import SeaSettings
 from jointz.sim.injection import Injection
 from jointz.sim.layout import Fault
 from jointz.sim.simulated_devices import (
@@ -30,6 +33,7 @@ from jointz.sim.simulated_devices import (
 )
 
 _COMMAND_TIMEOUT_S = 0.1
+SettingsT = TypeVar("SettingsT", SeaSettings, QddSettings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +49,18 @@ class BenchLabels:
     positioner_rad_s: float  # rad/s: how fast the positioner turns
 
 
-class LoadedBench(ABC):
-    """A simulated bench with one load; a rig gives it physics and descriptions."""
+class LoadedBench(ABC, Generic[SettingsT]):
+    """A simulated bench with one load; a subclass gives it physics and descriptions."""
 
     LABELS: ClassVar[BenchLabels]
+    PLANT: ClassVar[Callable[..., CompiledBench]]
 
-    def __init__(self, load: BenchLoad, *, preset: str, seed: int, sample_rate_hz: float) -> None:
+    def __init__(
+        self, settings: SettingsT, load: BenchLoad, *, seed: int, sample_rate_hz: float
+    ) -> None:
+        self.settings = settings
         self.load = load
         self.inject = Injection()
-        self._preset = preset
         self._seed = seed
         self._rate_hz = sample_rate_hz
 
@@ -62,11 +69,21 @@ class LoadedBench(ABC):
         """The load, in a wearer's place."""
         return Wearer(self.load.name)
 
+    @property
+    def device(self) -> DeviceSpec | None:
+        """Nothing: a bench has no limb."""
+        return None
+
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one trial."""
         del worn
         running = RunningBench(
-            self._plant(bench_stream(self._seed, self.load.name, condition, segment)),
+            self.PLANT(
+                self.settings,
+                self.load,
+                sample_rate_hz=self._rate_hz,
+                noise=bench_stream(self._seed, self.load.name, condition, segment),
+            ),
             period_ns=round(1e9 / self._rate_hz),
             timeout_s=_COMMAND_TIMEOUT_S,
             one_motor=self.LABELS.one_motor,
@@ -83,13 +100,9 @@ class LoadedBench(ABC):
         return {
             "simulated": True,
             "bench": self.LABELS.kind,
-            "preset": self._preset,
+            "preset": self.settings.name,
             "seed": self._seed,
         }
-
-    @abstractmethod
-    def _plant(self, noise: np.random.Generator) -> BenchPlant:
-        """Return the physics of one trial."""
 
     @property
     @abstractmethod

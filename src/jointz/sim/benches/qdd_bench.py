@@ -13,6 +13,8 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.compiled_bench import check_rate, packed
+from jointz.sim.presets import named_preset
 
 _LOWEST_PHYSICS_HZ = 5000.0
 #: Of a time constant and a step; from 2.8 on Runge and Kutta's method has no standstill.
@@ -114,11 +116,7 @@ QDD_PRESETS: Mapping[str, QddSettings] = MappingProxyType(
 
 def qdd_preset(name: str) -> QddSettings:
     """Return the preset with this name."""
-    if name not in QDD_PRESETS:
-        raise DataError(
-            f"quasi-direct-drive bench: expected one of {', '.join(QDD_PRESETS)}; got {name!r}."
-        )
-    return QDD_PRESETS[name]
+    return named_preset(QDD_PRESETS, name, what="quasi-direct-drive bench")
 
 
 def draw_mounting(settings: QddSettings, rng: np.random.Generator) -> QddSettings:
@@ -188,10 +186,7 @@ STATE_SIZE = int(QddState.COMMAND) + COMMANDS
 def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -> np.ndarray:
     """Return the constants of a bench for the compiled physics."""
     machine, errors = settings.machine, settings.errors
-    if not 100.0 <= sample_rate_hz <= 20_000.0:
-        raise DataError(
-            f"quasi-direct-drive bench: expected a rate of 100..20000 Hz, got {sample_rate_hz:g}."
-        )
+    check_rate("quasi-direct-drive", sample_rate_hz)
     if load.stiffness <= 0.0:
         raise DataError(
             f"quasi-direct-drive bench: load {load.name!r} has no stiffness; a spring couples its "
@@ -241,7 +236,7 @@ def pack_qdd(settings: QddSettings, load: BenchLoad, *, sample_rate_hz: float) -
         QddParam.CURRENT_NOISE: errors.current_noise_a,
         QddParam.SUPPLY_V: machine.supply_v,
     }
-    return np.array([values[place] for place in QddParam])
+    return packed(values, QddParam)
 
 
 def _substeps(machine: QddMachine, load: BenchLoad, sample_rate_hz: float) -> int:

@@ -26,6 +26,7 @@ import numpy as np
 from numba import njit
 
 from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.compiled_bench import JITTER_MAX, CompiledBench
 from jointz.sim.benches.qdd_bench import (
     COMMANDS,
     STATE_SIZE,
@@ -34,16 +35,13 @@ from jointz.sim.benches.qdd_bench import (
     QddState,
     pack_qdd,
 )
+from jointz.sim.sampled_time import Sample
 
-#: Angle (rad), velocity (rad/s), current (A), supply (V), torque sensor (N*m), far angle (rad).
-QddRow = tuple[float, float, float, float, float, float]
 # Angle, velocity, far angle, far velocity, current, torque of the hysteresis.
 _At = tuple[float, float, float, float, float, float]
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
-_NOISE_ROWS = 4096
-_NOISES = 4  # sensor, velocity, current, sample time
-_JITTER_MAX = 0.45  # of a period: sample times stay in order
+_AMBIENT_C = 25.0
 
 
 @_compiled
@@ -124,7 +122,7 @@ def _lagged(sensed: float, span: tuple[float, float], rate: float) -> float:
 @_compiled
 def _late(p: np.ndarray, white: float) -> float:
     """Return how late a sample is taken, s."""
-    most = _JITTER_MAX * p[QddParam.PERIOD_S]
+    most = JITTER_MAX * p[QddParam.PERIOD_S]
     return float(min(max(p[QddParam.JITTER_S] * white, -most), most))
 
 
@@ -173,7 +171,10 @@ def _move(p: np.ndarray, s: np.ndarray, span_s: float, torque: float, position: 
 def advance(
     p: np.ndarray, s: np.ndarray, noise: np.ndarray, torque: float, position: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Advance the bench to its next sample and return the row measured there."""
+    """Advance the bench to its next sample and return the row measured there.
+
+    Angle (rad), velocity (rad/s), current (A), supply (V), torque sensor (N*m), far angle (rad).
+    """
     sample = int(s[QddState.SAMPLES])
     row = sample % noise.shape[0]
     if sample > 0:
@@ -197,8 +198,11 @@ def advance(
     )
 
 
-class QddBenchPlant:
+class QddBenchPlant(CompiledBench):
     """A quasi-direct-drive bench from its start on, sample by sample."""
+
+    STEP = staticmethod(advance)
+    NOISES = 4  # sensor, velocity, current, sample time
 
     def __init__(
         self,
@@ -208,22 +212,16 @@ class QddBenchPlant:
         sample_rate_hz: float,
         noise: np.random.Generator,
     ) -> None:
-        self._params = pack_qdd(settings, load, sample_rate_hz=sample_rate_hz)
-        self._rng = noise
+        super().__init__(pack_qdd(settings, load, sample_rate_hz=sample_rate_hz), STATE_SIZE, noise)
         self._jitter = noise.spawn(1)[0]
-        self._noise = np.zeros((_NOISE_ROWS, _NOISES))
-        self._state = np.zeros(STATE_SIZE)
-        self._left = 0
+        self._period_ns = round(1e9 / sample_rate_hz)
         self._compile()
 
-    def advance(self, torque_nm: float, position_rad: float) -> QddRow:
-        """Compute the next sample; the first is the state at rest."""
-        if self._left == 0:
-            self._draw()
-            self._left = _NOISE_ROWS
-        self._left -= 1
-        row: QddRow = advance(self._params, self._state, self._noise, torque_nm, position_rad)
-        return row
+    def sample(self, torque_nm: float, angle_rad: float) -> Sample:
+        """Compute the next sample as the devices give it."""
+        time_ns = int(self._state[QddState.SAMPLES]) * self._period_ns
+        angle, velocity, current, supply, torque, far = self.advance(torque_nm, angle_rad)
+        return time_ns, (angle, velocity, current, supply, _AMBIENT_C, 0), torque, far
 
     @property
     def time_s(self) -> float:
@@ -236,12 +234,8 @@ class QddBenchPlant:
         at: _At = tuple(self._state[: QddState.SENSED].tolist())
         return float(_spring(self._params, at))
 
-    def _compile(self) -> None:
-        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
-        advance(self._params, self._state.copy(), self._noise, 0.0, 0.0)
-
     def _draw(self) -> None:
-        self._noise[:, :-1] = self._rng.standard_normal((_NOISE_ROWS, _NOISES - 1))
+        self._noise[:, :-1] = self._rng.standard_normal(self._noise[:, :-1].shape)
         # Apart from the rest: switching the jitter on leaves the other noises what they are.
         if self._params[QddParam.JITTER_S] > 0.0:
-            self._noise[:, -1] = self._jitter.standard_normal(_NOISE_ROWS)
+            self._noise[:, -1] = self._jitter.standard_normal(len(self._noise))

@@ -4,20 +4,14 @@ from dataclasses import asdict, replace
 from math import hypot
 from typing import Any, ClassVar
 
-import numpy as np
-
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec, TorqueModelSpec
-from jointz.sim.benches.bench_load import BenchLoad
+from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
 from jointz.sim.benches.loaded_bench import BenchLabels, LoadedBench
 from jointz.sim.benches.qdd_bench import QddSettings
 from jointz.sim.benches.qdd_bench_plant import QddBenchPlant
-from jointz.sim.benches.running_bench import BenchPlant
-from jointz.sim.sampled_time import Sample
 
 #: The sides turn as far as they like.
 _TURNS_RAD = 1e4
-_AMBIENT_C = 25.0
 _LIMITS = SafetyLimits(
     torque_nm=20.0,
     torque_rate_nm_s=20_000.0,
@@ -34,7 +28,7 @@ _LIMITS = SafetyLimits(
 )
 
 
-class QddBench(LoadedBench):
+class QddBench(LoadedBench[QddSettings]):
     """The quasi-direct-drive actuator on its test bench, with one spring.
 
     The joint angle is the torque motor's own; the far side's stands beside it. Torque is
@@ -52,16 +46,7 @@ class QddBench(LoadedBench):
         positioner_rad_s=20.0,
     )
 
-    def __init__(
-        self, settings: QddSettings, load: BenchLoad, *, seed: int, sample_rate_hz: float
-    ) -> None:
-        super().__init__(load, preset=settings.name, seed=seed, sample_rate_hz=sample_rate_hz)
-        self.settings = settings
-
-    @property
-    def device(self) -> DeviceSpec | None:
-        """Nothing: a bench has no limb."""
-        return None
+    PLANT = QddBenchPlant
 
     @property
     def calibration(self) -> CalibrationSpec:
@@ -87,10 +72,6 @@ class QddBench(LoadedBench):
             "machine": asdict(self.settings.machine),
         }
 
-    def _plant(self, noise: np.random.Generator) -> BenchPlant:
-        plant = QddBenchPlant(self.settings, self.load, sample_rate_hz=self._rate_hz, noise=noise)
-        return _QddSamples(plant, self._rate_hz)
-
     @property
     def _torque_model(self) -> TorqueModelSpec:
         machine = self.settings.machine
@@ -105,20 +86,3 @@ class QddBench(LoadedBench):
     @property
     def _reach_rad(self) -> float:
         return _TURNS_RAD
-
-
-class _QddSamples:
-    """Rows of the physics as the devices give them."""
-
-    __slots__ = ("_number", "_period_ns", "_plant")
-
-    def __init__(self, plant: QddBenchPlant, rate_hz: float) -> None:
-        self._plant = plant
-        self._period_ns = round(1e9 / rate_hz)
-        self._number = 0
-
-    def sample(self, torque_nm: float, angle_rad: float) -> Sample:
-        angle, velocity, current, supply, torque, far = self._plant.advance(torque_nm, angle_rad)
-        time_ns = self._number * self._period_ns
-        self._number += 1
-        return time_ns, (angle, velocity, current, supply, _AMBIENT_C, 0), torque, far

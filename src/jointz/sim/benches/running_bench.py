@@ -1,25 +1,16 @@
 """A bench that runs on the time of a clock, as far as somebody looks at it."""
 
-from typing import Protocol
-
+from jointz.sim.benches.compiled_bench import CompiledBench
 from jointz.sim.sampled_time import Sample, SampledTime
 
 _NAN = float("nan")
-
-
-class BenchPlant(Protocol):
-    """The physics of a bench."""
-
-    def sample(self, torque_nm: float, angle_rad: float) -> Sample:
-        """Compute the next sample."""
-        ...
 
 
 class RunningBench(SampledTime):
     """A bench from the first look on."""
 
     def __init__(
-        self, plant: BenchPlant, *, period_ns: int, timeout_s: float, one_motor: bool
+        self, plant: CompiledBench, *, period_ns: int, timeout_s: float, one_motor: bool
     ) -> None:
         super().__init__(period_ns)
         self._advance = plant.sample

@@ -26,21 +26,20 @@ _NEVER_NS = 2**63
 
 
 class RunningPlant(SampledTime):
-    """One person walking, from the first look on."""
+    """One person walking, from the first look on; purpose and segment seed the randomness."""
 
-    def __init__(
-        self,
-        build: PlantBuild,
-        *,
-        motion: Motion,
-        contacts: ContactMaker,
-        noise: np.random.Generator,
-    ) -> None:
+    def __init__(self, build: PlantBuild, motion: Motion, *, purpose: str, segment: int) -> None:
         super().__init__(build.grid.period_ns)
+        person, preset = build.person, build.preset
         self._params, self._curves = build.params, build.curves
-        timeout_s = build.preset.actuator.command_timeout_s
-        self._timeout = round(timeout_s * 1e9) // self._period_ns
-        self._motion, self._contacts, self._rng = motion, contacts, noise
+        self._timeout = round(preset.actuator.command_timeout_s * 1e9) // self._period_ns
+        self._motion = motion
+        self._contacts = ContactMaker(
+            preset.footswitch,
+            contact_share=preset.gait.contact_share,
+            rng=person.stream(f"contact {purpose}", segment),
+        )
+        self._rng = person.stream(f"noise {purpose}", segment)
         self._state = np.zeros(STATE_SIZE)
         self._history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
         self._noise = np.zeros((_NOISE_ROWS, len(Noise)))

@@ -20,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 
 from jointz.core.errors import DataError
+from jointz.sim.presets import named_preset
 
 _LONGEST_LAG_S = 0.02
 
@@ -173,11 +174,7 @@ SEA_PRESETS: Mapping[str, SeaSettings] = MappingProxyType(
 
 def sea_preset(name: str) -> SeaSettings:
     """Return the preset with this name."""
-    if name not in SEA_PRESETS:
-        raise DataError(
-            f"series-elastic bench: expected one of {', '.join(SEA_PRESETS)}; got {name!r}."
-        )
-    return SEA_PRESETS[name]
+    return named_preset(SEA_PRESETS, name, what="series-elastic bench")
 
 
 def draw_torque_gain(settings: SeaSettings, rng: np.random.Generator) -> SeaSettings:

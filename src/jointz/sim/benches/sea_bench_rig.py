@@ -4,16 +4,11 @@ from dataclasses import asdict
 from math import hypot
 from typing import Any, ClassVar
 
-import numpy as np
-
 from jointz.core.limits import SafetyLimits
-from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec, TorqueModelSpec
-from jointz.sim.benches.bench_load import BenchLoad
+from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
 from jointz.sim.benches.loaded_bench import BenchLabels, LoadedBench
-from jointz.sim.benches.running_bench import BenchPlant
 from jointz.sim.benches.sea import SeaSettings
 from jointz.sim.benches.sea_plant import SeaPlant
-from jointz.sim.sampled_time import Sample
 
 _LIMITS = SafetyLimits(
     torque_nm=90.0,
@@ -33,7 +28,7 @@ _LIMITS = SafetyLimits(
 _INTRINSIC_SD = {"stiffness": 0.194, "damping": 0.0130, "inertia": 2.65e-5}
 
 
-class SeaBench(LoadedBench):
+class SeaBench(LoadedBench[SeaSettings]):
     """The series-elastic exoskeleton on its bench, with one load.
 
     Its joint angle is the encoder's at the output; its torque is the beam's. In
@@ -54,16 +49,7 @@ class SeaBench(LoadedBench):
         positioner_rad_s=40.0,
     )
 
-    def __init__(
-        self, settings: SeaSettings, load: BenchLoad, *, seed: int, sample_rate_hz: float
-    ) -> None:
-        super().__init__(load, preset=settings.name, seed=seed, sample_rate_hz=sample_rate_hz)
-        self.settings = settings
-
-    @property
-    def device(self) -> DeviceSpec | None:
-        """Nothing: a bench has no limb."""
-        return None
+    PLANT = SeaPlant
 
     @property
     def calibration(self) -> CalibrationSpec:
@@ -92,10 +78,6 @@ class SeaBench(LoadedBench):
             "control": asdict(self.settings.control),
         }
 
-    def _plant(self, noise: np.random.Generator) -> BenchPlant:
-        plant = SeaPlant(self.settings, self.load, sample_rate_hz=self._rate_hz, noise=noise)
-        return _SeaSamples(plant)
-
     @property
     def _torque_model(self) -> TorqueModelSpec:
         machine = self.settings.machine
@@ -107,18 +89,3 @@ class SeaBench(LoadedBench):
     @property
     def _reach_rad(self) -> float:
         return self.settings.machine.stop_rad
-
-
-class _SeaSamples:
-    """Rows of the physics as the devices give them."""
-
-    __slots__ = ("_plant",)
-
-    def __init__(self, plant: SeaPlant) -> None:
-        self._plant = plant
-
-    def sample(self, torque_nm: float, angle_rad: float) -> Sample:
-        row = self._plant.advance(torque_nm, angle_rad)
-        _, stamp_s, motor_angle, _, current, supply, heat, faults, angle, torque = row
-        motor = (angle, self._plant.velocity, current, supply, heat, int(faults))
-        return round(stamp_s * 1e9), motor, torque, motor_angle

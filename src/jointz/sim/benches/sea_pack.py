@@ -1,13 +1,13 @@
-"""Where everything stands in the packed arrays of the series-elastic bench, and the packing."""
+"""Constants and state of the series-elastic bench, packed for its compiled physics."""
 
 from enum import IntEnum
 from math import exp, pi
 
 import numpy as np
 
-from jointz.core.errors import DataError
 from jointz.sim.benches.bench_load import BenchLoad
-from jointz.sim.benches.sea import SeaControl, SeaMachine, SeaSettings
+from jointz.sim.benches.compiled_bench import check_rate, packed
+from jointz.sim.benches.sea import SeaSettings
 
 HISTORY = 256  # substeps of torque kept for its lag; a power of two
 _LOWEST_PHYSICS_HZ = 6000.0
@@ -89,70 +89,54 @@ STATE_SIZE = 17 + 2 * HISTORY
 
 
 def pack_sea(settings: SeaSettings, load: BenchLoad, *, sample_rate_hz: float) -> np.ndarray:
-    """Put the constants of a bench and its load together."""
-    if not 100.0 <= sample_rate_hz <= 20000.0:
-        raise DataError(
-            "series-elastic bench: expected sample_rate_hz in 100..20000 Hz, got "
-            f"{sample_rate_hz:g}. Choose the rate of the device's own loop."
-        )
-    p = np.zeros(len(SeaParam))
-    p[SeaParam.PERIOD_S] = 1.0 / sample_rate_hz
-    p[SeaParam.SUBSTEPS] = max(1, -int(-_LOWEST_PHYSICS_HZ // sample_rate_hz))
-    _pack_machine(p, settings.machine)
-    _pack_output(p, settings, load)
-    _pack_control(p, settings.control)
-    _pack_errors(p, settings)
-    return p
-
-
-def _pack_machine(p: np.ndarray, machine: SeaMachine) -> None:
-    p[SeaParam.TRAVEL] = machine.nut_travel_m
-    p[SeaParam.LEVER], p[SeaParam.BRACKET] = machine.lever_m, machine.bracket_m
-    p[SeaParam.MEMBER], p[SeaParam.REST] = machine.member_m, machine.bracket_m + machine.member_m
-    p[SeaParam.BEAM] = machine.beam_stiffness
-    p[SeaParam.ROTOR_MOBILITY] = 1.0 / machine.rotor_inertia
-    p[SeaParam.TORQUE_CONSTANT] = machine.torque_constant
-    p[SeaParam.RESISTANCE] = machine.resistance_ohm
-    p[SeaParam.SUPPLY_V], p[SeaParam.CURRENT_MAX_A] = machine.supply_v, machine.current_max_a
-    p[SeaParam.DRIVE_FRICTION] = machine.drive_friction_nm
-    p[SeaParam.DRIVE_DAMPING] = machine.drive_damping
-    p[SeaParam.DRIVE_BEND] = machine.drive_velocity_rad_s**2
-    p[SeaParam.STOP_RAD] = machine.stop_rad
-    p[SeaParam.STOP_STIFFNESS] = machine.stop_stiffness
-    p[SeaParam.STOP_DAMPING] = machine.stop_damping
-    p[SeaParam.AMBIENT_C], p[SeaParam.HEATING_C_A2] = machine.ambient_c, machine.heating_c_a2
-    p[SeaParam.THERMAL_KEEP] = exp(-p[SeaParam.PERIOD_S] / machine.thermal_s)
-    p[SeaParam.TEMPERATURE_MAX_C] = machine.temperature_max_c
-
-
-def _pack_output(p: np.ndarray, settings: SeaSettings, load: BenchLoad) -> None:
-    machine, errors = settings.machine, settings.errors
-    p[SeaParam.STIFFNESS] = machine.stiffness + load.stiffness
-    p[SeaParam.DAMPING] = machine.damping + load.damping
-    p[SeaParam.MOBILITY] = 0.0 if load.locked else 1.0 / (machine.inertia + load.inertia)
-    if load.stiffness > 0.0 or load.damping > 0.0 or load.inertia > 0.0:
-        p[SeaParam.FRICTION] = errors.coulomb_friction_nm
-    p[SeaParam.FRICTION_BEND] = errors.friction_velocity_rad_s**2
-
-
-def _pack_control(p: np.ndarray, control: SeaControl) -> None:
-    p[SeaParam.TORQUE_GAIN] = control.torque_gain
-    p[SeaParam.TORQUE_RATE_GAIN] = control.torque_rate_gain_s
-    p[SeaParam.POSITION_GAIN] = control.position_gain
-    p[SeaParam.POSITION_RATE_GAIN] = control.position_rate_gain
-
-
-def _pack_errors(p: np.ndarray, settings: SeaSettings) -> None:
-    errors = settings.errors
-    p[SeaParam.STRETCH], p[SeaParam.JITTER_S] = errors.clock_stretch, errors.clock_jitter_s
-    p[SeaParam.TRUE_STAMPS] = float(errors.true_stamps)
-    p[SeaParam.CUBIC] = errors.beam_cubic_per_m2
-    p[SeaParam.LAB_GAIN] = settings.total_torque_gain
-    p[SeaParam.LAG_S] = errors.torque_lag_s
-    p[SeaParam.FILTER_RATE] = 2.0 * pi * errors.torque_filter_hz
-    p[SeaParam.TORQUE_NOISE], p[SeaParam.ANGLE_NOISE] = (
-        errors.torque_noise_nm,
-        errors.angle_noise_rad,
-    )
-    p[SeaParam.LINEAR_STEP] = errors.linear_step_m
-    p[SeaParam.ROTARY_STEP] = errors.rotary_step_rad
+    """Return the constants of a bench and its load for the compiled physics."""
+    check_rate("series-elastic", sample_rate_hz)
+    machine, control, errors = settings.machine, settings.control, settings.errors
+    is_loaded = load.stiffness > 0.0 or load.damping > 0.0 or load.inertia > 0.0
+    period_s = 1.0 / sample_rate_hz
+    values = {
+        SeaParam.PERIOD_S: period_s,
+        SeaParam.SUBSTEPS: max(1, -int(-_LOWEST_PHYSICS_HZ // sample_rate_hz)),
+        SeaParam.STRETCH: errors.clock_stretch,
+        SeaParam.JITTER_S: errors.clock_jitter_s,
+        SeaParam.TRUE_STAMPS: float(errors.true_stamps),
+        SeaParam.TRAVEL: machine.nut_travel_m,
+        SeaParam.LEVER: machine.lever_m,
+        SeaParam.BRACKET: machine.bracket_m,
+        SeaParam.MEMBER: machine.member_m,
+        SeaParam.REST: machine.bracket_m + machine.member_m,
+        SeaParam.BEAM: machine.beam_stiffness,
+        SeaParam.CUBIC: errors.beam_cubic_per_m2,
+        SeaParam.ROTOR_MOBILITY: 1.0 / machine.rotor_inertia,
+        SeaParam.TORQUE_CONSTANT: machine.torque_constant,
+        SeaParam.RESISTANCE: machine.resistance_ohm,
+        SeaParam.SUPPLY_V: machine.supply_v,
+        SeaParam.CURRENT_MAX_A: machine.current_max_a,
+        SeaParam.DRIVE_FRICTION: machine.drive_friction_nm,
+        SeaParam.DRIVE_DAMPING: machine.drive_damping,
+        SeaParam.DRIVE_BEND: machine.drive_velocity_rad_s**2,
+        SeaParam.STIFFNESS: machine.stiffness + load.stiffness,
+        SeaParam.DAMPING: machine.damping + load.damping,
+        SeaParam.MOBILITY: 0.0 if load.locked else 1.0 / (machine.inertia + load.inertia),
+        SeaParam.FRICTION: errors.coulomb_friction_nm if is_loaded else 0.0,
+        SeaParam.FRICTION_BEND: errors.friction_velocity_rad_s**2,
+        SeaParam.STOP_RAD: machine.stop_rad,
+        SeaParam.STOP_STIFFNESS: machine.stop_stiffness,
+        SeaParam.STOP_DAMPING: machine.stop_damping,
+        SeaParam.TORQUE_GAIN: control.torque_gain,
+        SeaParam.TORQUE_RATE_GAIN: control.torque_rate_gain_s,
+        SeaParam.POSITION_GAIN: control.position_gain,
+        SeaParam.POSITION_RATE_GAIN: control.position_rate_gain,
+        SeaParam.LAB_GAIN: settings.total_torque_gain,
+        SeaParam.LAG_S: errors.torque_lag_s,
+        SeaParam.FILTER_RATE: 2.0 * pi * errors.torque_filter_hz,
+        SeaParam.TORQUE_NOISE: errors.torque_noise_nm,
+        SeaParam.ANGLE_NOISE: errors.angle_noise_rad,
+        SeaParam.LINEAR_STEP: errors.linear_step_m,
+        SeaParam.ROTARY_STEP: errors.rotary_step_rad,
+        SeaParam.AMBIENT_C: machine.ambient_c,
+        SeaParam.HEATING_C_A2: machine.heating_c_a2,
+        SeaParam.THERMAL_KEEP: exp(-period_s / machine.thermal_s),
+        SeaParam.TEMPERATURE_MAX_C: machine.temperature_max_c,
+    }
+    return packed(values, SeaParam)

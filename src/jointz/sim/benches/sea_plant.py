@@ -19,18 +19,13 @@ import numpy as np
 from numba import njit
 
 from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.compiled_bench import JITTER_MAX, CompiledBench
 from jointz.sim.benches.sea import SeaSettings
 from jointz.sim.benches.sea_pack import HISTORY, STATE_SIZE, SeaParam, SeaState, pack_sea
 from jointz.sim.layout import Fault
-
-#: True time (s), stamp (s), motor angle (rad) and velocity (rad/s), current (A), supply (V),
-#: temperature (degrees Celsius), fault bits, angle (rad), torque (N*m).
-SeaRow = tuple[float, ...]
+from jointz.sim.sampled_time import Sample
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
-_NOISE_ROWS = 4096
-_NOISES = 3  # torque, angle, sample time
-_JITTER_MAX = 0.45  # of a period: sample times stay in order
 
 
 @_compiled
@@ -244,13 +239,17 @@ def begin(p: np.ndarray, s: np.ndarray) -> None:
 def advance(
     p: np.ndarray, s: np.ndarray, noise: np.ndarray, torque: float, angle: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Advance the bench to its next sample and return the row measured there."""
+    """Advance the bench to its next sample and return the row measured there.
+
+    True time (s), stamp (s), motor angle (rad) and velocity (rad/s), current (A), supply (V),
+    temperature (degrees Celsius), fault bits, angle (rad), torque (N*m).
+    """
     sample = int(s[SeaState.SAMPLES])
     row = sample % noise.shape[0]
     linear = 0.0
     if sample > 0:
         period = p[SeaParam.PERIOD_S] * p[SeaParam.STRETCH]
-        most = _JITTER_MAX * period
+        most = JITTER_MAX * period
         off = min(max(p[SeaParam.JITTER_S] * noise[row, 2], -most), most)
         linear = _move(p, s, sample * period + off, _asked(p, s, torque, angle))
         _warm(p, s)
@@ -282,8 +281,11 @@ def advance(
     )
 
 
-class SeaPlant:
+class SeaPlant(CompiledBench):
     """A series-elastic bench from its start on, sample by sample."""
+
+    STEP = staticmethod(advance)
+    NOISES = 3  # torque, angle, sample time
 
     def __init__(
         self,
@@ -293,27 +295,17 @@ class SeaPlant:
         sample_rate_hz: float,
         noise: np.random.Generator,
     ) -> None:
-        self._params = pack_sea(settings, load, sample_rate_hz=sample_rate_hz)
-        self._machine, self._load = settings.machine, load
-        self._rng = noise
-        self._noise = np.zeros((_NOISE_ROWS, _NOISES))
-        self._state = np.zeros(STATE_SIZE)
-        self._left = 0
+        super().__init__(pack_sea(settings, load, sample_rate_hz=sample_rate_hz), STATE_SIZE, noise)
+        self._machine = settings.machine
         begin(self._params, self._state)
         self._compile()
 
-    def advance(self, torque_nm: float, angle_rad: float) -> SeaRow:
-        """Compute the next sample; the first is the state at rest."""
-        if self._left == 0:
-            self._rng.standard_normal(out=self._noise)
-            self._left = _NOISE_ROWS
-        self._left -= 1
-        row: SeaRow = advance(self._params, self._state, self._noise, torque_nm, angle_rad)
-        return row
-
-    def _compile(self) -> None:
-        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
-        advance(self._params, self._state.copy(), self._noise, 0.0, math.nan)
+    def sample(self, torque_nm: float, angle_rad: float) -> Sample:
+        """Compute the next sample as the devices give it."""
+        row = self.advance(torque_nm, angle_rad)
+        _, stamp_s, motor_angle, _, current, supply, heat, faults, angle, torque = row
+        motor = (angle, self.velocity, current, supply, heat, int(faults))
+        return round(stamp_s * 1e9), motor, torque, motor_angle
 
     @property
     def angle(self) -> float:

@@ -32,7 +32,6 @@ from jointz.sim.calibration_benches.calibration_plant import (
     spring_body,
 )
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
-from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.injection import Injection
 from jointz.sim.people import draw_person
 from jointz.sim.plant_build import Grid, PlantBuild
@@ -82,24 +81,16 @@ class CalibrationRig:
         """Return the devices, ``UNCONFIGURED``, for one condition."""
         del worn
         person, preset = self.walking.person, self.walking.preset
-        build, purpose = self.build(condition), f"{self.step} {condition}"
-        running = RunningPlant(
-            build,
-            motion=self.motion(condition, segment),
-            contacts=ContactMaker(
-                preset.footswitch,
-                contact_share=preset.gait.contact_share,
-                rng=person.stream(f"contact calibration {purpose}", segment),
-            ),
-            noise=person.stream(f"noise calibration {purpose}", segment),
-        )
+        build, purpose = self.build(condition), f"calibration {self.step} {condition}"
+        motion = self.motion(condition, segment)
+        running = RunningPlant(build, motion, purpose=purpose, segment=segment)
         wiring = Wiring(running, clock, self.inject)
         switch = VoltageFootswitch(
             wiring,
             running,
             _in_volts(footswitch(build)),
             levels=draw_contact_levels(person, preset),
-            rng=person.stream(f"volts calibration {purpose}", segment),
+            rng=person.stream(f"volts {purpose}", segment),
         )
         return Devices(
             angle=OffsetSensor(

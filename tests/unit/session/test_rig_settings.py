@@ -3,7 +3,7 @@
 import pytest
 
 from jointz.io.protocols import load_protocol
-from jointz.session.rigs.registry import open_rig, rig_settings
+from jointz.session.rigs.rig_settings import open_rig, rig_settings
 
 
 def test_the_speed_of_the_treadmill_reaches_the_person():
