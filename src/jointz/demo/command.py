@@ -30,16 +30,16 @@ def demo(
 
     shown = not (quiet or as_json)
     with experiment_bars(shown=shown) as bars:
-        made = run_demo(
+        demonstration = run_demo(
             out, quick=quick, seed=seed, run_progress=bars.experiment, progress=bars.analysis
         )
-    accuracy = made.accuracy()
+    accuracy = demonstration.accuracy()
     if as_json:
         emit_json(
             {
                 "status": "ok",
-                "report": str(made.report),
-                "n_standing": made.analysis.n_standing,
+                "report": str(demonstration.report),
+                "n_standing": demonstration.analysis.n_standing,
                 "accuracy": accuracy.to_dict("records"),
             }
         )
@@ -55,8 +55,8 @@ def demo(
         ]
         for row in accuracy.to_dict("records")
     ]
-    vaf = made.analysis.statistics["vaf"]["mean_pct"]
+    vaf = demonstration.analysis.statistics["vaf"]["mean_pct"]
     header = ["parameter", "RMS error", "95 % intervals that hold the truth", "cells"]
     emit_table(rows, header, title="Truth against estimate (simulated study)")
     emit(f"Mean VAF {vaf:.2f} %: a fit that looks this good says little about accuracy.")
-    emit(f"Report: {made.report}")
+    emit(f"Report: {demonstration.report}")

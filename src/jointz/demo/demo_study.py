@@ -27,7 +27,7 @@ _QUICK_PEOPLE, _QUICK_PULSES = 2, 10
 
 @dataclass(frozen=True, slots=True)
 class Demo:
-    """What the demo made."""
+    """Results of the demonstration."""
 
     report: Path  # the page to open
     analysis: StudyAnalysis  # the analysis of the simulated study
@@ -59,22 +59,24 @@ def run_demo(
 ) -> Demo:
     """Run the walking protocol on simulated people, analyse it, report beside the truth."""
     with new_folder(out, marker=MARKER, overwrite=True) as folder:
-        made = run(
+        study_run = run(
             _protocol(quick=quick),
             out=folder / "study",
             seed=seed,
             workers=os.cpu_count() or 1,
             progress=run_progress,
         )
-        study = open_study(made.study)
+        study = open_study(study_run.study)
         people = len(study.spec.participants)
         with open_engine(tasks=people, needs="jointz.analysis.participant_jobs") as engine:
             analysis = analyze(study, seed=seed, engine=engine, progress=progress)
-            truth = truth_table(analysis, made.study)
+            truth = truth_table(analysis, study_run.study)
             truth.to_csv(folder / "truth.csv", index=False, float_format="%.10g")
-            write_results(analysis, folder / "results", truth=truth, run=made.report, engine=engine)
+            write_results(
+                analysis, folder / "results", truth=truth, run=study_run.report, engine=engine
+            )
         write_marker(folder, MARKER, {"made_by": "jointz demo"})
-    return Demo(out / "results" / "report.html", analysis, made.report, truth)
+    return Demo(out / "results" / "report.html", analysis, study_run.report, truth)
 
 
 def truth_table(analysis: StudyAnalysis, study: Path) -> pd.DataFrame:
@@ -121,9 +123,9 @@ def truth_table(analysis: StudyAnalysis, study: Path) -> pd.DataFrame:
 def _truth_of(conditions: Mapping[str, Any], timing_point: str) -> dict[str, float]:
     """Return the means over the windows of the pulses at a timing point."""
     for condition in conditions.values():
-        found = condition.get("timing_points", {}).get(timing_point)
-        if found:
-            return {name: float(found[name]) for name in ("stiffness", "damping", "inertia")}
+        means = condition.get("timing_points", {}).get(timing_point)
+        if means:
+            return {name: float(means[name]) for name in ("stiffness", "damping", "inertia")}
     return {}
 
 
@@ -135,8 +137,8 @@ def _protocol(*, quick: bool) -> Protocol:
     for condition in protocol.conditions:
         plan = condition.perturbations
         if plan is not None:
-            few = plan.model_copy(update={"count_per_point": _QUICK_PULSES})
-            condition = condition.model_copy(update={"perturbations": few})
+            shortened = plan.model_copy(update={"count_per_point": _QUICK_PULSES})
+            condition = condition.model_copy(update={"perturbations": shortened})
         conditions.append(condition)
     return protocol.model_copy(
         update={"conditions": tuple(conditions), "participants": _QUICK_PEOPLE}

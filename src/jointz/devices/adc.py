@@ -91,7 +91,7 @@ class Ads1115Sensor(DriverBase):
 
     @property
     def lag_s(self) -> float:
-        """How old a value is when it is stamped, on average, s."""
+        """Mean age of a value when it is stamped, s."""
         return 1.0 / self._rate_hz
 
     @property
@@ -100,7 +100,7 @@ class Ads1115Sensor(DriverBase):
         return 1.0 / (self._rate_hz * sqrt(12.0))
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         unit, kind = channel_unit(self._channel, self._spec.kind)
         return SensorDescription(
             name=f"{self._name}, input {self._spec.input}",
@@ -116,13 +116,13 @@ class Ads1115Sensor(DriverBase):
         """Connect and set the chip up; afterwards ``INACTIVE``."""
         self._require(UNCONFIGURED)
         library = load_library("smbus2", device=self._name, extra="adc")
-        wanted = self._config()
+        config = self._config()
         try:
             self._bus = library.SMBus(self._spec.bus)
             self._bus.write_i2c_block_data(
-                self._spec.address, _CONFIG, list(wanted.to_bytes(2, "big"))
+                self._spec.address, _CONFIG, list(config.to_bytes(2, "big"))
             )
-            found = self._register(_CONFIG)
+            register = self._register(_CONFIG)
         except OSError as exc:
             self._release()
             raise NotConnectedError(
@@ -130,11 +130,11 @@ class Ads1115Sensor(DriverBase):
                 f"does not answer ({exc}). Check the wiring and the address (i2cdetect -y "
                 f"{self._spec.bus}), that I2C is switched on and the user is in the group i2c.",
             ) from exc
-        if (found ^ wanted) & _WRITTEN:
+        if (register ^ config) & _WRITTEN:
             self._release()
             raise DeviceError(
                 self._name,
-                f"expected {wanted:#06x} in its register, found {found:#06x}: no ADS1115, or "
+                f"expected {config:#06x} in its register, found {register:#06x}: no ADS1115, or "
                 "another program sets it too.",
             )
         self._state = INACTIVE

@@ -167,8 +167,8 @@ def _driver_settings(raw: object, info: ValidationInfo) -> DriverSettings | None
     names = driver_names(section)
     if driver not in names:
         got = "missing" if driver is None else f"got {driver!r}"
-        told = f"expected one of {', '.join(names)}; {got}."
-        raise PydanticCustomError("driver", "{told}", {"told": told})
+        message = f"expected one of {', '.join(names)}; {got}."
+        raise PydanticCustomError("driver", "{told}", {"told": message})
     return load_driver(section, driver).settings.model_validate(dict(raw))
 
 
@@ -247,7 +247,7 @@ def _sentence(error: Mapping[str, Any]) -> str:
         return f"{place}: unknown key. Remove it, or look at its spelling."
     if kind == "missing":
         return f"{place}: missing; it is required."
-    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    message = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
     if kind == "driver":
-        return f"{place}.driver: {told}"
-    return f"{place}: {told}" if kind == "inconsistent" else f"{place}: {told}; got {shown}."
+        return f"{place}.driver: {message}"
+    return f"{place}: {message}" if kind == "inconsistent" else f"{place}: {message}; got {shown}."

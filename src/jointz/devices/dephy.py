@@ -108,7 +108,7 @@ class DephyActPack(DriverBase):
         return _version(self._spec.firmware) >= _HEARTBEAT_FIRMWARE
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself; in any state."""
+        """Return the description of the actuator, in any state."""
         spec = self._spec
         guard = (
             f"heartbeat {HEARTBEAT_MS} ms"
@@ -256,7 +256,7 @@ class DephyActPack(DriverBase):
         """Send zero current when no command came for too long; called by the watchdog."""
         # One look earlier than the timeout: by then it has to be done.
         after_ns = self._spec.command_timeout_s * 1e9 * (1.0 - 1.0 / _LOOKS)
-        held = self._sending.acquire(timeout=_LOCK_S)
+        locked = self._sending.acquire(timeout=_LOCK_S)
         try:
             forgotten = self._now_ns() - self._commanded_ns >= after_ns
             if self._state is ACTIVE and not self._relaxed and forgotten:
@@ -265,13 +265,13 @@ class DephyActPack(DriverBase):
         except _LIBRARY_ERRORS:
             self._relaxed = False  # again at the next look
         finally:
-            if held:
+            if locked:
                 self._sending.release()
 
     def _let_go(self) -> None:
         """Send zero current and switch the motor's controller off."""
         # A call that hangs holds the lock; zero torque does not wait for it.
-        held = self._sending.acquire(timeout=_LOCK_S)
+        locked = self._sending.acquire(timeout=_LOCK_S)
         try:
             self._device.command_motor_current(0)
             self._device.stop_motor()
@@ -281,7 +281,7 @@ class DephyActPack(DriverBase):
             _LOG.error("%s: could not be stopped (%s). Switch its power off.", self._name, exc)
         finally:
             self._relaxed = True
-            if held:
+            if locked:
                 self._sending.release()
 
     # --- what is received ----------------------------------------------------------------------

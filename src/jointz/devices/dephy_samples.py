@@ -36,7 +36,7 @@ class Samples:
         self.dropped = 0
 
     def begin(self) -> None:
-        """Forget what was seen once only, before another activation."""
+        """Reset the counts of faults before another activation."""
         self._in_a_row = dict.fromkeys(_BELIEVED, 0)
 
     def take(self, data: Mapping[str, int], host_ns: int) -> ActuatorSample | None:

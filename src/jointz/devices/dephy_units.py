@@ -1,4 +1,4 @@
-"""From the integers of a Dephy actuator to SI and back, its clock, and its winding."""
+"""Units, clock and winding temperature of a Dephy actuator."""
 
 from math import expm1, pi
 from typing import Annotated
@@ -61,7 +61,7 @@ class DeviceClock:
         self.time_ns = 0
 
     def elapsed_ms(self, stamp_ms: int, host_ns: int) -> int | None:
-        """Take a stamp and return the ms since the one before, 0 for the same one again."""
+        """Process a stamp and return the ms since the previous one, 0 if it repeats."""
         stamp = stamp_ms % _WRAP_MS
         if self._stamp is None:
             self._stamp, self._host_ns, self.time_ns = stamp, host_ns, stamp * 1_000_000
@@ -127,7 +127,7 @@ class Winding:
         self.temperature_c = self.case_c = 25.0
 
     def warm(self, current: float, case_c: float, *, elapsed_s: float) -> None:
-        """Take a sample."""
+        """Process a sample."""
         spec = self._spec
         if not self._started:
             self._started, self.temperature_c = True, case_c

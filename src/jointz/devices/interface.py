@@ -1,4 +1,4 @@
-"""What an experiment asks of a device: small protocols that every driver implements.
+"""Interface of devices: small protocols that every driver implements.
 
 A device walks through a lifecycle::
 
@@ -22,7 +22,7 @@ from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 
 
 class Lifecycle(Enum):
-    """Where a device is in its life."""
+    """States of a device in its lifecycle."""
 
     UNCONFIGURED = "unconfigured"
     INACTIVE = "inactive"
@@ -32,31 +32,31 @@ class Lifecycle(Enum):
 
 
 class ActuatorSample(NamedTuple):
-    """What an actuator measured at one time."""
+    """One sample of an actuator."""
 
     # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
-    host_time_ns: int  # ns
-    angle: float  # rad, rad/s: of the output, after the gear
-    velocity: float  # rad, rad/s
-    current: float  # A, V: motor current (q axis) and supply
-    voltage: float  # A, V
+    host_time_ns: int
+    angle: float  # rad, of the output, after the gear
+    velocity: float  # rad/s, of the output
+    current: float  # A, motor current (q axis)
+    voltage: float  # V, supply
     temperature_c: float  # degrees Celsius: of the winding, or the nearest to it that is measured
     faults: int  # bits set by the device itself, 0 when all is well
 
 
 class SensorSample(NamedTuple):
-    """What a sensor measured at one time."""
+    """One sample of a sensor."""
 
     # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
-    host_time_ns: int  # ns
+    host_time_ns: int
     value: float  # in the unit that the sensor declares
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorDescription:
-    """What an actuator says about itself."""
+    """Description of an actuator."""
 
     name: str  # which device it is
     model: str
@@ -82,12 +82,12 @@ class ActuatorDescription:
 
 @dataclass(frozen=True, slots=True)
 class SensorDescription:
-    """What a sensor says about itself."""
+    """Description of a sensor."""
 
     name: str  # which device it is
     model: str
     serial: str
-    channel: str  # the canonical channel it measures: ``angle``, ``contact``,
+    channel: str  # the canonical channel it measures: ``angle``, ``contact``, ...
     unit: str  # SI unit of its samples, ``1`` for a contact
     sample_rate_hz: float  # Hz: how many samples it queues a second
     kind: str = ""  # for a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``
@@ -103,7 +103,7 @@ class Device(Protocol):
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
+        """State of the device in its lifecycle."""
         ...
 
     def configure(self) -> None:
@@ -134,7 +134,7 @@ class Actuator(Device, Protocol):
     """A device that puts torque on the joint."""
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself; in any state."""
+        """Return the description of the actuator, in any state."""
         ...
 
     def read(self) -> list[ActuatorSample]:
@@ -142,7 +142,7 @@ class Actuator(Device, Protocol):
         ...
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint, held until the next command or the command timeout."""
+        """Command a torque on the joint, held until the next command or the command timeout."""
         ...
 
 
@@ -151,7 +151,7 @@ class Sensor(Device, Protocol):
     """A device that only measures."""
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         ...
 
     def read(self) -> list[SensorSample]:
@@ -161,7 +161,7 @@ class Sensor(Device, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PositionerDescription:
-    """What a motor that moves the far side of a bench says about itself."""
+    """Description of a motor that moves the far side of a bench."""
 
     name: str  # which device it is
     model: str
@@ -171,9 +171,10 @@ class PositionerDescription:
     channel: str
     sample_rate_hz: float  # Hz: how many samples it queues a second
     command_timeout_s: float  # s: without a command for so long it stops moving by itself
-    angle_min_rad: float  # rad: where it may be sent; infinite where it may turn for ever
-    angle_max_rad: float  # rad
-    velocity_rad_s: float  # rad/s: how fast
+    # where it may be sent; infinite where it may turn for ever
+    angle_min_rad: float
+    angle_max_rad: float
+    velocity_rad_s: float  # how fast
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -188,7 +189,7 @@ class Positioner(Device, Protocol):
     """
 
     def describe(self) -> PositionerDescription:
-        """Return what the positioner says about itself; in any state."""
+        """Return the description of the positioner, in any state."""
         ...
 
     def read(self) -> list[SensorSample]:
@@ -196,7 +197,7 @@ class Positioner(Device, Protocol):
         ...
 
     def command_position(self, angle_rad: float) -> None:
-        """Ask for an angle of the output, held until the next command."""
+        """Command an angle of the output, held until the next command."""
         ...
 
 
@@ -216,7 +217,7 @@ class Devices:
     positioner: Positioner | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the devices say about themselves, as plain values."""
+        """Return the descriptions of the devices as plain values."""
         devices = {name: getattr(self, name) for name in self.__slots__}
         return {
             name: None if device is None else device.describe().to_dict()
@@ -235,7 +236,7 @@ class Devices:
 
 @dataclass(frozen=True, slots=True)
 class Wearer:
-    """Who wears the devices."""
+    """The participant."""
 
     id: str  # name in the study
     mass_kg: float | None = None  # body
@@ -265,17 +266,17 @@ class Rig(Protocol):
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it."""
+        """The participant."""
         ...
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What is known about the instruments of this wearer."""
+        """Calibration of this participant's instruments."""
         ...
 
     @property
     def device(self) -> DeviceSpec | None:
-        """What hangs on the moving segment beyond the measured torque; None where unknown."""
+        """The mass on the moving segment beyond the measured torque; None if unknown."""
         ...
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:

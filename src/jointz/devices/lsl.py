@@ -54,7 +54,7 @@ class LslSensor(DriverBase):
         self.offset_s = 0.0
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         spec = self._spec
         unit, kind = channel_unit(self._channel, spec.kind)
         return SensorDescription(
@@ -179,19 +179,19 @@ def open_inlet(
     library = load_pylsl(name)
     key, wanted = stream
     try:
-        found = library.resolve_byprop(key, wanted, 1, timeout_s)
-        if not found:
+        streams = library.resolve_byprop(key, wanted, 1, timeout_s)
+        if not streams:
             raise NotConnectedError(
                 name,
                 f"no stream whose {key} is {wanted!r} within {timeout_s:g} s. Start its sender, "
                 "and let multicast through the firewall (UDP 16571).",
             )
-        if len(found) > 1:
-            ids = ", ".join(repr(one.source_id()) for one in found)
-            raise DeviceError(name, f"{len(found)} streams answer. Give source_id: one of {ids}.")
-        check(found[0])
+        if len(streams) > 1:
+            ids = ", ".join(repr(one.source_id()) for one in streams)
+            raise DeviceError(name, f"{len(streams)} streams answer. Give source_id: one of {ids}.")
+        check(streams[0])
         # A stream that is recovered in silence would leave a gap that nobody hears of.
-        inlet = library.StreamInlet(found[0], max_buflen=_BUFFER_S, recover=False)
+        inlet = library.StreamInlet(streams[0], max_buflen=_BUFFER_S, recover=False)
         inlet.open_stream(timeout_s)
         inlet.time_correction(timeout_s)  # the first takes a second, all others no time
     except LIBRARY_ERRORS as exc:

@@ -40,7 +40,7 @@ class SessionOutlets:
         return self._name, f"{self._name} markers"
 
     def offer(self, layout: Layout) -> None:
-        """Make the stream of the channels of a log, where it is not there yet."""
+        """Create the stream of the channels of a log, if it does not exist yet."""
         if layout.name not in self._samples:
             self._samples[layout.name] = self._outlet(
                 self._name, "jointz", len(layout.fields), "double64", layout

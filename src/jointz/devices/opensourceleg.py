@@ -116,7 +116,7 @@ class OpenSourceLegActuator(DriverBase):
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
+        """State of the device in its lifecycle."""
         faulty = self._faults and self._state in (ACTIVE, INACTIVE)
         return FAULT if faulty else self._state
 
@@ -165,7 +165,7 @@ class OpenSourceLegActuator(DriverBase):
         return drained(self._queue)
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint until the next command or the command timeout."""
+        """Command a torque on the joint until the next command or the command timeout."""
         self._require(ACTIVE)
         self._check_sound()
         if not isfinite(torque_nm):
@@ -212,11 +212,11 @@ class OpenSourceLegActuator(DriverBase):
         now_ns, (torque_nm, asked_ns) = self._device.clock.now_ns(), self._wanted
         if torque_nm and self._state is ACTIVE and now_ns - self._polled_ns > self._late_ns:
             self._faults |= _HANG
-        held = now_ns - asked_ns <= self._timeout_ns
-        return torque_nm if held and self.state is ACTIVE else 0.0
+        in_time = now_ns - asked_ns <= self._timeout_ns
+        return torque_nm if in_time and self.state is ACTIVE else 0.0
 
     def _may_be_on(self) -> bool:
-        """Tell whether a torque is asked for, and the polling thread could take it back."""
+        """Return whether a torque is commanded that the polling thread can still take back."""
         return self._device.failure is None and self._target_nm() != 0.0
 
     def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
@@ -262,7 +262,7 @@ class OpenSourceLegActuator(DriverBase):
             library.set_motor_current(torque_nm / self._constant / self._profile.ampere)
 
     def _is_new(self) -> bool:
-        """Tell a measurement from the one before, where the library lets one."""
+        """Return whether the measurement is new, as far as the library shows it."""
         library, before = self._device.library, self._seen
         message = getattr(library, "_motor_state_async", None)  # TMotor: one object a message
         if message is not None:

@@ -80,7 +80,7 @@ class TorqueOutput:
         return self.is_zero
 
     def _attempt_zero(self) -> None:
-        """Have one thread write zero until it is confirmed; a second later by another."""
+        """Start a thread that writes zero until it is confirmed, and another one a second later."""
         now_s = time.perf_counter()
         if not self._attempt.is_alive() or now_s - self._attempted_s > _ATTEMPT_S:
             thread = threading.Thread(target=self._zero, name=f"zero {self._name}", daemon=True)

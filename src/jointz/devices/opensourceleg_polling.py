@@ -35,7 +35,7 @@ Poll = Callable[[bool], None]
 
 
 class Polling(Protocol):
-    """What calls a poll at its rate; tests hand in one that a virtual clock drives."""
+    """Calls a poll at its rate; tests pass one that a virtual clock drives."""
 
     def begin(self) -> None:
         """Call from now on."""
@@ -65,7 +65,7 @@ class PollingThread:
         self._thread.start()
 
     def wake(self) -> None:
-        """Let the thread poll soon, without a sample."""
+        """Wake the thread to poll soon, without a sample."""
         self._woken.set()
 
     def end(self) -> bool:
@@ -204,7 +204,7 @@ SampleT = TypeVar("SampleT")
 
 
 def drained(queue: deque[SampleT]) -> list[SampleT]:
-    """Take everything out of a queue that another thread fills, oldest first."""
+    """Empty a queue that another thread fills, oldest first."""
     return [queue.popleft() for _ in range(len(queue))]
 
 

@@ -1,4 +1,4 @@
-"""What a lab says about its opensourceleg devices, and whether they can be used so."""
+"""Settings of opensourceleg devices, and checks that they can be used."""
 
 import inspect
 import os

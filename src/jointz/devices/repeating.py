@@ -1,4 +1,4 @@
-"""Something done again and again beside the loop: a thread that sleeps in between."""
+"""Threads that repeat a task beside the loop."""
 
 import threading
 import time
@@ -9,10 +9,10 @@ Task = Callable[[], None]
 
 
 class Repeating(Protocol):
-    """Something that is being done again and again."""
+    """A task that is being repeated."""
 
     def cancel(self) -> None:
-        """Do it no more; never blocks, may be called twice."""
+        """Stop repeating; never blocks, may be called twice."""
         ...
 
 
@@ -34,7 +34,7 @@ class RepeatingThread:
         threading.Thread(target=self._run, daemon=True, name="jointz device").start()
 
     def cancel(self) -> None:
-        """Do it no more; never blocks, may be called twice."""
+        """Stop repeating; never blocks, may be called twice."""
         self._cancelled.set()
 
     def _run(self) -> None:

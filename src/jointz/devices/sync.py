@@ -43,7 +43,7 @@ class _Line(DriverBase):
         self._request: Any = None
 
     def configure(self) -> None:
-        """Take the line; afterwards ``INACTIVE``."""
+        """Request the line; afterwards ``INACTIVE``."""
         self._require(UNCONFIGURED)
         library = load_library("gpiod", device=self._name, extra="gpio")
         try:
@@ -88,7 +88,7 @@ class SyncInput(_Line):
         self.edges: list[tuple[int, int]] = []
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         return SensorDescription(
             name=self._name,
             model="digital line through gpiod (driver never tried on hardware)",
@@ -201,8 +201,8 @@ def send_pulse(
     output.set_high(True)
     after_ns = clock.now_ns()
     try:
-        told = json.dumps({"event": "sync", "uncertain_ns": after_ns - before_ns})
-        mark(told, (before_ns + after_ns) // 2)
+        marker = json.dumps({"event": "sync", "uncertain_ns": after_ns - before_ns})
+        mark(marker, (before_ns + after_ns) // 2)
         clock.wait_until_ns(after_ns + round(width_s * 1e9))
     finally:
         output.set_high(False)

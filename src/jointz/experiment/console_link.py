@@ -80,9 +80,9 @@ class ConsoleLink:
     def _obey(self, command: Command, trial: AnyTrial, slot: int, host_ns: int) -> None:
         if command.order in (Order.PAUSE, Order.GO_ON):
             done = trial.pause(on=command.order is Order.PAUSE)
-            told = {Order.PAUSE: "paused", Order.GO_ON: "went_on"}[command.order]
+            answer = {Order.PAUSE: "paused", Order.GO_ON: "went_on"}[command.order]
             if done:
-                self._write(told, slot=slot, host_ns=host_ns)
+                self._write(answer, slot=slot, host_ns=host_ns)
                 return
         self._note_or_refuse(command, "not in this trial", slot=slot)
 
@@ -93,7 +93,7 @@ class ConsoleLink:
             self._write("control_refused", slot=slot, order=command.order.name.lower(), reason=why)
 
     def _check_life(self, slot: int, host_ns: int) -> None:
-        """Take note when the page has died; before its first sign of life nobody waits for it."""
+        """Record when the page is lost or back; before its first sign of life it cannot be lost."""
         beat_ns = self._box.beat_ns
         lost = beat_ns > 0 and time.monotonic_ns() - beat_ns > LOST_AFTER_NS
         if lost == self._lost:

@@ -1,4 +1,4 @@
-"""Where an operator's page leaves its commands: a small file that both processes hold in memory.
+"""Commands of an operator's page, in a small file that both processes hold in memory.
 
 The loop looks at it once a tick without a call to the system; whoever writes cannot make it
 wait. Nothing in it can ask for torque: the vocabulary holds what starts, holds up and ends.
@@ -33,7 +33,7 @@ LONGEST_TEXT_BYTES = _ENTRY_BYTES - _HEAD.size
 
 
 class Order(IntEnum):
-    """What a page can ask for beside a stop."""
+    """Commands of a page besides a stop."""
 
     START = 1
     PAUSE = 2
@@ -49,7 +49,7 @@ class Command(NamedTuple):
 
 
 class ControlBox:
-    """The side of the session: made with it, read at every tick."""
+    """The session's side: created with the session, read at every tick."""
 
     __slots__ = ("_file", "_map", "_path", "_taken", "refused")
 
@@ -120,7 +120,7 @@ class ControlBox:
 
 
 class ControlSender:
-    """The side of the page."""
+    """The page's side."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -135,20 +135,20 @@ class ControlSender:
         self._map = mmap.mmap(self._file.fileno(), _SIZE)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._map.close()
         self._file.close()
 
     def stop(self) -> None:
-        """Ask for a stop; it cannot be taken back."""
+        """Request a stop; it cannot be taken back."""
         self._map[_STOP_AT] = 1
 
     def beat(self) -> None:
-        """Give a sign of life."""
+        """Send a sign of life."""
         _NUMBER.pack_into(self._map, _BEAT_AT, time.monotonic_ns())
 
     def send(self, order: Order, text: str = "") -> None:
-        """Leave a command."""
+        """Send a command."""
         data = text.encode()
         if len(data) > LONGEST_TEXT_BYTES:
             raise DataError(

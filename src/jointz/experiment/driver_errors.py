@@ -1,4 +1,4 @@
-"""Whose error it is: a device's, where it came out of its driver."""
+"""Turns errors that come out of a driver into errors of its device."""
 
 import traceback
 from collections.abc import Iterator, Mapping

@@ -13,10 +13,10 @@ _PRIORITY = 49  # of 1..99 under SCHED_FIFO: just below the threads of interrupt
 
 @dataclass(frozen=True, slots=True)
 class LoopCounts:
-    """What a loop did."""
+    """Counts of a loop."""
 
-    ticks: int  # slots that were served and slots that were skipped because a tick took too long
-    missed_slots: int
+    ticks: int  # slots that were served
+    missed_slots: int  # slots that were skipped because a tick took too long
 
 
 class ControlLoop:
@@ -68,7 +68,7 @@ def undisturbed() -> Iterator[str]:
 
 @contextmanager
 def _before_others() -> Iterator[str]:
-    """Ask the scheduler for the loop's priority, and give it back."""
+    """Request the loop's priority from the scheduler, and restore the previous one."""
     if not hasattr(os, "sched_setscheduler"):  # a Mac, Windows: nobody to ask
         yield "SCHED_OTHER"
         return

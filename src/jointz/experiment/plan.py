@@ -94,9 +94,9 @@ def _amplitudes(
 def _spread_shams(
     amplitudes: list[list[float]], shams: int, rng: np.random.Generator
 ) -> list[list[float]]:
-    """Put as many rounds of shams at random places."""
+    """Insert rounds of shams at random places."""
     if not shams:
         return amplitudes
     places = rng.permutation(len(amplitudes) + shams) < shams
-    rest = iter(amplitudes)
-    return [[0.0] * len(amplitudes[0]) if sham else next(rest) for sham in places]
+    remaining = iter(amplitudes)
+    return [[0.0] * len(amplitudes[0]) if sham else next(remaining) for sham in places]

@@ -14,7 +14,7 @@ _MOST_BROKEN_OFF = 10
 
 
 class PulseRunner:
-    """One pulse at a time, from its timing point to its end."""
+    """Runs one pulse at a time, from its timing point to its end."""
 
     __slots__ = (
         "_broken_off",
@@ -64,13 +64,13 @@ class PulseRunner:
         return self.active is None and not self._scheduler.queue
 
     def stride(self) -> None:
-        """Take note of an accepted stride; while paused it counts towards no gap."""
+        """Count an accepted stride; while paused it counts towards no gap."""
         self._counted = not self._paused
         if self._counted:
             self._missed(self._scheduler.stride(), "timing point passed")
 
     def retract_stride(self) -> None:
-        """Take note that the last accepted stride was none."""
+        """Take back the last accepted stride, which was none."""
         if self._counted:
             self._scheduler.retract_stride()
 

@@ -1,4 +1,4 @@
-"""What is to be done with the plan while a participant walks."""
+"""Schedule of the planned pulses while a participant walks."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ class Scheduler:
         self._since = -warm_up_strides
 
     def stride(self) -> PlannedPulse | None:
-        """Take note of an accepted stride."""
+        """Count an accepted stride."""
         missed = self.miss() if self._due else None
         self._since += 1
         self._due = bool(self.queue) and self._since >= self.queue[0].gap_strides
@@ -58,7 +58,7 @@ class Scheduler:
         return self.queue.popleft()
 
     def miss(self) -> PlannedPulse | None:
-        """Put the pulse that is due back to the end of the queue and return it."""
+        """Move the pulse that is due to the end of the queue and return it."""
         if not self._due:
             return None
         self._due = False
@@ -67,5 +67,5 @@ class Scheduler:
         return missed
 
     def requeue(self, pulse: PlannedPulse) -> None:
-        """Put a pulse that was broken off to the end of the queue."""
+        """Append a pulse that was broken off to the queue."""
         self.queue.append(pulse)

@@ -64,7 +64,7 @@ Progress = Callable[[str, int, int, int], None]
 
 
 class Operator(Protocol):
-    """Who runs the experiment."""
+    """The operator of the experiment."""
 
     def prompt(self, text: str) -> None:
         """Show what is to be done before a condition and return when it is."""
@@ -73,7 +73,7 @@ class Operator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SessionPlan:
-    """What a session is to do."""
+    """Protocol, seed and folder of a session."""
 
     protocol: ProtocolSpec  # of the experiment
     seed: int  # of the plan
@@ -132,12 +132,14 @@ class Session:
                 self._write_down_once(journal)
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
-                left = [name for name in condition.trial_names if not is_completed(events, name)]
-                if left and self._link is not None:
-                    self._link.await_start(left[0], condition.prompt)
-                elif left:
+                open_trials = [
+                    name for name in condition.trial_names if not is_completed(events, name)
+                ]
+                if open_trials and self._link is not None:
+                    self._link.await_start(open_trials[0], condition.prompt)
+                elif open_trials:
                     self._operator.prompt(condition.prompt)
-                for name in left:
+                for name in open_trials:
                     self._run_trial_of(condition, name, events, journal)
 
     @contextmanager
@@ -177,7 +179,7 @@ class Session:
         if pulse is None:
             return {}
         return {
-            name: [asdict(one) for one in self._kind.make_plan(condition, pulse, rng)]
+            name: [asdict(planned) for planned in self._kind.make_plan(condition, pulse, rng)]
             for condition in protocol.conditions
             if condition.perturbations is not None
             for name in condition.trial_names

@@ -1,4 +1,4 @@
-"""How well the loop kept its time, from what the log says of every tick."""
+"""Timing of the loop, from the ticks of a log."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
 
 
 def _clamped(ticks: np.ndarray) -> np.ndarray:
-    """Tell which ticks sent less than was asked for; before the first samples nothing is asked."""
+    """Return which ticks sent less than was requested; before the first samples nothing is."""
     asked = ticks["requested_torque"]  # no number before the actuator's first sample
     differs = np.isfinite(asked) & (asked != ticks["sent_torque"])
     return np.asarray(differs & ((ticks["flags"] & Flag.CLAMPED) != 0))

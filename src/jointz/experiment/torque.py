@@ -32,7 +32,7 @@ class AppliedTorque:
         self._acceleration = 0.0
 
     def update(self, current: float, velocity: float) -> float:
-        """Take a sample and return the torque on the joint, N*m."""
+        """Process a sample and return the torque on the joint, N*m."""
         model = self._model
         if self._velocity is not None:
             raw = (velocity - self._velocity) * self._rate_hz

@@ -1,4 +1,4 @@
-"""One uninterrupted stretch of a walking condition: what happens at every tick."""
+"""One uninterrupted stretch of a walking condition, tick by tick."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ TrialProgress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What a trial is to walk."""
+    """Settings of a walking trial."""
 
     gait: GaitSpec  # of the protocol
     period_ns: int  # ns: of the loop
@@ -109,7 +109,7 @@ class Trial:
         return True
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
-        """Do everything that is to be done in one slot."""
+        """Read, decide, command and record in one slot."""
         if self._first_slot < 0:
             self._first_slot = slot
         slot -= self._first_slot
@@ -168,7 +168,7 @@ class Trial:
         return "too much of the time under pulses" if self._watch.steady else "gait not steady"
 
     def _after_stride(self) -> bool:
-        """Take note of an accepted stride; False when it was the last that is needed."""
+        """Count an accepted stride; False if it was the last that is needed."""
         pulses, strides = self._pulses, self.strides
         if pulses is None:
             self._progress(strides, 0)

@@ -51,7 +51,7 @@ class AnyTrial(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrialSetup:
-    """What a trial of any kind is made of."""
+    """Parts of a trial of any kind."""
 
     protocol: ProtocolSpec
     condition: ConditionSpec
@@ -144,7 +144,7 @@ def _walking_plan(
 
 @dataclass(frozen=True, slots=True)
 class TrialKind:
-    """What differs between the trials of walking and those of a bench."""
+    """Differences between trials of walking and those of a bench."""
 
     pulse: type[PlannedPulse] | type[TimedPulse]
     make_plan: Callable[[ConditionSpec, PulseSpec, np.random.Generator], Sequence[Any]]

@@ -25,7 +25,7 @@ class Device(StrEnum):
 
 
 class Preset(StrEnum):
-    """How well a simulated rig and its people behave."""
+    """Quality of a simulated rig and its people."""
 
     clean = "clean"
     nominal = "nominal"
@@ -67,16 +67,10 @@ CalibrationOption = Annotated[
 
 
 class _Prompting:
-    """The operator at the terminal: reads what to do and presses Enter.
-
-    Parameters
-    ----------
-    alone : callable
-        Makes a context in which nothing else is drawn on the terminal.
-    """
+    """The operator at the terminal: reads what to do and presses Enter."""
 
     def __init__(self, alone: Callable[[], AbstractContextManager[None]]) -> None:
-        self._alone = alone
+        self._alone = alone  # makes a context in which nothing else is drawn on the terminal
 
     def prompt(self, text: str) -> None:
         with self._alone():
@@ -168,7 +162,7 @@ def run(
 
 @contextmanager
 def _resume_advised(out: Path) -> Iterator[None]:
-    """Say how to go on after what is nobody's mistake, where something was recorded."""
+    """Add to an error of devices, disks or workers how to go on, if something was recorded."""
     from jointz.session.run_settings import SESSIONS
 
     try:

@@ -55,11 +55,11 @@ def run_participant(
 
 
 def _written_report(file: Path) -> dict[str, Any]:
-    again = "Delete it: it is made again from the logs."
-    report = read_object(file, otherwise=again)
+    remedy = "Delete it: it is made again from the logs."
+    report = read_object(file, otherwise=remedy)
     missing = sorted({"onsets", "gaps", "timing", "aborted", "truth"} - set(report))
     if missing:
-        raise DataError(f"{file}: damaged, without {', '.join(missing)}. {again}", path=str(file))
+        raise DataError(f"{file}: damaged, without {', '.join(missing)}. {remedy}", path=str(file))
     return report
 
 

@@ -112,8 +112,8 @@ def check(
     except ProtocolError as exc:
         if not as_json:
             raise
-        found = {"status": "error", "error": "ProtocolError", "message": str(exc)}
-        emit_json({**found, "problems": list(exc.problems)})
+        report = {"status": "error", "error": "ProtocolError", "message": str(exc)}
+        emit_json({**report, "problems": list(exc.problems)})
         raise typer.Exit(EXIT_BAD_INPUT) from exc
     if as_json:
         emit_json({"status": "ok", **_about(protocol), "problems": []})

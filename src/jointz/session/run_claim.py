@@ -1,4 +1,4 @@
-"""Whose folder a study is: one run at a time, and only the run that began it."""
+"""Lock of a study's folder: one run at a time, and only the run that began it."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ def claimed(
     resume: bool,
     check: Callable[[], None],
 ) -> Iterator[None]:
-    """Make the study's folder, or see that the run in it is the same; hold it meanwhile."""
+    """Create the study's folder, or check that the run in it is the same; lock it meanwhile."""
     study, file = settings.study, settings.study / RUN_FILE
     _see_that_it_is_free(study, resume=resume)
     was_there = study.exists()
@@ -138,10 +138,12 @@ def _sha256(values: Mapping[str, Any]) -> str:
 
 def _see_that_it_is(about: Mapping[str, Any], file: Path) -> None:
     written = read_object(file)
-    other = [name for name, value in about.items() if written.get(name) != value]
-    if other:
-        told = "; ".join(f"{name} {written.get(name)!r}, now {about[name]!r}" for name in other)
+    changed = [name for name, value in about.items() if written.get(name) != value]
+    if changed:
+        differences = "; ".join(
+            f"{name} {written.get(name)!r}, now {about[name]!r}" for name in changed
+        )
         raise DataError(
-            f"{file.parent}: another run: {told}. Give the arguments it was started with.",
+            f"{file.parent}: another run: {differences}. Give the arguments it was started with.",
             path=str(file),
         )

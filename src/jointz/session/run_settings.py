@@ -1,4 +1,4 @@
-"""How an experiment is run, and what its files are called."""
+"""Settings of a run, and the names of its files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ SESSIONS = "sessions"
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
-    """How an experiment is run."""
+    """Settings of a run."""
 
     protocol: Protocol  # what to do
     seed: int  # of plan and simulation
@@ -38,5 +38,5 @@ def pulses_name(participant: str, condition: str) -> str:
 
 
 def has_pulse_table(protocol: Protocol, condition: ConditionSpec) -> bool:
-    """Tell whether a recording has a table of pulses; the study of a bench states them itself."""
+    """Return whether a recording has a table of pulses; recordings of a bench have none."""
     return condition.perturbations is not None and protocol.kind != "bench"

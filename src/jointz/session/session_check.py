@@ -39,7 +39,7 @@ def write_down_losses(folder: Path, protocol: Protocol, *, salvage: bool = False
     if salvage:
         salvage_journal(file)
     with Journal(file) as journal:
-        trials = [name for one in protocol.conditions for name in one.trial_names]
+        trials = [name for condition in protocol.conditions for name in condition.trial_names]
         if salvage:
             for event in missing_events(folder, protocol, read_journal(file)):
                 journal.write(**event)
@@ -129,7 +129,7 @@ def _logs(
 
 
 def _damage_texts(logs: list[tuple[Path, SessionLog | None]], events: list[Event]) -> Iterator[str]:
-    """Say which seconds and pulses damage costs."""
+    """Yield sentences about the seconds and pulses that damage costs."""
     for file, log in logs:
         if log is None:
             continue
@@ -194,7 +194,7 @@ def _losses(
 
 
 def _holds_pulse(log: SessionLog | None, completed: Event) -> bool:
-    """Tell whether a log has a pulse from its onset to the tick before its end."""
+    """Return whether a log has a pulse from its onset to the tick before its end."""
     if log is None or log.records.size == 0:
         return False
     records = log.records
@@ -221,7 +221,7 @@ def _size_at_end(events: list[Event], name: str, segment: int) -> int:
 
 
 def _holds_end(log: SessionLog | None, size_bytes: int) -> bool:
-    """Tell whether a log goes on to its end, or to within its last second: that loses nothing."""
+    """Return whether a log is complete to within its last second, which loses nothing."""
     if log is None:
         return size_bytes == 0
     second = log.header["record_bytes"] * log.header["control_hz"]

@@ -62,14 +62,14 @@ Rows = list[dict[str, Any]]
 
 
 def gives_volts(devices: Mapping[str, Any]) -> bool:
-    """Tell whether a footswitch gives volts, whose calibrated levels the loop and analysis take."""
+    """Return whether a footswitch gives volts, for which calibrated levels are used."""
     switch = devices.get("contact")
     return bool(switch and switch.get("kind") == "voltage")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConditionRecord:
-    """What was recorded in a condition, all its stretches one after the other."""
+    """Recording of a condition, all its stretches one after the other."""
 
     recording: xr.Dataset
     # one row a pulse that began, shams left out: ``onset_s, duration_s, amplitude_nm``, of walking
@@ -103,7 +103,7 @@ class SessionRecordings(ABC):
     salvage: bool = False  # whether damaged records are left out instead of refused
 
     def record(self, condition: ConditionSpec) -> ConditionRecord:
-        """Put the logs of a condition together, one after the other."""
+        """Join the logs of a condition, one after the other."""
         paths = self._paths(condition)
         logs = [read_log(path, salvage=self.salvage) for path in paths]
         master = _CLOCKS["actuator" if condition.worn else "angle"]

@@ -88,17 +88,17 @@ def onto(
         return np.asarray(values)
     if rows.size < 2 or time_ns.size == 0:
         return np.full(time_ns.size, np.nan)
-    masters, own = fit_clock(records, master), fit_clock(records, clock)
+    masters, sensor = fit_clock(records, master), fit_clock(records, clock)
     place = (time_ns - masters.start_ns).astype(float)
-    own_place = own.place(rows[clock], masters)
-    after = np.searchsorted(own_place, place, side="right").clip(1, own_place.size - 1)
-    hole = np.diff(own_place) > _HOLE_PERIODS * np.median(np.diff(own_place))
-    inside = (place > own_place[after - 1]) & (place < own_place[after])
-    outside = (place < own_place[0]) | (place > own_place[-1])
+    device_place = sensor.place(rows[clock], masters)
+    after = np.searchsorted(device_place, place, side="right").clip(1, device_place.size - 1)
+    hole = np.diff(device_place) > _HOLE_PERIODS * np.median(np.diff(device_place))
+    inside = (place > device_place[after - 1]) & (place < device_place[after])
+    outside = (place < device_place[0]) | (place > device_place[-1])
     if interpolated:
-        placed = np.interp(place, own_place, values)
+        placed = np.interp(place, device_place, values)
     else:
-        placed = values[after - (place < own_place[after])]
+        placed = values[after - (place < device_place[after])]
     return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
 
 

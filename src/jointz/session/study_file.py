@@ -120,9 +120,9 @@ def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
     sensor = devices.get("torque")
     if sensor is not None:
         units[sensor["channel"]] = sensor["unit"]
-    mover = devices.get("positioner")
-    if mover is not None:
-        units |= {mover["channel"]: "rad", "reference_position": "rad"}
+    positioner = devices.get("positioner")
+    if positioner is not None:
+        units |= {positioner["channel"]: "rad", "reference_position": "rad"}
     return units
 
 
@@ -132,9 +132,9 @@ def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
         lines.append(f"mass_kg = {person.mass_kg:.2f}")
     if person.height_m is not None:
         lines.append(f"height_m = {person.height_m:.3f}")
-    known = calibration.model_dump(exclude_none=True)
-    if known:
-        lines.append("calibration = " + written_table(known))
+    entries = calibration.model_dump(exclude_none=True)
+    if entries:
+        lines.append("calibration = " + written_table(entries))
     return lines
 
 

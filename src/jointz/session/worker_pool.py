@@ -38,7 +38,7 @@ _WORKER: dict[str, Any] = {}
 
 
 class NoOperator:
-    """Nobody to prompt: simulated people know what to do."""
+    """An operator for simulated people, who need no prompt."""
 
     def prompt(self, text: str) -> None:
         """Return at once."""
@@ -75,15 +75,15 @@ def _reports(coming: Iterable[Done[dict[str, Any]]], *, stops: bool) -> list[dic
     """Return what every participant came to; who failed is told, the first by its own error."""
     done: list[Done[dict[str, Any]]] = []
     failed: list[tuple[str, Exception]] = []
-    for one in coming:
-        done.append(one)
-        if one.error is not None:
-            failed.append((one.name, one.error))
+    for outcome in coming:
+        done.append(outcome)
+        if outcome.error is not None:
+            failed.append((outcome.name, outcome.error))
             if stops:
                 break
     for number, (name, error) in enumerate(failed):
         failed[0][1].add_note(f"{name} failed too: {error}" if number else f"It was {name}.")
-    return [one.result() for one in done]
+    return [outcome.result() for outcome in done]
 
 
 @contextmanager
@@ -102,7 +102,7 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
 
 @contextmanager
 def _session_pool(workers: int, tell: RunProgress) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that tell how far their sessions are, and are stopped gently."""
+    """Yield a pool of processes that report the progress of their sessions and stop gently."""
     queue = spawn_context().Queue()
     over = threading.Event()
     threading.Thread(target=_pass_on, args=(queue, tell, over), daemon=True).start()
@@ -132,7 +132,7 @@ def _begin_worker(until: Connection, queue: Any) -> None:
 
 
 def _outside_of_sessions(number: int, frame: FrameType | None) -> None:
-    """Leave what is being prepared or converted; who waits for work need not hear of it."""
+    """Interrupt work outside of sessions; an idle worker need not be interrupted."""
     del number, frame
     if _WORKER["busy"].locked():
         interrupt()
@@ -153,7 +153,7 @@ def _stop_with_parent() -> None:
 
 @contextmanager
 def _stopped_gently() -> Iterator[None]:
-    """Have what is done here interrupted when the parent ends; a cluster's workers have none."""
+    """Let the parent's end interrupt the block; workers of a cluster have no parent."""
     if not _WORKER:
         yield
         return
@@ -165,19 +165,19 @@ def _stopped_gently() -> Iterator[None]:
 
 def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
     with _stopped_gently():
-        one = open_rig(rig, number)
+        opened = open_rig(rig, number)
         queue = _WORKER.get("queue")  # a cluster's workers have none
         tell = _silent if queue is None else (lambda *told: queue.put(told))
-        progress = _named(tell, one.wearer.id)
-        return run_participant(one, settings, operator=NoOperator(), progress=progress)
+        progress = _named(tell, opened.wearer.id)
+        return run_participant(opened, settings, operator=NoOperator(), progress=progress)
 
 
 def _run_here(
     settings: RunSettings, rig: RigSettings, number: int, *, operator: Operator, tell: RunProgress
 ) -> dict[str, Any]:
-    one = open_rig(rig, number)
-    progress = _named(tell, one.wearer.id)
-    return run_participant(one, settings, operator=operator, progress=progress)
+    opened = open_rig(rig, number)
+    progress = _named(tell, opened.wearer.id)
+    return run_participant(opened, settings, operator=operator, progress=progress)
 
 
 def _named(tell: RunProgress, participant: str) -> Callable[[str, int, int, int], None]:

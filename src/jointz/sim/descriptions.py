@@ -1,4 +1,4 @@
-"""What the simulated devices of a wearer say about themselves."""
+"""Descriptions of the simulated devices that a participant wears."""
 
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec

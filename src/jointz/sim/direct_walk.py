@@ -75,8 +75,8 @@ class WalkPlan:
             raise DataError("WalkPlan: " + "; ".join(problems) + ".")
 
     def _problems(self) -> Iterator[str]:
-        given = {} if isinstance(self.per_point, int) else dict(self.per_point)
-        if unknown := sorted(set(given) - set(self.timing_points)):
+        per_point = {} if isinstance(self.per_point, int) else dict(self.per_point)
+        if unknown := sorted(set(per_point) - set(self.timing_points)):
             yield (
                 f"expected per_point for {', '.join(self.timing_points)}, got {', '.join(unknown)}"
             )
@@ -336,8 +336,10 @@ def _advance_all(
         if sample - 1 >= ends[stride]:
             stride += 1
             state[State.PATH_KNOWN] = 0.0
-        given = command[sample - 1] if sample > 0 else 0.0
-        motor, angle = plant.advance(p, state, curves, history, gaits[stride], noise, sample, given)
+        torque_nm = command[sample - 1] if sample > 0 else 0.0
+        motor, angle = plant.advance(
+            p, state, curves, history, gaits[stride], noise, sample, torque_nm
+        )
         out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
         out[3, sample] = angle
     return out

@@ -27,12 +27,11 @@ _KNEE_GROWTH_S_M = 0.15  # share of the knee curve per m/s
 
 @dataclass(frozen=True, slots=True)
 class ConditionShift:
-    """How the knee of one condition differs from the person's."""
+    """Difference between the knee of one condition and the person's."""
 
-    # added to the angle, share added to the curve, cycles the curve is early
-    offset_rad: float = 0.0
-    amplitude: float = 0.0
-    phase_cycles: float = 0.0
+    offset_rad: float = 0.0  # added to the angle
+    amplitude: float = 0.0  # share added to the curve
+    phase_cycles: float = 0.0  # by which the curve is early
 
 
 def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShift:
@@ -49,8 +48,8 @@ def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShi
 class Stride:
     """One stride."""
 
-    start_s: float  # s: heel strike, on the device's clock, and time to the next
-    duration_s: float  # s
+    start_s: float  # heel strike, on the device's clock
+    duration_s: float  # time to the next heel strike
     # polynomial of phase and Fourier coefficients, see :class:`jointz.sim.layout.Gait`
     row: np.ndarray
 

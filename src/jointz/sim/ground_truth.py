@@ -45,12 +45,12 @@ def condition_truth(
     strikes: list[float] = []
     rows: list[dict[str, Any]] = []
     for motion, (_, offset, end_s) in zip(motions, stretches, strict=True):
-        here = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] <= offset + end_s)]
+        in_stretch = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] <= offset + end_s)]
         strides = _strides(motion, end_s)
         strikes += [s.start_s + offset for s in strides if 0.0 <= s.start_s <= end_s]
         rows += [
             _pulse_truth(build, strides, pulse, shape, offset_s=offset, window_s=window_s)
-            for pulse in here[here["completed"].astype(bool)].to_dict("records")
+            for pulse in in_stretch[in_stretch["completed"].astype(bool)].to_dict("records")
         ]
     return {
         "heel_strike_s": strikes,
@@ -150,8 +150,8 @@ def window_weights(
     sensitivity, _ = respond(-motion, K, B, J, rate_hz=rate_hz)
     damping = (B / J)[::-1]
     stiffness = (K / J)[::-1] + np.gradient(damping, 1.0 / rate_hz)
-    heard, _ = respond(sensitivity[::-1], stiffness, damping, 1.0, rate_hz=rate_hz)
-    weights = -motion * heard[::-1] / J
+    adjoint, _ = respond(sensitivity[::-1], stiffness, damping, 1.0, rate_hz=rate_hz)
+    weights = -motion * adjoint[::-1] / J
     return np.asarray(weights / weights.sum())
 
 
@@ -169,8 +169,8 @@ def _torque(
         """Return what a ramp (or a step) of the command becomes behind the current loop."""
         return change * _lagged_ramp(np.maximum(time, 0.0), ramp_s, settings.time_constant_s)
 
-    asked = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
-    return np.asarray(float(pulse["amplitude_nm"]) * asked)
+    share = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
+    return np.asarray(float(pulse["amplitude_nm"]) * share)
 
 
 def _lagged_ramp(time: np.ndarray, ramp_s: float, lag_s: float) -> np.ndarray:

@@ -34,10 +34,10 @@ _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
 class Leg:
     """Shank and foot of a person."""
 
-    mass_kg: float  # mass, distance of its centre from the knee, inertia about the knee (kg*m^2)
-    centre_m: float
-    inertia: float
-    thigh_inertia: float  # about the hip, without what hangs on the knee (kg*m^2); m
+    mass_kg: float
+    centre_m: float  # distance of its centre from the knee
+    inertia: float  # kg*m^2, about the knee
+    thigh_inertia: float  # kg*m^2, of the thigh alone, about the hip
     thigh_length_m: float
 
     @property

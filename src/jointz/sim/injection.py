@@ -11,7 +11,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True, slots=True)
 class Misbehaviour:
-    """One thing that goes wrong."""
+    """One misbehaviour of a device."""
 
     device: DeviceName
     # ``freeze``: samples come, their values stand still. ``silence``: no samples come. ``nan``:
@@ -27,7 +27,7 @@ class Misbehaviour:
 
 @dataclass(slots=True)
 class Injection:
-    """What is ordered from a rig; orders may be given at any time."""
+    """Misbehaviour ordered from a rig; orders may be given at any time."""
 
     # everything ordered; see :meth:`order`
     orders: list[Misbehaviour] = field(default_factory=list)

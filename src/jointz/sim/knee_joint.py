@@ -165,14 +165,14 @@ def respond(
 
 
 def _along(values: ArrayLike, n: int, *, name: str) -> np.ndarray:
-    given = np.asarray(values, dtype=float)
-    if given.shape not in ((), (n,)):
+    array = np.asarray(values, dtype=float)
+    if array.shape not in ((), (n,)):
         raise DataError(
-            f"respond: {name} must be one number or one per sample ({n}), got shape {given.shape}."
+            f"respond: {name} must be one number or one per sample ({n}), got shape {array.shape}."
         )
-    if not np.isfinite(given).all():
+    if not np.isfinite(array).all():
         raise DataError(f"respond: {name} must be finite. Fill or cut missing samples.")
-    return np.full(n, given) if given.ndim == 0 else np.ascontiguousarray(given)
+    return np.full(n, array) if array.ndim == 0 else np.ascontiguousarray(array)
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Where everything stands in the packed arrays of the compiled plant.
+"""Places of constants and state in the packed arrays of the compiled plant.
 
 The compiled step takes a few flat arrays; these are the names of their places.
 """
@@ -68,7 +68,7 @@ class Param(IntEnum):
 
 
 class State(IntEnum):
-    """What changes; up to nine of the first are integrated by Runge and Kutta's method."""
+    """State of a plant; up to nine of the first are integrated by Runge and Kutta's method."""
 
     ANGLE = 0  # deviation from the unperturbed path
     VELOCITY = 1

@@ -23,11 +23,11 @@ class Person:
 
     number: int  # place in the population, from 0
     seed: int  # of the population
-    mass_kg: float  # body, and mean stride time at 1.2 m/s
+    mass_kg: float
     height_m: float
-    stride_time_s: float
-    stiffness_per_mass: Mapping[str, float]  # timing point -> N*m/rad/kg, N*m*s/rad/kg
-    damping_per_mass: Mapping[str, float]
+    stride_time_s: float  # mean at 1.2 m/s
+    stiffness_per_mass: Mapping[str, float]  # timing point -> N*m/rad/kg
+    damping_per_mass: Mapping[str, float]  # timing point -> N*m*s/rad/kg
     inertia: float  # kg*m^2: of joint, limb and frame; the anthropometric preset has its own
 
     @property
@@ -84,7 +84,7 @@ def draw_person(number: int, *, seed: int) -> Person:
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """What the instruments of one person really do; the same in all conditions."""
+    """True properties of one person's instruments; the same in all conditions."""
 
     torque_gain: float  # measured over true
     angle_gain: float
@@ -97,20 +97,20 @@ class Instruments:
 def draw_instruments(person: Person, preset: Preset) -> Instruments:
     """Draw the errors of a person's instruments."""
     rng = person.stream("instruments")
-    errors = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
+    deviations = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
     shares = rng.random(3).tolist()
     body, goniometer = preset.body, preset.goniometer
     tissue, gain_error = goniometer.tissue_range_hz, goniometer.gain_error
     if gain_error is None:
-        gain_error = goniometer.gain_error_sd * errors[1]
+        gain_error = goniometer.gain_error_sd * deviations[1]
 
     def between(limits: Range, share: float) -> float:
         return limits[0] + share * (limits[1] - limits[0])
 
     return Instruments(
-        torque_gain=1.0 + preset.actuator.gain_error_sd * errors[0],
+        torque_gain=1.0 + preset.actuator.gain_error_sd * deviations[0],
         angle_gain=1.0 + gain_error,
-        friction_gain=1.0 + preset.actuator.friction_error_sd * errors[2],
+        friction_gain=1.0 + preset.actuator.friction_error_sd * deviations[2],
         angle_lag_s=between(goniometer.lag_range_s, shares[0]),
         strap_stiffness=between(body.strap_range_nm_rad, shares[1]) if body else 0.0,
         tissue_hz=between(tissue, shares[2]) if tissue else 0.0,

@@ -223,7 +223,7 @@ def _know_path(state: np.ndarray, gait: np.ndarray, time_s: float) -> None:
 
 @_compiled
 def begin(p: np.ndarray, state: np.ndarray, gait: np.ndarray, history: np.ndarray) -> None:
-    """Put a plant at rest on its path, at time 0."""
+    """Set a plant to rest on its path, at time 0."""
     state[: State.COMMAND] = 0.0
     _know_path(state, gait, 0.0)
     state[State.LAGGED] = state[State.TISSUE] = state[State.PATH]

@@ -1,4 +1,4 @@
-"""From a person, a preset and the person's instruments to the packed constants of a plant."""
+"""Packed constants of a plant, from a person, a preset and the person's instruments."""
 
 from dataclasses import dataclass
 from math import exp, pi, sqrt
@@ -16,18 +16,11 @@ _LOWEST_PHYSICS_HZ = 5000.0
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Samples and the steps of the physics between them.
+    """Samples and the steps of the physics between them."""
 
-    Parameters
-    ----------
-    sample_rate_hz : float, Hz
-        Of all devices of the rig; its period is a whole number of nanoseconds.
-    substeps : int, optional
-        Steps of the physics to a sample; by default enough for 5 kHz.
-    """
-
+    # Hz: of all devices of the rig; its period is a whole number of nanoseconds
     sample_rate_hz: float = 500.0
-    substeps: int = 0
+    substeps: int = 0  # steps of the physics to a sample; 0: enough for 5 kHz
 
     def __post_init__(self) -> None:
         if not self.sample_rate_hz > 0.0 or self.substeps < 0:
@@ -59,17 +52,17 @@ class Grid:
 class PlantBuild:
     """Everything constant about a plant."""
 
-    person: Person  # Preset, Instruments, Grid: what it was built from
-    preset: Preset  # Preset, Instruments, Grid
-    instruments: Instruments  # Preset, Instruments, Grid
-    grid: Grid  # Preset, Instruments, Grid
+    person: Person
+    preset: Preset
+    instruments: Instruments
+    grid: Grid
     worn: bool  # whether the exoskeleton is worn
     params: np.ndarray  # as :func:`jointz.sim.plant.advance` takes them
     curves: np.ndarray
 
 
 def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:
-    """Put the constants of a plant together."""
+    """Return the constants of a plant."""
     instruments = draw_instruments(person, preset)
     params = np.zeros(len(Param))
     params[Param.STEP_S], params[Param.PERIOD_S] = grid.step_s, grid.period_s

@@ -1,4 +1,4 @@
-"""How well simulated people walk and simulated instruments measure: the presets.
+"""Presets of simulated people and instruments.
 
 Everything random is a standard deviation unless it is called a range; angles
 are in rad, times in s, torques in N*m. What one wearer gets is drawn from
@@ -19,7 +19,7 @@ PresetT = TypeVar("PresetT")
 
 @dataclass(frozen=True, slots=True)
 class GaitSettings:
-    """How strides differ from each other."""
+    """Variation between strides."""
 
     duration_sd: float = 0.025  # stride time, share of the mean: from stride to stride, and slowly
     duration_drift_sd: float = 0.01
@@ -100,32 +100,31 @@ class JointSettings:
 class ActuatorSettings:
     """A quasi-direct-drive actuator; nominal values of table 3.1, model 3."""
 
-    # of equation 4.1: 1, N*m/A, N*m, N*m/A, kg*m^2, as the device states them
+    # of equation 4.1, as the device states them
     gear_ratio: float = 9.0
-    torque_constant: float = 0.11
-    coulomb_friction: float = 0.38
-    gear_friction: float = 0.09
-    rotor_inertia: float = 92e-4
-    delay_s: float = 0.006  # s: from command to current
-    time_constant_s: float = 0.012  # s
+    torque_constant: float = 0.11  # N*m/A
+    coulomb_friction: float = 0.38  # N*m
+    gear_friction: float = 0.09  # N*m/A
+    rotor_inertia: float = 92e-4  # kg*m^2
+    delay_s: float = 0.006  # from command to current
+    time_constant_s: float = 0.012  # of the current
     gain_error_sd: float = 0.02  # of torque per ampere and of both frictions, share
     friction_error_sd: float = 0.1
-    torque_error_sd_nm: float = 0.25  # N*m, s: ornstein-Uhlenbeck error of the torque
-    torque_error_time_s: float = 0.25  # N*m, s
-    sign_velocity_rad_s: float = 0.05  # rad/s: friction goes as tanh(velocity / this)
-    current_max_a: float = 30.0  # A: where the driver saturates
+    torque_error_sd_nm: float = 0.25  # of an Ornstein-Uhlenbeck error of the torque
+    torque_error_time_s: float = 0.25
+    sign_velocity_rad_s: float = 0.05  # friction goes as tanh(velocity / this)
+    current_max_a: float = 30.0  # where the driver saturates
     # quanta of what is reported; 0 for none
     angle_step_rad: float = 6.283185307179586 / (9 * 16384)
     velocity_step_rad_s: float = 0.005
     current_step_a: float = 0.01
-    supply_v: float = 48.0  # V, ohm: battery
-    supply_ohm: float = 0.05  # V, ohm
+    supply_v: float = 48.0  # of the battery
+    supply_ohm: float = 0.05  # of the battery
     ambient_c: float = 25.0  # winding: ambient temperature, final rise per A^2, time constant
     heating_c_a2: float = 0.3
     thermal_s: float = 90.0
-    temperature_max_c: float = 110.0  # degrees Celsius: above it the device goes into fault
-    # s: without a command for so long the device goes to zero current
-    command_timeout_s: float = 0.05
+    temperature_max_c: float = 110.0  # above it the device goes into fault
+    command_timeout_s: float = 0.05  # without a command for so long it goes to zero current
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,11 +139,11 @@ class GoniometerSettings:
     gain_error_sd: float = 0.02  # share; also what a lab believes of its instrument
     # the error that every wearer's instrument has, share; None: drawn
     gain_error: float | None = None
-    white_sd_rad: float = radians(0.3)  # rad, rad, s: noise
-    coloured_sd_rad: float = radians(0.15)  # rad, rad, s
-    coloured_time_s: float = 0.1  # rad, rad, s
-    drift_sd_rad: float = 0.0  # rad, s: slow drift
-    drift_time_s: float = 300.0  # rad, s
+    white_sd_rad: float = radians(0.3)  # noise
+    coloured_sd_rad: float = radians(0.15)  # noise
+    coloured_time_s: float = 0.1
+    drift_sd_rad: float = 0.0  # slow drift
+    drift_time_s: float = 300.0
     torsion_rad_nm: float = 0.0  # rad/(N*m): angle shown per torque on the joint
 
     def __post_init__(self) -> None:
@@ -181,24 +180,13 @@ class BodySettings:
 
     strap_range_nm_rad: Range = (300.0, 1000.0)  # N*m/rad: stiffness between frame and leg
     strap_damping_time_s: float = 0.005  # s: strap damping over strap stiffness
-    # kg, m: what hangs on the shank, and how far below the knee its centre is
-    frame_mass_kg: float = 1.0
-    frame_distance_m: float = 0.18  # kg, m
+    frame_mass_kg: float = 1.0  # of the frame on the shank
+    frame_distance_m: float = 0.18  # of its centre below the knee
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Everything that makes a simulated rig as good or bad as it is.
-
-    Parameters
-    ----------
-    name : str
-        Of the preset.
-    gait, joint, actuator, goniometer, footswitch : settings
-        Of the parts.
-    body : BodySettings, optional
-        None: the strap is rigid and the inertia is the person's printed one.
-    """
+    """Settings of a simulated person and rig."""
 
     name: str
     gait: GaitSettings = field(default_factory=GaitSettings)
@@ -206,6 +194,7 @@ class Preset:
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
     goniometer: GoniometerSettings = field(default_factory=GoniometerSettings)
     footswitch: FootswitchSettings = field(default_factory=FootswitchSettings)
+    # None: the strap is rigid and the inertia is the person's printed one
     body: BodySettings | None = None
 
 

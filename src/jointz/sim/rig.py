@@ -76,23 +76,23 @@ class SimulatedRig:
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it."""
+        """The participant."""
         return Wearer(self.person.id, self.person.mass_kg, self.person.height_m)
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What a lab knows, with its sd: gains, friction, frame; nobody measured a lag."""
+        """Gains, friction and frame as a laboratory knows them, with SD; no lag was measured."""
         gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,
             "friction_gain": self.preset.actuator.friction_error_sd,
         }
-        known = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
+        entries = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
         body = self.preset.body
         if body is not None:
             frame = body.frame_mass_kg * body.frame_distance_m**2
-            known["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
-        return CalibrationSpec(**known)
+            entries["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
+        return CalibrationSpec(**entries)
 
     @property
     def device(self) -> DeviceSpec | None:

@@ -47,11 +47,11 @@ class SampledTime(ABC):
 
     @abstractmethod
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque."""
+        """Command a torque of the actuator."""
 
     @abstractmethod
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more."""
+        """Release the torque of the actuator."""
 
     @abstractmethod
     def fail(self, bits: int) -> None:

@@ -28,7 +28,7 @@ _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """What the devices of one stretch have in common."""
+    """Plant, clock and misbehaviour that the devices of one stretch share."""
 
     plant: SampledTime  # the physics
     clock: Clock  # the host's
@@ -51,7 +51,7 @@ class _SimulatedDevice:
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
+        """State of the device in its lifecycle."""
         return self._state
 
     def configure(self) -> None:
@@ -95,8 +95,8 @@ class _SimulatedDevice:
     def _found(self, kind: str) -> list[Misbehaviour]:
         """Return what goes wrong at the newest sample."""
         newest_ns = self._queue[-1][0] if self._queue else self._last_ns
-        found = self._wiring.inject.found(self._device, newest_ns)
-        return [order for order in found if order.kind == kind]
+        orders = self._wiring.inject.found(self._device, newest_ns)
+        return [order for order in orders if order.kind == kind]
 
 
 class SimulatedActuator(_SimulatedDevice):
@@ -110,7 +110,7 @@ class SimulatedActuator(_SimulatedDevice):
         self._frozen: ActuatorSample | None = None
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself."""
+        """Return the description of the actuator."""
         return self._description
 
     def read(self) -> list[ActuatorSample]:
@@ -137,7 +137,7 @@ class SimulatedActuator(_SimulatedDevice):
         return samples
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint until the next command or the command timeout."""
+        """Command a torque on the joint until the next command or the command timeout."""
         if self._state is not _ACTIVE:
             self._require(_ACTIVE, "commanded")
         if self._orders:
@@ -158,18 +158,18 @@ class SimulatedActuator(_SimulatedDevice):
         samples = []
         for time_ns, motor, _, _ in self._queue:
             sample = ActuatorSample(time_ns, now, *motor)
-            wrong = self._wiring.inject.found(self._device, time_ns)
-            spoilt = self._spoilt(sample, wrong)
-            if spoilt is not None:
-                samples.append(spoilt)
+            orders = self._wiring.inject.found(self._device, time_ns)
+            altered = self._altered(sample, orders)
+            if altered is not None:
+                samples.append(altered)
         self._last_ns = self._queue[-1][0]
         self._queue.clear()
         if samples and samples[-1].faults:
             self._state = _FAULT
         return samples
 
-    def _spoilt(self, sample: ActuatorSample, wrong: list[Misbehaviour]) -> ActuatorSample | None:
-        kinds = {order.kind: order.value for order in wrong}
+    def _altered(self, sample: ActuatorSample, orders: list[Misbehaviour]) -> ActuatorSample | None:
+        kinds = {order.kind: order.value for order in orders}
         if "silence" in kinds:
             return None
         if "freeze" in kinds and self._frozen is not None:
@@ -256,7 +256,7 @@ class SimulatedSensor(_SimulatedSensor):
         self._description = description
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself."""
+        """Return the description of the sensor."""
         return self._description
 
 
@@ -272,7 +272,7 @@ class SimulatedFootswitch(_SimulatedSensor):
         self._description = description
 
     def describe(self) -> SensorDescription:
-        """Return what the footswitch says about itself."""
+        """Return the description of the footswitch."""
         return self._description
 
     def _doubled(self, value: float, sample: Sample, kinds: set[Kind]) -> float:
@@ -296,11 +296,11 @@ class SimulatedPositioner(_SimulatedSensor):
         self._description = description
 
     def describe(self) -> PositionerDescription:
-        """Return what the positioner says about itself."""
+        """Return the description of the positioner."""
         return self._description
 
     def command_position(self, angle_rad: float) -> None:
-        """Ask for an angle of the far side."""
+        """Command an angle of the far side."""
         if self._state is not _ACTIVE:
             self._require(_ACTIVE, "commanded")
         if self._orders:

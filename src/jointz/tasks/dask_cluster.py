@@ -65,11 +65,11 @@ class Cluster(Engine):
 
     @property
     def workers(self) -> int:  # type: ignore[override]  # workers come and go
-        """How many workers the cluster has for calls."""
+        """Number of workers of the cluster that take calls."""
         return max(1, len(self._fit))
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made on a worker."""
+        """Submit a call to a worker."""
         self._look()
         if not self._fit:
             raise BrokenProcessPool(f"{self._address}: no worker is left.")
@@ -115,7 +115,7 @@ class Cluster(Engine):
             self._look(now=True)
 
     def _is_left_alone(self, future: Future[Any]) -> bool:
-        """Tell whether nobody is left of the workers that a call was sent to."""
+        """Return whether all workers that a call was sent to are gone."""
         return self._fit.isdisjoint(self._sent[future])
 
     def _on(self, workers: set[str]) -> Executor:
@@ -123,15 +123,15 @@ class Cluster(Engine):
         return executor
 
     def _look(self, *, now: bool = False) -> None:
-        """Take note of workers that are gone, and of those that have come; not too often."""
+        """Update the lists of workers that are gone and that have joined, at most once a second."""
         if not now and time.monotonic() < self._next_look:
             return
         threads: dict[str, int] = self._client.nthreads()
         self._next_look = time.monotonic() + _LOOK_S
         self._fit &= threads.keys()
-        for known in (self._unfit, self._asked):
-            for worker in known.keys() - threads.keys():
-                del known[worker]
+        for group in (self._unfit, self._asked):
+            for worker in group.keys() - threads.keys():
+                del group[worker]
         for worker in threads.keys() - self._fit - self._unfit.keys() - self._asked.keys():
             self._asked[worker] = _begun(partial(self._ask, [worker]))
         for worker, answer in list(self._asked.items()):
@@ -141,7 +141,7 @@ class Cluster(Engine):
                     self._take_note(worker, found[worker], threads[worker])
 
     def _ask(self, workers: list[str] | None = None) -> dict[str, Any]:
-        """Ask workers what they calculate with; a task would take one down that has no jointz."""
+        """Ask workers for their versions; a task would stop a worker that has no jointz."""
         found: dict[str, Any] = self._client.run(
             _calculating_there, workers=workers, on_error="return"
         )
@@ -165,19 +165,19 @@ class Cluster(Engine):
             raise DataError(f"{self._address}: {self._complaint()}".rstrip())
 
     def _complaint(self) -> str:
-        """Say what is wrong with workers that may not calculate; nothing where there are none."""
+        """Return what is wrong with workers that may not calculate, "" if there are none."""
         if not self._unfit:
             return ""
-        told = "; ".join(f"{worker} has {why}" for worker, why in sorted(self._unfit.items()))
+        complaints = "; ".join(f"{worker} has {why}" for worker, why in sorted(self._unfit.items()))
         return (
-            f"Expected every worker to calculate as this process does: {told}. Install the same "
-            "versions there, and start workers with --nthreads 1: numbers must not depend on "
-            "where they are made. "
+            f"Expected every worker to calculate as this process does: {complaints}. "
+            "Install the same versions there, and start workers with --nthreads 1: numbers must "
+            "not depend on where they are made. "
         )
 
 
 def _begun(ask: Callable[[], dict[str, Any]]) -> Future[dict[str, Any]]:
-    """Ask in a thread of its own: who does not answer keeps nobody waiting."""
+    """Ask in a separate thread: a worker that does not answer blocks nothing."""
     answer: Future[dict[str, Any]] = Future()
 
     def asked() -> None:
@@ -271,11 +271,11 @@ def _difference(found: object, threads: int) -> str:
     if not isinstance(found, dict):
         return f"no jointz of this version ({found})"
     expected = _calculating()
-    other = [
+    differences = [
         f"{name} {found.get(name, 'not installed')} instead of {version}"
         for name, version in expected.items()
         if found.get(name) != version
     ]
     if threads != 1:
-        other.append(f"{threads} threads instead of 1")
-    return ", ".join(other)
+        differences.append(f"{threads} threads instead of 1")
+    return ", ".join(differences)

@@ -52,7 +52,7 @@ class Task(Generic[Result]):
 
 @dataclass(frozen=True, slots=True)
 class Done(Generic[Result]):
-    """What became of a task."""
+    """Outcome of a task."""
 
     name: str  # of the task
     value: Result | None = None  # its result
@@ -72,12 +72,12 @@ class Engine(ABC):
 
     @property
     def ahead(self) -> int:
-        """How many tasks are worth having under way at a time."""
+        """Number of tasks that are worth having under way at a time."""
         return _AHEAD * self.workers
 
     @abstractmethod
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made."""
+        """Submit a call."""
 
     @abstractmethod
     def renew(self) -> None:
@@ -107,16 +107,16 @@ class Serial(Engine):
         return 1
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Make a call now."""
-        made: Future[Result] = Future()
+        """Make the call at once."""
+        finished: Future[Result] = Future()
         try:
-            made.set_result(call())
+            finished.set_result(call())
         except Exception as exc:  # noqa: BLE001 - whoever asks for the result gets it
-            made.set_exception(exc)
-        return made
+            finished.set_exception(exc)
+        return finished
 
     def renew(self) -> None:
-        """Do nothing: there is nobody to be killed."""
+        """Do nothing: there are no workers."""
 
 
 class Processes(Engine):
@@ -132,7 +132,7 @@ class Processes(Engine):
             self._pool = self._opened.enter_context(opening())
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
-        """Have a call made by a worker."""
+        """Submit a call to a worker."""
         with signals_held():  # it may start a worker
             return self._pool.submit(call)
 
@@ -147,7 +147,7 @@ class Processes(Engine):
 
 
 def on_one_thread(call: Callable[[], Result]) -> Result:
-    """Make a call with one thread of linear algebra: how many there are changes last digits."""
+    """Make a call with one thread of linear algebra: their number changes last digits."""
     with threadpool_limits(limits=1):
         return call()
 
@@ -201,7 +201,7 @@ def done_in_turn(
 
 @contextmanager
 def engine_s_own_failures() -> Iterator[None]:
-    """Tell whatever is raised as the engine's; what tasks raise is in their futures."""
+    """Turn any error into one of the engine; errors of tasks are in their futures."""
     try:
         yield
     except (EngineError, DataError):
@@ -227,7 +227,7 @@ class _Place(Generic[Result]):
         self.suspect = False
 
     def begin(self, engine: Engine) -> None:
-        """Have it done, unless it is."""
+        """Submit the task, unless it was submitted."""
         if self._future is None:
             self._future = engine.submit(self._call)
 
@@ -236,12 +236,12 @@ class _Place(Generic[Result]):
         return 0 if self._future is None else engine.losses(self._future)
 
     def forget(self, engine: Engine) -> None:
-        """Take note of a lost worker: what went with it has to be done again."""
+        """Mark the task to be done again if it went with a lost worker."""
         if self._future is not None and engine.has_lost(self._future):
             self._future, self.suspect = None, True
 
     def blame(self, losses: int) -> None:
-        """Take note of workers that it lost while nothing else was under way."""
+        """Count workers that the task lost while nothing else was under way."""
         self._losses += losses
 
     @property
@@ -266,7 +266,7 @@ class _Place(Generic[Result]):
         return Done(name, error=error)
 
     def give_up(self) -> None:
-        """Have it done no more, where it has not begun."""
+        """Cancel the task, if it has not begun."""
         if self._future is not None:
             self._future.cancel()
 
@@ -284,7 +284,7 @@ def _is_first_done(engine: Engine, line: deque[_Place[Result]]) -> bool:
 
 
 def _is_ready(engine: Engine, line: deque[_Place[Result]]) -> bool:
-    """Have begun what may be, and wait for the first; False when a worker was lost."""
+    """Submit the tasks that may run and wait for the first; False when a worker was lost."""
     first = line[0]
     if not first.suspect:
         for place in takewhile(lambda place: not place.suspect, line):

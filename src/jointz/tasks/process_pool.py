@@ -39,7 +39,7 @@ def cores() -> int:
 
 @contextmanager
 def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
-    """Give a pool of processes that begin at once to import what they will need."""
+    """Yield a pool of processes that import the module they will need at once."""
     if workers == 1:
         yield None
         return
@@ -51,7 +51,7 @@ def process_pool(workers: int, *, needs: str) -> Iterator[Executor | None]:
 def spawned_pool(
     workers: int, begin: Callable[..., None], *arguments: Any, needs: str
 ) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that hear of its end, or of this process's."""
+    """Yield a pool of processes that end with it, and with this process."""
     refuse_script_without_guard()
     if not CAN_WAIT:
         raise DataError(

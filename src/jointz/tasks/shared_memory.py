@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 def shared_out(engine: Engine, calls: Iterable[Callable[[], Result]]) -> list[Callable[[], Result]]:
-    """Have calls begun; each function returned waits for one result."""
+    """Submit calls; each function returned waits for one result."""
     if isinstance(engine, Serial):
         return list(calls)
     return [partial(_result, engine, _begun(engine, call), call) for call in calls]

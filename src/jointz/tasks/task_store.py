@@ -44,7 +44,7 @@ class TaskStore:
     place: Path
 
     def __post_init__(self) -> None:
-        """Make the place absolute: workers may run in another folder."""
+        """Make the path absolute: workers may run in another folder."""
         object.__setattr__(self, "place", self.place.resolve())
 
     def check_writable(self) -> None:
@@ -91,7 +91,7 @@ class TaskStore:
 
     @contextmanager
     def told_with_errors(self) -> Iterator[None]:
-        """Say with an error that leaves a block which results are kept."""
+        """Add to an error that leaves the block which results are kept."""
         try:
             yield
         except Exception as exc:
@@ -131,13 +131,13 @@ def _own(folder: Path) -> Path:
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
+        status = folder.lstat()
     except OSError as exc:
         raise WriteError(str(folder), exc, _ANOTHER) from exc
     foreign = hasattr(os, "getuid") and (
-        found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
-    if foreign or not stat.S_ISDIR(found.st_mode):
+    if foreign or not stat.S_ISDIR(status.st_mode):
         raise OutputError(
             f"{folder}: expected a folder of your own that nobody else can write to: results in "
             f"it can run code. Where it is yours, remove it or chmod 700 it. {_ANOTHER}"

@@ -11,7 +11,7 @@ _command = ""
 
 
 def note_command(name: str | None) -> None:
-    """Take note of the command that was parsed, for what is said when it is stopped."""
+    """Record the command that was parsed, for the message when it is stopped."""
     global _command
     _command = name or ""
 

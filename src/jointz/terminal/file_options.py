@@ -35,37 +35,14 @@ NoHeader = Annotated[
 
 
 def given_columns(**columns: str | None) -> dict[str, str]:
-    """Return the columns that were given.
-
-    Parameters
-    ----------
-    **columns
-        Channel -> ``COL[:unit]``, None where the option was left out.
-    """
+    """Return the columns that were given."""
     return {name: text for name, text in columns.items() if text is not None}
 
 
 def text_layout(
     delimiter: str | None, decimal: Decimal, skip_rows: int, *, no_header: bool
 ) -> dict[str, Any]:
-    """Return the layout of a text file, as under ``[files]`` of a study.
-
-    Parameters
-    ----------
-    delimiter : str, optional
-        Between columns.
-    decimal : Decimal
-        Sign in numbers.
-    skip_rows : int
-        Rows before the table.
-    no_header : bool
-        Whether columns have no names.
-
-    Raises
-    ------
-    typer.BadParameter
-        An empty delimiter.
-    """
+    """Return the layout of a text file, as under ``[files]`` of a study."""
     if delimiter == "":
         raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
     return {

@@ -1,4 +1,4 @@
-"""What commands print: results on stdout, progress and errors on stderr."""
+"""Output of commands: results on stdout, progress and errors on stderr."""
 
 import errno
 import json
@@ -24,18 +24,7 @@ _RATE_OVER_S = 600.0
 
 
 def emit(text: str = "") -> None:
-    """Print a line of results.
-
-    Parameters
-    ----------
-    text : str
-        The line.
-
-    Raises
-    ------
-    WriteError
-        When stdout is closed or does not take it.
-    """
+    """Print a line of results."""
     try:
         _write_line(text)
     except OSError as exc:
@@ -60,41 +49,17 @@ def _discard_stdout() -> None:
 
 
 def emit_json(content: Mapping[str, Any]) -> None:
-    """Print one JSON object on stdout.
-
-    Parameters
-    ----------
-    content : mapping
-        JSON-serialisable.
-    """
+    """Print one JSON object on stdout."""
     emit(json.dumps(content, indent=2, allow_nan=False))
 
 
 def emit_error(kind: str, message: str) -> None:
-    """Print the JSON object that tells an error on stdout.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the error.
-    message : str
-        What it says.
-    """
+    """Print the JSON object that tells an error on stdout."""
     emit_json({"status": "error", "error": kind, "message": message})
 
 
 def emit_table(rows: list[list[str]], header: list[str], *, title: str = "") -> None:
-    """Print a table: by rich on a terminal, tab-separated elsewhere.
-
-    Parameters
-    ----------
-    rows : list of list of str
-        The cells.
-    header : list of str
-        The column names.
-    title : str
-        Above the table.
-    """
+    """Print a table: by rich on a terminal, tab-separated elsewhere."""
     if not _is_terminal(sys.stdout):
         if title:
             emit(title)
@@ -119,18 +84,7 @@ def _is_terminal(stream: TextIO | None) -> bool:
 
 @contextmanager
 def progress_bar(*, shown: bool) -> Iterator["Progress | None"]:
-    """Give a progress callback that draws a bar on a terminal's stderr: rate, time, time left.
-
-    Parameters
-    ----------
-    shown : bool
-        False under ``--quiet`` and ``--json``.
-
-    Yields
-    ------
-    callable or None
-        Called with (done, of how many, what comes next).
-    """
+    """Yield a callback that draws a progress bar on a terminal's stderr, None if not shown."""
     if not shown or not _is_terminal(sys.stderr):
         yield None
         return
@@ -171,38 +125,18 @@ def _rate(done: int, seconds: float | None) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Callbacks of progress bars, None where nothing is shown.
+    """Callbacks of progress bars, None where nothing is shown."""
 
-    Parameters
-    ----------
-    experiment : callable or None
-        Called with participant, condition, strides, pulses done, pulses planned.
-    analysis : callable or None
-        Called with (done, of how many, what comes next).
-    paused : callable
-        Makes a context in which nothing is drawn: the terminal is somebody else's. What
-        ends by an error is not drawn again.
-    """
-
+    # called with participant, condition, strides, pulses done, pulses planned
     experiment: "RunProgress | None" = None
-    analysis: "Progress | None" = None
+    analysis: "Progress | None" = None  # called with done, of how many, what comes next
+    # makes a context in which nothing is drawn; after an error the bars are not drawn again
     paused: Callable[[], AbstractContextManager[None]] = nullcontext
 
 
 @contextmanager
 def experiment_bars(*, shown: bool) -> Iterator[Bars]:
-    """Give callbacks that draw a bar a participant, and one of the analysis, on stderr.
-
-    Parameters
-    ----------
-    shown : bool
-        False under ``--quiet`` and ``--json``.
-
-    Yields
-    ------
-    Bars
-        The callbacks.
-    """
+    """Yield callbacks that draw a bar for each participant and one for the analysis on stderr."""
     if not shown or not _is_terminal(sys.stderr):
         yield Bars()
         return

@@ -1,4 +1,4 @@
-"""What the commands of ``jointz identify`` print and write."""
+"""Output of the commands of ``jointz identify``."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ _FOR_FIGURES = "series"
 
 
 class Fit(Protocol):
-    """What a result of ``identify`` offers."""
+    """Interface of a result of ``identify``."""
 
     def to_frame(self) -> "pd.DataFrame":
         """Return one row a parameter."""
@@ -33,13 +33,7 @@ class Fit(Protocol):
         """Return a short text."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw it.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw.
-        """
+        """Draw it."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -47,25 +41,13 @@ class Fit(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """How a command was asked to answer.
+    """Options of a command that say how it answers."""
 
-    Parameters
-    ----------
-    model : str
-        What was fitted, for a failure's JSON.
-    figure : pathlib.Path, optional
-        Where a figure goes.
-    as_json, quiet : bool
-        ``--json`` and ``--quiet``.
-    size : tuple of float
-        Of the figure, inches.
-    """
-
-    model: str
-    figure: Path | None
-    as_json: bool
-    quiet: bool
-    size: tuple[float, float] = (7.1, 3.5)
+    model: str  # that was fitted, for a failure's JSON
+    figure: Path | None  # where a figure goes
+    as_json: bool  # ``--json``
+    quiet: bool  # ``--quiet``
+    size: tuple[float, float] = (7.1, 3.5)  # inches, of the figure
 
     def __post_init__(self) -> None:
         """Refuse a figure that could not be written, before the work is done."""
@@ -92,24 +74,7 @@ class Output:
         file: Path,
         more: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the figure, print the result and leave with its exit status.
-
-        Parameters
-        ----------
-        fit : Fit
-            The result.
-        columns : mapping of str to Column
-            The columns as they were understood; echoed.
-        file : pathlib.Path
-            The recording; echoed.
-        more : mapping, optional
-            Further entries of the JSON.
-
-        Raises
-        ------
-        typer.Exit
-            Always; 0 where at least one parameter stands.
-        """
+        """Write the figure, print the result and leave with its exit status."""
         if self.figure is not None:
             _save(fit, self.figure, self.size)
         table = fit.to_frame()
@@ -125,18 +90,7 @@ class Output:
 
 
 def check_figure(figure: Path | None) -> None:
-    """Refuse a figure that could not be written.
-
-    Parameters
-    ----------
-    figure : pathlib.Path or None
-        Where it is to go; None: nowhere.
-
-    Raises
-    ------
-    typer.BadParameter
-        When its ending is not one of a figure, or there is no such folder.
-    """
+    """Refuse a figure that could not be written."""
     kinds = (".svg", ".pdf", ".png")
     if figure is None:
         return
@@ -156,15 +110,7 @@ def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
 
 
 def save_canvas(canvas: "Canvas", figure: Path) -> None:
-    """Write a figure, whole or not at all.
-
-    Parameters
-    ----------
-    canvas : matplotlib.figure.Figure
-        What was drawn.
-    figure : pathlib.Path
-        Where it goes; :func:`check_figure` has seen it.
-    """
+    """Write a figure, whole or not at all."""
     kind = figure.suffix.removeprefix(".")
     with whole_file(figure, "Make room or ask for permission, or name another file.") as partial:
         canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)

@@ -50,7 +50,7 @@ def _expect_raised(error: type[DeviceError], call: Callable[[], object], told: s
 
 
 class _DeviceContract(ABC, Generic[DeviceT]):
-    """What holds for every device."""
+    """Tests that hold for every device."""
 
     watched_s: ClassVar[float] = 0.3  # s: how long samples are watched
     stop_s: ClassVar[float] = 0.1  # s: how long ``stop`` may take
@@ -92,14 +92,14 @@ class _DeviceContract(ABC, Generic[DeviceT]):
             for step in (device.configure, device.activate, device.stop, device.close):
                 step()
                 states.append(device.state)
-        wanted = [
+        expected = [
             Lifecycle.UNCONFIGURED,
             Lifecycle.INACTIVE,
             Lifecycle.ACTIVE,
             Lifecycle.INACTIVE,
             Lifecycle.FINALISED,
         ]
-        _expect(states == wanted, f"states: expected {wanted}, got {states}.")
+        _expect(states == expected, f"states: expected {expected}, got {states}.")
 
     def test_it_can_be_activated_again_after_a_stop(self) -> None:
         """A stop is not the end."""
@@ -111,7 +111,7 @@ class _DeviceContract(ABC, Generic[DeviceT]):
             _expect(bool(device.read()), "no samples after the second activation.")
 
     def test_steps_out_of_order_raise(self) -> None:
-        """Nothing is activated that is not configured, and nothing is taken up after the end."""
+        """A device cannot be activated before it is configured, nor after it is closed."""
         with self.made() as (device, _):
             _expect_raised(DeviceError, device.activate, "activate while unconfigured")
             device.configure()
@@ -170,19 +170,19 @@ class _DeviceContract(ABC, Generic[DeviceT]):
         """Device times rise strictly, host times do not lie in the future."""
         with self.active() as (device, clock):
             samples, elapsed_s = self._watch(device, clock)
-            wanted = elapsed_s * device.describe().sample_rate_hz
+            expected = elapsed_s * device.describe().sample_rate_hz
         times = [sample.device_time_ns for sample in samples]
         _expect(
             all(late > early for early, late in pairwise(times)),
             "device_time_ns: expected rising times, each once.",
         )
         _expect(
-            abs(len(samples) - wanted) <= 0.1 * wanted + 2.0,
-            f"expected about {wanted:.0f} samples in {elapsed_s:.3f} s, got {len(samples)}.",
+            abs(len(samples) - expected) <= 0.1 * expected + 2.0,
+            f"expected about {expected:.0f} samples in {elapsed_s:.3f} s, got {len(samples)}.",
         )
 
     def test_a_device_that_is_gone_says_so_and_can_be_stopped(self) -> None:
-        """Only ``stop`` and ``close`` are quiet about it."""
+        """Every call except ``stop`` and ``close`` raises."""
         with self.active() as (device, _):
             self.disconnect(device)
             _expect_raised(NotConnectedError, device.read, "read of a device that is gone")
@@ -249,7 +249,7 @@ class ActuatorContract(_DeviceContract[Actuator]):
         _expect(timeout_s > 0.0 and isfinite(timeout_s), f"command_timeout_s: got {timeout_s}.")
 
     def test_it_is_commanded_only_while_active(self) -> None:
-        """Nothing is accepted before, between and after."""
+        """Commands are refused before, between and after."""
         with self.made() as (device, _):
             _expect_raised(DeviceError, lambda: device.command_torque(0.0), "unconfigured")
             device.configure()
@@ -292,7 +292,7 @@ class ActuatorContract(_DeviceContract[Actuator]):
         _expect_raised(NotConnectedError, lambda: device.command_torque(0.0), "command, gone")
 
     def _hold(self, device: Actuator, clock: Clock, torque_nm: float) -> float:
-        """Ask for a torque until the current has settled and return the current, A."""
+        """Command a torque until the current has settled and return the current, A."""
         step_s = min(0.25 * device.describe().command_timeout_s, 0.01)
         samples: list[ActuatorSample] = []
         for _ in range(round(self.settle_s / step_s) + 1):
@@ -316,7 +316,7 @@ class ActuatorContract(_DeviceContract[Actuator]):
 
 
 class SensorContract(_DeviceContract[Sensor]):
-    """What holds for every sensor; subclass it and say how one is made."""
+    """Tests that hold for every sensor; a subclass says how one is made."""
 
     def test_it_is_a_sensor(self) -> None:
         """All methods of the interface are there."""

@@ -41,12 +41,6 @@ def test_hard_bench_is_nowhere_better_than_the_nominal_one():
     assert clean != nominal != hard
 
 
-def test_presets_share_the_machine_and_know_their_names():
-    for name, settings in QDD_PRESETS.items():
-        assert settings.name == name
-        assert settings.machine == QddMachine()
-
-
 def test_printed_constants_of_the_motor_are_the_defaults():
     machine = QddMachine()
     assert (machine.gear_ratio, machine.torque_constant) == (9.0, 0.11)
@@ -108,9 +102,3 @@ def test_a_delay_too_long_to_be_kept_is_refused():
     with pytest.raises(DataError, match=r"got -0\.001"):
         packed(QddMachine(delay_s=-0.001))
     assert packed(QddMachine(delay_s=0.021))[QddParam.COMMAND_DELAY] < COMMANDS
-
-
-@pytest.mark.parametrize("rate_hz", [50.0, 99.0, 20_001.0, float("nan")])
-def test_a_rate_out_of_range_is_refused(rate_hz):
-    with pytest.raises(DataError, match=r"expected a rate of 100\.\.20000 Hz"):
-        packed(QddMachine(), rate_hz)

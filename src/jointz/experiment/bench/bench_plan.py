@@ -61,7 +61,7 @@ def _onsets_s(
 
 @dataclass(frozen=True, slots=True)
 class BenchCourse:
-    """What every tick of a trial asks for."""
+    """Torque and position that a trial requests, tick by tick."""
 
     torque: list[float]  # N*m: reference and pulses
     command: list[float]  # N*m

@@ -1,4 +1,4 @@
-"""One trial on a bench: what happens at every tick."""
+"""One trial on a bench, tick by tick."""
 
 from collections.abc import Callable
 
@@ -60,7 +60,7 @@ class BenchTrial:
         return False
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
-        """Do everything that is to be done in one slot."""
+        """Read, decide, command and record in one slot."""
         if self._first_slot < 0:
             self._first_slot = slot
         slot -= self._first_slot

@@ -1,4 +1,4 @@
-"""One process at a time: a lock on a file, gone with the process that holds it."""
+"""Lock on a file that ends with the process that holds it."""
 
 import os
 from importlib import import_module

@@ -62,7 +62,7 @@ class Journal:
 
 
 def salvage_journal(path: Path) -> None:
-    """Leave damaged lines out of a journal; the damaged file is kept beside it."""
+    """Remove damaged lines from a journal; the damaged file is kept beside it."""
     if not path.exists():
         return
     fd = _locked(path)
@@ -85,9 +85,9 @@ def salvage_journal(path: Path) -> None:
 
 def write_salvaged(journal: Journal, events: Iterable[Event], texts: Iterable[str]) -> None:
     """Write down what is damaged, unless it stands there already."""
-    told = set(salvaged_texts(events))
+    known_texts = set(salvaged_texts(events))
     for text in texts:
-        if text not in told:
+        if text not in known_texts:
             journal.write("salvaged", condition="", text=text)
 
 
@@ -147,14 +147,16 @@ def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
 
 def segments_begun(events: Iterable[Event], condition: str) -> int:
     """Return how many times a condition was begun or taken up again."""
-    own = [event for event in events if event["condition"] == condition]
-    highest = max((int(event.get("segment", -1)) for event in own), default=-1)
+    events_of_condition = [event for event in events if event["condition"] == condition]
+    highest = max((int(event.get("segment", -1)) for event in events_of_condition), default=-1)
     # Lines may be damaged and left out: the highest number tells more than their count.
-    return max(highest + 1, [event["event"] for event in own].count("segment_started"))
+    return max(
+        highest + 1, [event["event"] for event in events_of_condition].count("segment_started")
+    )
 
 
 def is_completed(events: Iterable[Event], condition: str) -> bool:
-    """Tell whether a condition is done."""
+    """Return whether a condition is done."""
     completed = False
     for event in events:
         if event["condition"] == condition and event["event"] in _ENDS:
@@ -206,8 +208,8 @@ def _intact_lines(content: bytes) -> list[bytes]:
     """Return the lines whose checksum fits, also where the end of the one before is damaged."""
     lines: list[bytes] = []
     for line in content.split(b"\n"):
-        found = [line] if checked_text(line) is not None else _ANY_LINE.findall(line)
-        lines += [one for one in found if checked_text(one) is not None]
+        candidates = [line] if checked_text(line) is not None else _ANY_LINE.findall(line)
+        lines += [one for one in candidates if checked_text(one) is not None]
     return lines
 
 

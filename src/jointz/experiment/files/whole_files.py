@@ -79,7 +79,7 @@ def write_twice(file: Path, text: str) -> None:
 
 
 def is_written(file: Path) -> bool:
-    """Tell whether a file that is written twice is there, or its copy."""
+    """Return whether a file that is written twice, or its copy, exists."""
     return file.exists() or _copy_of(file).exists()
 
 

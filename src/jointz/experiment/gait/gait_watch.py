@@ -1,4 +1,4 @@
-"""Watches the participant walk: heel strikes, strides, phase, and a second opinion."""
+"""Heel strikes, strides and phase of a walking participant at run time."""
 
 from jointz.core.protocols.protocol import GaitSpec
 from jointz.devices.interface import SensorSample
@@ -40,7 +40,7 @@ class GaitWatch:
         self.last_stride_ns = 0
 
     def update(self, slot_ns: int, angle: list[SensorSample], contact: list[SensorSample]) -> bool:
-        """Take the samples of a tick and tell whether an accepted stride ended."""
+        """Process the samples of a tick and return whether an accepted stride ended."""
         stride = self.retracted = False
         for sample in contact:
             at_ns = slot_ns - contact[-1].device_time_ns + sample.device_time_ns

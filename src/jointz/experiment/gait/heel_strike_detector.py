@@ -41,7 +41,7 @@ class HeelStrikeDetector:
         self.retracted = False
 
     def update(self, time_ns: int, value: float) -> int | None:
-        """Take a sample and return the time of a strike that it brings."""
+        """Process a sample and return the time of the strike that it completes, if any."""
         self.retracted = self._check_at_ns is not None and self._found_false(time_ns, value)
         if self._on:
             if value < self._low:
@@ -61,7 +61,7 @@ class HeelStrikeDetector:
         return time_ns
 
     def _found_false(self, time_ns: int, value: float) -> bool:
-        """Take a sample after a strike and tell whether it shows the strike to be false."""
+        """Process a sample after a strike and return whether it shows the strike to be false."""
         self._seen += not isnan(value)
         self._closed += value >= self._low
         if self._check_at_ns is None or time_ns < self._check_at_ns:

@@ -62,7 +62,7 @@ class StridePhase:
         self._undo = self._state()
 
     def strike(self, time_ns: int) -> bool:
-        """Take a heel strike and tell whether it ended an accepted stride."""
+        """Process a heel strike and return whether it ended an accepted stride."""
         self._undo = self._state()
         duration = time_ns - self._last_ns
         if not self._last_ns:
@@ -94,7 +94,7 @@ class StridePhase:
         self.spurious = spurious + 1
 
     def steady(self, time_ns: int) -> bool:
-        """Tell whether the phase is known: gait is steady and no strike is overdue."""
+        """Return whether the phase is known: gait is steady and no strike is overdue."""
         return (
             self._steady_run >= self._steady_after
             and not self._spurious_after_ns
@@ -148,7 +148,7 @@ class KneePhase:
         self._mean_ns = 0.0
 
     def update(self, time_ns: int, angle: float) -> None:
-        """Take a sample of the knee angle."""
+        """Process a sample of the knee angle."""
         if angle > _FLEXED_RAD:
             if angle > self._peak:
                 self._peak, self._peak_ns = angle, time_ns

@@ -182,7 +182,7 @@ def stream_session(
     announce: Callable[[str, str], None],
     count: Callable[[int, int], None],
 ) -> None:
-    """Put a session on Lab Streaming Layer: one that runs until it ends, else one that is over."""
+    """Stream a session: one that runs until it ends, or a finished one at its own pace."""
     folder, study = found_session(path)
     clock = clock or RealClock(spin_ns=0)
     outlets = SessionOutlets(clock=clock, name=name)
@@ -223,9 +223,9 @@ def found_session(path: Path) -> tuple[Path | None, Path | None]:
         return path, None
     sessions = sorted(one.parent for one in (path / SESSIONS).glob(f"*/{JOURNAL_FILE}"))
     if len(sessions) != 1:
-        told, todo = "no session", "Name a folder that jointz run made."
+        holds, advice = "no session", "Name a folder that jointz run made."
         if sessions:
-            told = f"{len(sessions)} sessions, all of them over"
-            todo = f"Name one: {sessions[0]}, ..."
-        raise DataError(f"{path}: holds {told}; expected one. {todo}", path=str(path))
+            holds = f"{len(sessions)} sessions, all of them over"
+            advice = f"Name one: {sessions[0]}, ..."
+        raise DataError(f"{path}: holds {holds}; expected one. {advice}", path=str(path))
     return sessions[0], None

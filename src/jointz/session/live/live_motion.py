@@ -1,4 +1,4 @@
-"""What the log says of a stretch: traces, heel strikes, where pulses began, how the loop keeps."""
+"""Traces, heel strikes, pulse onsets and loop timing of a stretch, from its log."""
 
 from collections import deque
 from typing import Any
@@ -39,7 +39,7 @@ class Motion:
         self.last_ns = 0
 
     def take(self, records: np.ndarray) -> None:
-        """Take note of records."""
+        """Process records."""
         ticks = records[records["part"] == 0]
         if not ticks.size:
             return
@@ -62,12 +62,12 @@ class Motion:
 
     def loop(self) -> dict[str, float]:
         """Return how the loop kept its time over the last seconds, us, and slots missed in all."""
-        told: dict[str, float] = {"ticks": self.ticks, "missed_slots": self.missed_slots}
+        summary: dict[str, float] = {"ticks": self.ticks, "missed_slots": self.missed_slots}
         if not self._recent:
-            return told
+            return summary
         late = np.concatenate([p["host_time_ns"] for p in self._recent]) % self._period_ns / 1e3
         busy = np.concatenate([p["busy_us"] for p in self._recent])
-        return told | {
+        return summary | {
             "busy_p99_us": float(np.percentile(busy, 99.0)),
             "busy_max_us": float(busy.max()),
             "late_p99_us": float(np.percentile(late, 99.0)),
@@ -80,17 +80,17 @@ class Motion:
         if not self._recent:
             return {}
         recent = np.concatenate(self._recent)
-        told = {name: _newest(recent[name]) for name in ("temperature_c", "voltage", "angle")}
+        summary = {name: _newest(recent[name]) for name in ("temperature_c", "voltage", "angle")}
         peaks = {
             "sent_torque": np.abs(recent["sent_torque"]),
             "current": np.abs(recent["current"]),
             "velocity": np.abs(recent["motor_velocity"]),
         }
-        told |= {f"peak_{name}": _largest(values) for name, values in peaks.items()}
-        felt = recent["command"][recent["host_time_ns"] > self.last_ns - _DUTY_S * 1e9] != 0.0
+        summary |= {f"peak_{name}": _largest(values) for name, values in peaks.items()}
+        pulse_on = recent["command"][recent["host_time_ns"] > self.last_ns - _DUTY_S * 1e9] != 0.0
         # Of the whole window, as the safety gate has it, from the first tick on.
-        told["pulse_duty"] = float(felt.sum() * self._period_ns / (_DUTY_S * 1e9))
-        return told
+        summary["pulse_duty"] = float(pulse_on.sum() * self._period_ns / (_DUTY_S * 1e9))
+        return summary
 
     @property
     def torque_is_off(self) -> bool:
@@ -140,7 +140,7 @@ class Motion:
         self.strides = int(stride[-1])
 
     def _strike(self, at_s: float) -> None:
-        """Take note of a strike that ends an accepted stride, and of the pulses in that."""
+        """Record a strike that ends an accepted stride, and the pulses in that stride."""
         start_s = self.strikes_s[-1] if self.strikes_s else at_s
         self.strikes_s.append(at_s)
         for pulse in self._open:

@@ -1,4 +1,4 @@
-"""What the journal says of a session: where it is, what is done, what comes next."""
+"""Progress of a session from its journal: state, pulses done, pulse that is due next."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ _DEVICES_STOPPED = frozenset({"devices_stopped", "condition_completed"})
 
 @dataclass(slots=True)
 class TrialProgress:
-    """What is done of a trial."""
+    """Progress of a trial."""
 
     planned: Sequence[Mapping[str, Any]]  # its pulses, in order
     done: set[int] = field(default_factory=set)  # numbers of those that are completed
@@ -50,12 +50,12 @@ class TrialProgress:
     completed: bool = False  # whether the trial is over
 
     def begin(self) -> None:
-        """Take note of a new stretch: what is not done is due in the order of the plan."""
+        """Begin a new stretch: pulses that are not done are due in the order of the plan."""
         left = (pulse["number"] for pulse in self.planned)
         self.queue = deque(number for number in left if number not in self.done)
 
     def take(self, kind: str, number: int) -> None:
-        """Take note of what became of a pulse."""
+        """Record the outcome of a pulse."""
         if kind == "pulse_completed":
             self.done.add(number)
             return
@@ -109,7 +109,7 @@ class SessionProgress:
         self.told: deque[dict[str, Any]] = deque(maxlen=_MOST_TOLD)
 
     def take(self, event: Event) -> None:
-        """Take note of an event."""
+        """Process an event."""
         kind, condition = event["event"], event["condition"]
         trial = self.trial(condition)
         if kind == "segment_started":

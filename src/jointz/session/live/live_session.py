@@ -54,8 +54,8 @@ def holder_of(study: Path) -> int | None:
         return None
     # "1: FLOCK ADVISORY WRITE process device:inode 0 EOF"; one that waits for it has "->". By the
     # inode alone: some file systems tell the kernel of another device than they tell us.
-    held = (line.split() for line in lines if "FLOCK" in line and "->" not in line)
-    return next((int(f[4]) for f in held if any(one.endswith(f":{inode}") for one in f)), None)
+    locks = (line.split() for line in lines if "FLOCK" in line and "->" not in line)
+    return next((int(f[4]) for f in locks if any(one.endswith(f":{inode}") for one in f)), None)
 
 
 def refuse_where_unseen() -> None:
@@ -93,7 +93,7 @@ class LiveSession:
         return self._folder
 
     def poll(self) -> None:
-        """Take in what was written since the last look."""
+        """Read what was written since the last poll."""
         # Looked for before the journal is read: what it confirmed last is then taken in.
         alive = self._alive()
         self._is_over = not alive
@@ -149,9 +149,9 @@ class LiveSession:
             self._keep_onsets(self._motion, stretch)
 
     def _keep_onsets(self, motion: Motion, stretch: tuple[str, int]) -> None:
-        kept = self._onsets.setdefault(self._of_log[0] if self._of_log else stretch[0], {})
+        onsets = self._onsets.setdefault(self._of_log[0] if self._of_log else stretch[0], {})
         for pulse in motion.begun:
-            kept[(stretch[1], pulse["pulse"])] = pulse
+            onsets[(stretch[1], pulse["pulse"])] = pulse
 
     def _follow_pause(self, event: str) -> None:
         strides = self._motion.strides if self._motion else 0
@@ -325,13 +325,13 @@ class LiveSession:
 
 def newest_session(study: Path) -> Path | None:
     """Return the session whose journal was written to last, None before there is one."""
-    found: list[tuple[float, Path]] = []
+    sessions: list[tuple[float, Path]] = []
     for journal in (study / SESSIONS).glob(f"*/{JOURNAL_FILE}"):
         try:
-            found.append((journal.stat().st_mtime, journal.parent))
+            sessions.append((journal.stat().st_mtime, journal.parent))
         except OSError:  # gone in between
             continue
-    return max(found)[1] if found else None
+    return max(sessions)[1] if sessions else None
 
 
 def control_files(study: Path) -> list[Path]:

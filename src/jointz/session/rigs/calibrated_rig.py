@@ -17,17 +17,17 @@ class CalibratedRig:
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it."""
+        """The participant."""
         return self._rig.wearer
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What the rig knows of the instruments, under what the calibration does."""
+        """The rig's calibration, overridden by the entries of the file."""
         return self._rig.calibration.overridden_by(self._known)
 
     @property
     def device(self) -> DeviceSpec | None:
-        """What hangs on the moving segment."""
+        """The mass on the moving segment."""
         return self._rig.device
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:

@@ -60,17 +60,17 @@ class HardwareRig:
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears the devices."""
+        """The participant."""
         return self._wearer
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What the file says about the instruments."""
+        """The calibration that the file states."""
         return self._hardware.file.calibration
 
     @property
     def device(self) -> DeviceSpec | None:
-        """What hangs on the moving segment, where the file says it."""
+        """The mass on the moving segment, if the file states it."""
         return self._hardware.file.device
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
@@ -177,7 +177,7 @@ def _sensors(protocol: Protocol, file: DeviceFile) -> tuple[str, ...]:
 def _knows_levels(
     file: DeviceFile, wearers: tuple[Wearer, ...], known: CalibrationFile | None
 ) -> bool:
-    """Tell whether the levels of everybody's footswitch are calibrated."""
+    """Return whether the levels of every participant's footswitch are calibrated."""
     levels = (
         file.calibration.overridden_by(known.of(one.id) if known else None).contact_levels_v
         for one in wearers
@@ -186,7 +186,7 @@ def _knows_levels(
 
 
 def _lacking(protocol: Protocol, file: DeviceFile, *, levels_known: bool) -> Iterator[str]:
-    """Tell what a protocol needs and the file has not."""
+    """Yield what the protocol needs and the file lacks."""
     worn = [one.name for one in protocol.conditions if one.worn]
     if worn and file.actuator is None:
         yield f"actuator: missing; it is worn in {', '.join(worn)}."
@@ -208,7 +208,7 @@ def _lacking(protocol: Protocol, file: DeviceFile, *, levels_known: bool) -> Ite
 
 
 def _another_kind(protocol: Protocol, kind: str) -> Iterator[str]:
-    """Tell of a footswitch that the loop cannot read, or that is not to be calibrated."""
+    """Yield the problem of a footswitch that the loop cannot read or that cannot be calibrated."""
     if protocol.kind == "walking" and kind != "contact":
         yield (
             f'contact.kind: expected "contact", got "{kind}": the loop takes below 0.3 for off and '

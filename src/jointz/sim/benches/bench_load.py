@@ -1,4 +1,4 @@
-"""What hangs on the output of a simulated bench."""
+"""Known loads of a simulated bench."""
 
 from dataclasses import dataclass
 from zlib import crc32

@@ -45,7 +45,7 @@ class CompiledBench(ABC):
         """Compute the next sample as the devices give it."""
 
     def _compile(self) -> None:
-        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
+        """Take a step without effect: the first one compiles, or loads the compiled code."""
         self.STEP(self._params, self._state.copy(), self._noise, 0.0, nan)
 
     def _draw(self) -> None:

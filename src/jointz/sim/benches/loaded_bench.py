@@ -38,7 +38,7 @@ SettingsT = TypeVar("SettingsT", SeaSettings, QddSettings)
 
 @dataclass(frozen=True, slots=True)
 class BenchLabels:
-    """What the devices of a bench say of themselves."""
+    """Names, models and limits of the devices of a bench."""
 
     kind: str  # the bench, as :meth:`LoadedBench.notes` tells it
     one_motor: bool  # whether the motor under test also moves the output
@@ -71,7 +71,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
 
     @property
     def device(self) -> DeviceSpec | None:
-        """Nothing: a bench has no limb."""
+        """None: a bench has no limb."""
         return None
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
@@ -112,7 +112,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
     @property
     @abstractmethod
     def _reach_rad(self) -> float:
-        """How far the positioner turns either way."""
+        """Largest angle of the positioner in either direction, rad."""
 
     def _actuator(self) -> ActuatorDescription:
         return ActuatorDescription(

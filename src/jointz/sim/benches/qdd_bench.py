@@ -25,47 +25,45 @@ COMMANDS = 128
 
 @dataclass(frozen=True, slots=True)
 class QddMachine:
-    """The machine; what is not of table 3.1 or 3.2 is assumed, see the docs."""
+    """The machine; values that tables 3.1 and 3.2 do not state are assumed, see the docs."""
 
-    gear_ratio: float = 9.0  # 1, N*m/A: of the torque motor (table 3.1)
-    torque_constant: float = 0.11  # 1, N*m/A
-    coulomb_friction: float = 0.38  # N*m, N*m/A: of the torque motor, at the output (table 3.1)
-    gear_friction: float = 0.09  # N*m, N*m/A
-    sign_velocity_rad_s: float = 0.02  # rad/s: where the sign of friction bends
-    rotor_inertia: float = 92e-4  # kg*m^2: at the output (table 3.1)
-    current_max_a: float = 25.0  # A, V: limit and supply of the drive
-    supply_v: float = 36.0  # A, V
-    delay_s: float = 0.002  # s: of the current behind its command
-    time_constant_s: float = 0.002  # s
-    spring_damping: float = 0.1  # N*m*s/rad: inside the spring
-    # kg*m^2, Hz, 1: position side at its output: inertia, servo frequency and damping ratio
-    far_inertia: float = 0.25
-    far_hz: float = 30.0  # kg*m^2, Hz, 1
-    far_damping: float = 1.0  # kg*m^2, Hz, 1
+    # of the torque motor, at the output (table 3.1)
+    gear_ratio: float = 9.0
+    torque_constant: float = 0.11  # N*m/A
+    coulomb_friction: float = 0.38  # N*m
+    gear_friction: float = 0.09  # N*m/A
+    sign_velocity_rad_s: float = 0.02  # where the sign of friction bends
+    rotor_inertia: float = 92e-4  # kg*m^2
+    current_max_a: float = 25.0  # of the drive
+    supply_v: float = 36.0  # of the drive
+    delay_s: float = 0.002  # of the current behind its command
+    time_constant_s: float = 0.002  # of the current
+    spring_damping: float = 0.1  # N*m*s/rad, inside the spring
+    # of the position side, at its output
+    far_inertia: float = 0.25  # kg*m^2
+    far_hz: float = 30.0  # servo frequency
+    far_damping: float = 1.0  # damping ratio
 
 
 @dataclass(frozen=True, slots=True)
 class QddErrors:
-    """What the bench does that model 3.3 does not know; without arguments nothing."""
+    """Errors of the bench that model 3.3 does not contain; none by default."""
 
     torque_constant_error: float = 0.0  # true constant over the stated one, less 1
-    # friction against positive motion is larger by this share, against negative smaller
+    # share by which friction against positive motion is larger, against negative smaller
     friction_asymmetry: float = 0.0
-    # N*m, 1: cogging, and its periods a turn of the output: 42 a turn of the motor
     cogging_nm: float = 0.0
-    cogging_periods: float = 378.0  # N*m, 1
-    sensor_bias_nm: float = 0.0  # N*m: of the torque sensor
-    sensor_noise_nm: float = 0.0  # N*m
+    cogging_periods: float = 378.0  # in a turn of the output: 42 in a turn of the motor
+    sensor_bias_nm: float = 0.0  # of the torque sensor
+    sensor_noise_nm: float = 0.0
     sensor_gain_sd: float = 0.0  # of its calibration; :func:`draw_mounting` draws it
-    sensor_lag_s: float = 0.0  # s: time constant of the torque sensor's amplifier
-    # N*m, rad: half width of the loop of the spring's torque over its deflection, and the
-    # deflection over which it turns
-    spring_hysteresis_nm: float = 0.0
-    hysteresis_rad: float = 0.005  # N*m, rad
+    sensor_lag_s: float = 0.0  # time constant of the torque sensor's amplifier
+    spring_hysteresis_nm: float = 0.0  # half width of the loop of torque over deflection
+    hysteresis_rad: float = 0.005  # deflection over which that loop turns
     encoder_step_rad: float = 0.0  # of the motor's own measurements
     velocity_noise_rad_s: float = 0.0
     current_noise_a: float = 0.0
-    # s: sd of the true sample times about the even ones; commands change with them
+    # SD of the true sample times about the even ones; commands change with them
     clock_jitter_s: float = 0.0
 
 
@@ -74,10 +72,10 @@ class QddSettings:
     """A quasi-direct-drive bench."""
 
     name: str  # of the preset
-    machine: QddMachine = field(default_factory=QddMachine)  # QddErrors: its parts
-    errors: QddErrors = field(default_factory=QddErrors)  # QddErrors
+    machine: QddMachine = field(default_factory=QddMachine)
+    errors: QddErrors = field(default_factory=QddErrors)
     sensor_gain: float = 1.0  # reading of the torque sensor over the true torque
-    ripple_phase_rad: float = 0.0  # rad: of the ripple at angle 0: how the motor was mounted
+    ripple_phase_rad: float = 0.0  # of the cogging at angle 0: how the motor was mounted
 
 
 _NOMINAL = QddErrors(
@@ -164,7 +162,7 @@ class QddParam(IntEnum):
 
 
 class QddState(IntEnum):
-    """What changes; the first six are integrated."""
+    """State of a packed bench; the first six are integrated."""
 
     ANGLE = 0  # of the torque motor, at the output
     VELOCITY = 1

@@ -23,7 +23,7 @@ class RunningBench(SampledTime):
         self._faults = 0
 
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque."""
+        """Command a torque of the actuator."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._torque = torque_nm
@@ -32,7 +32,7 @@ class RunningBench(SampledTime):
         self._commanded = self.samples - 1
 
     def move_to(self, angle_rad: float, now_ns: int) -> None:
-        """Ask the positioner for an angle."""
+        """Command an angle of the positioner."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._angle = angle_rad
@@ -41,14 +41,14 @@ class RunningBench(SampledTime):
         self._commanded = self.samples - 1
 
     def hold_still(self, now_ns: int) -> None:
-        """Let the positioner stay where it is."""
+        """Hold the positioner where it is."""
         if self._one_motor:
             self.release(now_ns)
         elif self._newest is not None:
             self.move_to(self._newest[3], now_ns)
 
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more."""
+        """Release the torque of the actuator."""
         self.command(_NAN if self._one_motor else 0.0, now_ns)
 
     def fail(self, bits: int) -> None:
@@ -60,8 +60,8 @@ class RunningBench(SampledTime):
             self._torque = _NAN if self._one_motor else 0.0
             if self._one_motor:
                 self._angle = _NAN
-        taken = self._advance(self._torque, self._angle)
+        newest = self._advance(self._torque, self._angle)
         for queue in self._queues:
-            queue.append(taken)
-        self._newest = taken
+            queue.append(newest)
+        self._newest = newest
         self.samples += 1

@@ -53,14 +53,14 @@ class RunningPlant(SampledTime):
         self._compile()
 
     def command(self, torque_nm: float, now_ns: int) -> None:
-        """Ask the actuator for a torque."""
+        """Command a torque of the actuator."""
         if now_ns >= self.due_ns:
             self.look(now_ns)
         self._command = torque_nm
         self._commanded = self.samples - 1
 
     def release(self, now_ns: int) -> None:
-        """Let the actuator give no torque any more."""
+        """Release the torque of the actuator."""
         self.command(0.0, now_ns)
 
     def fail(self, bits: int) -> None:
@@ -68,7 +68,7 @@ class RunningPlant(SampledTime):
         self._state[State.FAULT] = float(int(self._state[State.FAULT]) | bits)
 
     def _compile(self) -> None:
-        """Take a step that nobody sees: the first one compiles, or loads what was compiled."""
+        """Take a step without effect: the first one compiles, or loads the compiled code."""
         plant.advance(
             self._params,
             self._state.copy(),
@@ -103,9 +103,9 @@ class RunningPlant(SampledTime):
         while time_ns >= self._toggles[0]:
             self._toggles.popleft()
             self._contact = 1.0 - self._contact
-        taken = (time_ns, motor, angle, self._contact)
+        newest = (time_ns, motor, angle, self._contact)
         for queue in self._queues:
-            queue.append(taken)
+            queue.append(newest)
         self.samples = sample + 1
 
     def _load_stride(self) -> None:

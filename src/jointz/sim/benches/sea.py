@@ -29,37 +29,32 @@ _LONGEST_LAG_S = 0.02
 class SeaMachine:
     """The machine; what is not of 2.2.1 and 2.3.1 or a catalogue is assumed, see the docs."""
 
-    # motor: N*m/A, ohm, kg*m^2; the inertia holds pulleys and screw, at the rotor
-    torque_constant: float = 0.0276
+    torque_constant: float = 0.0276  # N*m/A, of the motor
     resistance_ohm: float = 0.386
-    rotor_inertia: float = 4.5e-6
-    supply_v: float = 15.5  # V, A: limits of the drive
-    current_max_a: float = 13.0  # V, A
-    # friction of motor, belt and screw at the rotor: Coulomb, N*m*s/rad, and the speed where its
-    # smooth sign bends
-    drive_friction_nm: float = 0.004
-    drive_damping: float = 2e-6
-    drive_velocity_rad_s: float = 2.0
-    # 1, m: turns of the motor to one of the screw; travel of the nut per turn of the screw
-    belt_ratio: float = 2.0
-    screw_lead_m: float = 0.0025  # 1, m
-    beam_stiffness: float = 274e3  # N/m: of the beam's tip, across it
-    # m: L, h and l; at the angle 0 the two-force member is square to the beam
+    rotor_inertia: float = 4.5e-6  # kg*m^2, with pulleys and screw, at the rotor
+    supply_v: float = 15.5  # of the drive
+    current_max_a: float = 13.0  # of the drive
+    drive_friction_nm: float = 0.004  # Coulomb friction of motor, belt and screw, at the rotor
+    drive_damping: float = 2e-6  # N*m*s/rad, at the rotor
+    drive_velocity_rad_s: float = 2.0  # where the smooth sign of the friction bends
+    belt_ratio: float = 2.0  # turns of the motor per turn of the screw
+    screw_lead_m: float = 0.0025  # travel of the nut per turn of the screw
+    beam_stiffness: float = 274e3  # N/m, of the beam's tip, across it
+    # L, h and l; at the angle 0 the two-force member is square to the beam
     lever_m: float = 0.05
-    bracket_m: float = 0.01  # m
-    member_m: float = 0.1  # m
-    # N*m/rad, N*m*s/rad, kg*m^2: intrinsic impedance, between the beam and the load
+    bracket_m: float = 0.01
+    member_m: float = 0.1
+    # intrinsic impedance between the beam and the load: N*m/rad, N*m*s/rad, kg*m^2
     stiffness: float = 0.388
-    damping: float = 0.163  # N*m/rad, N*m*s/rad, kg*m^2
-    inertia: float = 0.001  # N*m/rad, N*m*s/rad, kg*m^2
-    stop_rad: float = 0.6  # rad, N*m/rad, N*m*s/rad: end stops of the output
-    stop_stiffness: float = 3000.0  # rad, N*m/rad, N*m*s/rad
-    stop_damping: float = 2.0  # rad, N*m/rad, N*m*s/rad
-    # winding: ambient temperature, final rise per A^2, time constant, limit of the fault
+    damping: float = 0.163
+    inertia: float = 0.001
+    stop_rad: float = 0.6  # end stops of the output
+    stop_stiffness: float = 3000.0  # N*m/rad
+    stop_damping: float = 2.0  # N*m*s/rad
     ambient_c: float = 25.0
-    heating_c_a2: float = 0.3
-    thermal_s: float = 30.0
-    temperature_max_c: float = 120.0
+    heating_c_a2: float = 0.3  # final rise of the winding's temperature per A^2
+    thermal_s: float = 30.0  # time constant of the winding
+    temperature_max_c: float = 120.0  # above it the device goes into fault
 
     @property
     def nut_travel_m(self) -> float:
@@ -77,35 +72,31 @@ class SeaControl:
     through the transmission.
     """
 
-    torque_gain: float = 9.0  # 1, s: on the error of the torque, and on its rate
-    torque_rate_gain_s: float = 0.06  # 1, s
-    position_gain: float = 1000.0  # N*m/rad, N*m*s/rad: on the error of the angle, and on its rate
-    position_rate_gain: float = 25.0  # N*m/rad, N*m*s/rad
+    torque_gain: float = 9.0  # on the error of the torque
+    torque_rate_gain_s: float = 0.06  # on the rate of the torque
+    position_gain: float = 1000.0  # N*m/rad, on the error of the angle
+    position_rate_gain: float = 25.0  # N*m*s/rad, on the rate of the angle
 
 
 @dataclass(frozen=True, slots=True)
 class SeaErrors:
-    """What makes the bench's record wrong; without arguments nothing does."""
+    """Errors of the bench's record; none by default."""
 
-    torque_lag_s: float = 0.0  # s: the recorded torque is that of so long before the recorded angle
-    # Hz: corner of a first-order low-pass in the recorded torque; 0: none
-    torque_filter_hz: float = 0.0
+    torque_lag_s: float = 0.0  # lag of the recorded torque behind the recorded angle
+    torque_filter_hz: float = 0.0  # corner of a first-order low-pass of the torque; 0: none
     clock_stretch: float = 1.0  # true sample period over the nominal one
-    clock_jitter_s: float = 0.0  # s: SD of the sample times about their grid
-    # whether the recorded times are the true ones; else they are the nominal grid
-    true_stamps: bool = True
-    # N*m, rad/s: of the bearing that carries a load, and where its smooth sign bends
-    coulomb_friction_nm: float = 0.0
-    friction_velocity_rad_s: float = 0.02  # N*m, rad/s
+    clock_jitter_s: float = 0.0  # SD of the sample times about their grid
+    true_stamps: bool = True  # whether the recorded times are the true ones, not the nominal grid
+    coulomb_friction_nm: float = 0.0  # of the bearing that carries a load
+    friction_velocity_rad_s: float = 0.02  # where the smooth sign of that friction bends
     beam_error: float = 0.0  # stiffness of the beam that the lab uses over the true one, less 1
-    # 1/m^2: ``k3 / k``: by this times the deflection squared the beam is stiffer than linear
+    # ``k3 / k``: times the squared deflection, the share by which the beam is stiffer than linear
     beam_cubic_per_m2: float = 0.0
     torque_gain_sd: float = 0.0  # of the torque's calibration; :func:`draw_torque_gain` draws it
-    torque_noise_nm: float = 0.0  # N*m, rad: SD of white noise in the record
-    angle_noise_rad: float = 0.0  # N*m, rad
-    # m, rad: resolution of the encoders before and after the beam; 0: none
-    linear_step_m: float = 0.0
-    rotary_step_rad: float = 0.0  # m, rad
+    torque_noise_nm: float = 0.0  # SD of white noise in the record
+    angle_noise_rad: float = 0.0  # SD of white noise in the record
+    linear_step_m: float = 0.0  # resolution of the encoder before the beam; 0: none
+    rotary_step_rad: float = 0.0  # resolution of the encoder after the beam; 0: none
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.torque_lag_s <= _LONGEST_LAG_S:
@@ -124,9 +115,9 @@ class SeaSettings:
     """A series-elastic bench."""
 
     name: str  # of the preset
-    machine: SeaMachine = field(default_factory=SeaMachine)  # SeaControl, SeaErrors: its parts
-    control: SeaControl = field(default_factory=SeaControl)  # SeaControl, SeaErrors
-    errors: SeaErrors = field(default_factory=SeaErrors)  # SeaControl, SeaErrors
+    machine: SeaMachine = field(default_factory=SeaMachine)
+    control: SeaControl = field(default_factory=SeaControl)
+    errors: SeaErrors = field(default_factory=SeaErrors)
     # measured torque over the true one by calibration alone (without the beam's error)
     torque_gain: float = 1.0
 

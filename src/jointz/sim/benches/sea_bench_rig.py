@@ -59,13 +59,13 @@ class SeaBench(LoadedBench[SeaSettings]):
         """
         errors, machine = self.settings.errors, self.settings.machine
         gain_sd = hypot(errors.torque_gain_sd, errors.beam_error)
-        known = {
+        entries = {
             f"intrinsic_{name}": Calibrated(value=getattr(machine, name), sd=sd)
             for name, sd in _INTRINSIC_SD.items()
         }
         if gain_sd > 0.0:
-            known["torque_gain"] = Calibrated(value=1.0, sd=gain_sd)
-        return CalibrationSpec(**known)
+            entries["torque_gain"] = Calibrated(value=1.0, sd=gain_sd)
+        return CalibrationSpec(**entries)
 
     def bench_truth(self) -> dict[str, Any]:
         """Return the truth about load and bench, ready for JSON."""

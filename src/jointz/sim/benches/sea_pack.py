@@ -62,7 +62,7 @@ class SeaParam(IntEnum):
 
 
 class SeaState(IntEnum):
-    """What changes."""
+    """State of a packed bench."""
 
     ROTOR = 0
     ROTOR_VELOCITY = 1

@@ -226,7 +226,7 @@ def _warm(p: np.ndarray, s: np.ndarray) -> None:
 
 @_compiled
 def begin(p: np.ndarray, s: np.ndarray) -> None:
-    """Put a bench at rest at the angle 0, at time 0."""
+    """Set a bench to rest at the angle 0, at time 0."""
     s[:] = 0.0
     s[SeaState.TEMPERATURE] = p[SeaParam.AMBIENT_C]
     step = p[SeaParam.PERIOD_S] / p[SeaParam.SUBSTEPS]

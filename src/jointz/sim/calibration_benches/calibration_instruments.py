@@ -1,4 +1,4 @@
-"""What a calibration finds that walking does not show: zero of the goniometer, switch in volts."""
+"""Instruments of a calibration: a goniometer with an offset, a footswitch in volts."""
 
 from dataclasses import dataclass
 from math import exp, radians, sqrt
@@ -23,13 +23,13 @@ def draw_angle_zero(person: Person, preset: Preset) -> float:
     """Return what the goniometer of a person shows at the true zero, rad."""
     if preset.name == "clean":
         return 0.0
-    drawn = float(person.stream("angle zero").standard_normal())
-    return _ZERO_SD_RAD * min(max(drawn, -_LARGEST_ERROR), _LARGEST_ERROR)
+    error_sd = float(person.stream("angle zero").standard_normal())
+    return _ZERO_SD_RAD * min(max(error_sd, -_LARGEST_ERROR), _LARGEST_ERROR)
 
 
 @dataclass(frozen=True, slots=True)
 class ContactLevels:
-    """What a footswitch gives."""
+    """Voltages of a footswitch."""
 
     open_v: float  # V: mean with the heel off the ground, and on it
     closed_v: float  # V

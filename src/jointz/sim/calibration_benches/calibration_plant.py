@@ -30,17 +30,15 @@ _PASSIVE_STIFFNESS, _PASSIVE_RATIO, _PASSIVE_SPREAD = 4.0, 0.08, 0.2
 
 @dataclass(frozen=True, slots=True)
 class CalibratedBody:
-    """What the actuator moves in one condition of a calibration."""
+    """The body that the actuator moves in one condition of a calibration."""
 
-    # N*m/rad, N*m*s/rad, kg*m^2: beyond the place where torque is measured, and beyond the strap on
-    # a leg
-    stiffness: float
-    damping: float  # N*m/rad, N*m*s/rad, kg*m^2
-    inertia: float  # N*m/rad, N*m*s/rad, kg*m^2
-    gravity_nm: float  # N*m: weight times distance of what hangs; 0 where it is held or lies
-    posture_rad: float  # rad: angle of the joint about which it moves
-    # whether strap and goniometer are on the leg: with the tissue under it, and the torsion.
-    # Otherwise both are rigid
+    # beyond the place where torque is measured; on a leg, beyond the strap
+    stiffness: float  # N*m/rad
+    damping: float  # N*m*s/rad
+    inertia: float  # kg*m^2
+    gravity_nm: float  # weight times distance of a body that hangs; 0 if it is held or lies
+    posture_rad: float  # angle of the joint about which it moves
+    # whether strap and goniometer are on the leg, with tissue and torsion; otherwise both are rigid
     on_leg: bool
 
 
@@ -73,10 +71,10 @@ def hanging_leg(person: Person, preset: Preset, weight: BenchLoad | None) -> Cal
     leg = leg_of(person)
     inertia = person.inertia if preset.body is None else leg.inertia
     gravity = leg.gravity_nm * inertia / leg.inertia
-    drawn = np.clip(person.stream("hanging leg").standard_normal(2), -3.0, 3.0).tolist()
+    deviations = np.clip(person.stream("hanging leg").standard_normal(2), -3.0, 3.0).tolist()
     stiffness, ratio = (
-        mean * exp(_PASSIVE_SPREAD * one)
-        for mean, one in zip((_PASSIVE_STIFFNESS, _PASSIVE_RATIO), drawn, strict=True)
+        mean * exp(_PASSIVE_SPREAD * deviation)
+        for mean, deviation in zip((_PASSIVE_STIFFNESS, _PASSIVE_RATIO), deviations, strict=True)
     )
     # The leg's own: what is strapped to it hangs on the same muscles.
     damping = 2.0 * ratio * sqrt((stiffness + gravity) * inertia)

@@ -60,12 +60,12 @@ class CalibrationRig:
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it, or whose session the device is calibrated for."""
+        """The participant who wears the device, or for whose session it is calibrated."""
         return self.walking.wearer
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What the lab knows before it calibrates, as in walking."""
+        """The calibration before the experiment, as in walking."""
         return self.walking.calibration
 
     @property
