@@ -1,13 +1,14 @@
 """Base class of drivers: the state, and the steps that most of them share."""
 
 import importlib
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 from jointz.core.errors import DeviceError
 from jointz.devices.interface import Lifecycle
 
 UNCONFIGURED, INACTIVE, ACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE, Lifecycle.ACTIVE
 FAULT, FINALISED = Lifecycle.FAULT, Lifecycle.FINALISED
+KindT = TypeVar("KindT", bound=str)
 
 
 class DriverBase:
@@ -53,7 +54,7 @@ def load_library(module: str, *, device: str, extra: str) -> Any:
         ) from exc
 
 
-def channel_unit(channel: str, kind: str) -> tuple[str, str]:
+def channel_unit(channel: str, kind: KindT) -> tuple[str, KindT | Literal[""]]:
     """Return unit and kind of the samples of a channel; only a contact has a kind."""
     if channel != "contact":
         return "rad", ""

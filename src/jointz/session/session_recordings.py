@@ -368,8 +368,8 @@ class BenchRecordings(SessionRecordings):
         """Return how many pulses a condition had: an interrupted trial was done again whole."""
         del record, levels_v
         count = sum(len(self.plans.get(name, ())) for name in condition.trial_names)
-        row = {"participant": self.participant, "condition": condition.name, "timing_point": ""}
-        row |= {"planned_pct": None, "planned": count, "completed": count}
+        row: dict[str, Any] = {"participant": self.participant, "condition": condition.name}
+        row |= {"timing_point": "", "planned_pct": None, "planned": count, "completed": count}
         row |= dict.fromkeys(("missed", "aborted", "lost", "n", "n_missing"), 0)
         row |= dict.fromkeys(("error_mean_pct", "error_sd_pct", "theory_sd_pct"))
         return [row] if count else []

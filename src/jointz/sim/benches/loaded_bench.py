@@ -40,13 +40,13 @@ SettingsT = TypeVar("SettingsT", SeaSettings, QddSettings)
 class BenchLabels:
     """Names, models and limits of the devices of a bench."""
 
-    kind: str  # the bench, as :meth:`LoadedBench.notes` tells it
+    kind: str  # the bench, as :meth:`LoadedBench.notes` names it
     one_motor: bool  # whether the motor under test also moves the output
     actuator_model: str  # of the motor under test
     limits: SafetyLimits  # of the same
     torque_sensor: tuple[str, str, str]  # name, model and channel
     positioner: tuple[str, str, str]
-    positioner_rad_s: float  # rad/s: how fast the positioner turns
+    positioner_rad_s: float  # how fast the positioner turns
 
 
 class LoadedBench(ABC, Generic[SettingsT]):
@@ -58,7 +58,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
     def __init__(
         self, settings: SettingsT, load: BenchLoad, *, seed: int, sample_rate_hz: float
     ) -> None:
-        self.settings = settings
+        self.settings: SettingsT = settings
         self.load = load
         self.inject = Injection()
         self._seed = seed
@@ -66,7 +66,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
 
     @property
     def wearer(self) -> Wearer:
-        """The load, in a wearer's place."""
+        """The load, in place of a participant."""
         return Wearer(self.load.name)
 
     @property
