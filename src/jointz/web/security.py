@@ -202,8 +202,8 @@ def _hardened(send: Send) -> Send:
 
 async def _answer(send: Send, status: int, headers: list[tuple[str, str]], text: str = "") -> None:
     body = text.encode()
-    told = [*headers, ("content-length", str(len(body))), ("cache-control", "no-store")]
-    raw = [(name.encode(), value.encode()) for name, value in told]
+    lines = [*headers, ("content-length", str(len(body))), ("cache-control", "no-store")]
+    raw = [(name.encode(), value.encode()) for name, value in lines]
     start = {"type": "http.response.start", "status": status, "headers": raw + _HEADERS}
     await send(start)
     await send({"type": "http.response.body", "body": body})
