@@ -115,11 +115,11 @@ def console(folder, *arguments, without="go_on", most_files=1024):
 
 def end_session(made):
     """Stop what still runs; the session outlives its page."""
-    from jointz.console.desk import Desk
+    from jointz.console.operator_commands import OperatorCommands
 
     deadline = time.monotonic() + 15
     while is_held(made.study) and time.monotonic() < deadline:
-        Desk(made.study, None, dict).stop()
+        OperatorCommands(made.study, None, dict).stop()
         time.sleep(0.05)
     assert not is_held(made.study)
 

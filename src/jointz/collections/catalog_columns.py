@@ -1,11 +1,11 @@
-"""The tables of a collection: printed values of an entry, and the catalog."""
+"""Columns of a collection's tables: printed values of an entry, and the catalog."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
 from jointz.core.plain_tables import Kind
 
-#: Of the file ``catalog.parquet``.
+#: Schema of the file ``catalog.parquet``.
 CATALOG_SCHEMA = "jointz.Catalog/1"
 
 #: Columns of the file of an entry's printed values: ``statistic`` is ``mean`` (over ``n`` people)
@@ -14,7 +14,7 @@ PRINTED_COLUMNS = (
     "statistic", "participant", "timing_point", "onset_gait_pct", "parameter", "value", "unit",
     "sd", "n", "status", "source", "note",
 )  # fmt: skip
-#: Columns of ``catalog.parquet`` and their kind: one row an estimate, or a printed value.
+#: Columns of ``catalog.parquet`` and their kind; one row is an estimate or a printed value.
 CATALOG_COLUMNS: Mapping[str, Kind] = MappingProxyType({
     "entry": "text", "study": "text", "version": "text", "values": "text", "statistic": "text",
     "joint": "text", "side": "text", "positive": "text", "condition": "text", "activity": "text",

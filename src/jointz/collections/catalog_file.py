@@ -1,9 +1,9 @@
-"""``catalog.parquet``: written through pyarrow, asked through DuckDB (extra ``scale``)."""
+"""``catalog.parquet``: written by pyarrow, queried by DuckDB (extra ``scale``)."""
 
 import glob
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,13 @@ from jointz.io.formats.parquet_format import declared_bytes
 
 #: Name of the file in a collection's folder.
 CATALOG_FILE = "catalog.parquet"
-#: Says, under ``of``, that a catalog is one of results folders, not of a collection's entries.
+#: Marks, under ``of``, a catalog of results folders instead of a collection's entries.
 RESULTS = "results"
 _KEY = b"jointz"
 _SORTED_BY = ["values", "joint", "parameter", "timing_point", "entry", "condition", "participant"]
-#: A query reads the groups whose smallest and largest values may fit: small ones leave more out.
+#: A query skips groups whose smallest and largest values do not fit: small groups are best.
 _ROWS_PER_GROUP = 8_192
-_EXACT = ("joint", "parameter", "condition", "activity", "method")
+_EXACT = ("joint", "parameter", "condition", "activity", "method", "entry")
 
 
 def require_scale() -> tuple[Any, Any]:
@@ -48,25 +48,24 @@ def write_catalog(table: pd.DataFrame, file: Path, about: Mapping[str, Any]) -> 
     text = arrow.dictionary(arrow.int32(), arrow.string())
     kinds = {"text": text, "number": arrow.float64()}
     fields = [arrow.field(name, kinds[kind]) for name, kind in CATALOG_COLUMNS.items()]
-    told = json.dumps({"schema": CATALOG_SCHEMA, **about}, allow_nan=False)
-    schema = arrow.schema(fields, metadata={_KEY: told.encode()})
-    # A value that many conditions share makes runs, which pack well and let a query skip groups.
+    metadata = json.dumps({"schema": CATALOG_SCHEMA, **about}, allow_nan=False)
+    schema = arrow.schema(fields, metadata={_KEY: metadata.encode()})
+    # Sorting makes runs of equal values, which pack well and let a query skip groups.
     rows = table.sort_values(_SORTED_BY, kind="stable", ignore_index=True)
-    made = arrow.Table.from_pandas(rows[list(CATALOG_COLUMNS)], schema, preserve_index=False)
-    todo = "Make room, or name a file in a folder that is there."
-    with whole_file(file, todo) as partial:
+    packed = arrow.Table.from_pandas(rows[list(CATALOG_COLUMNS)], schema, preserve_index=False)
+    with whole_file(file, "Make room, or name a file in an existing folder.") as partial:
         arrow.parquet.write_table(
-            made.replace_schema_metadata(schema.metadata), partial,
+            packed.replace_schema_metadata(schema.metadata), partial,
             compression="zstd", row_group_size=_ROWS_PER_GROUP,
         )  # fmt: skip
 
 
 def catalog_about(file: Path) -> dict[str, Any]:
-    """Return what a catalog says of itself."""
+    """Return the metadata of a catalog."""
     _, arrow = require_scale()
     if not file.is_file():
         raise DataError(
-            f"{file}: is not there. Make it: jointz collect build {file.parent}", path=str(file)
+            f"{file}: does not exist. Make it: jointz collect build {file.parent}", path=str(file)
         )
     try:
         schema, metadata = arrow.parquet.read_schema(file), arrow.parquet.read_metadata(file)
@@ -81,7 +80,7 @@ def catalog_about(file: Path) -> dict[str, Any]:
     return dict(about)
 
 
-@cache  # opening one takes longer than most questions
+@cache  # opening one takes longer than most queries
 def _database() -> Any:
     duckdb, _ = require_scale()
     # For a few hundred thousand rows threads wait for each other more than they read.
@@ -91,31 +90,31 @@ def _database() -> Any:
 
 
 def read_catalog(file: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
-    """Return the rows of a catalog that a filter asks for, and what phases leave out unseen."""
-    # Rows come back in the file's order, which is sorted. One question takes less than two.
-    found = _asked(file, "SELECT *", where, or_without_onset=True)
+    """Return matching rows of a catalog, and how many a range of phases leaves out unseen."""
+    # Rows come in the file's order, which is sorted. One query takes less time than two.
+    rows = _query(file, "SELECT *", where, or_without_onset=True)
     if where.phase_pct is None:
-        return found, 0
-    told = found["onset_gait_pct"].notna()
-    return found[told].reset_index(drop=True), int((~told).sum())
+        return rows, 0
+    has_onset = rows["onset_gait_pct"].notna()
+    return rows[has_onset].reset_index(drop=True), int((~has_onset).sum())
 
 
 def count_rows(file: Path, where: CatalogFilter) -> int:
-    """Return how many rows of a catalog a filter asks for."""
-    return int(_asked(file, "SELECT count(*) AS n", where)["n"].iloc[0])
+    """Return the number of matching rows of a catalog."""
+    return int(_query(file, "SELECT count(*) AS n", where)["n"].iloc[0])
 
 
-def _asked(
-    file: Path, what: str, where: CatalogFilter, *, or_without_onset: bool = False
+def _query(
+    file: Path, select: str, where: CatalogFilter, *, or_without_onset: bool = False
 ) -> pd.DataFrame:
     duckdb, _ = require_scale()
     conditions, values = _conditions(where, or_without_onset=or_without_onset)
-    # What is asked for goes in as parameters only; a bracket in a folder's name is no pattern.
-    query = f"{what} FROM read_parquet(?) WHERE {' AND '.join(conditions)}"
+    # All values are parameters of the query; a bracket in a folder's name is no pattern.
+    query = f"{select} FROM read_parquet(?) WHERE {' AND '.join(conditions)}"
     try:
         with _database().cursor() as connection:
-            found = connection.sql(query, params=[glob.escape(str(file)), *values])
-            table: pd.DataFrame = found.to_arrow_table().to_pandas()
+            result = connection.sql(query, params=[glob.escape(str(file)), *values])
+            table: pd.DataFrame = result.to_arrow_table().to_pandas()
     except duckdb.Error as exc:
         raise _no_catalog(file, str(exc).partition("\n")[0]) from exc
     return table
@@ -126,14 +125,15 @@ def _conditions(where: CatalogFilter, *, or_without_onset: bool) -> tuple[list[s
     conditions: list[str] = ['"values" = ?']
     values: list[Any] = [where.kind]
     for column in _EXACT:
-        _one_of(column, getattr(where, column), conditions, values)
-    _one_of("entry", where.entry, conditions, values)
+        if names := getattr(where, column):
+            conditions.append(f"{column} IN ({', '.join('?' * len(names))})")
+            values += names
     if where.speed_m_s is not None:
         conditions.append("walking_speed_m_s BETWEEN ? AND ?")
         values += where.speed_m_s
     if where.phase_pct is not None:
         low, high = where.phase_pct
-        joined = "AND" if low <= high else "OR"  # over heel strike
+        joined = "AND" if low <= high else "OR"  # around heel strike
         without = " OR onset_gait_pct IS NULL" if or_without_onset else ""
         conditions.append(f"(onset_gait_pct >= ? {joined} onset_gait_pct <= ?{without})")
         values += [low, high]
@@ -142,20 +142,14 @@ def _conditions(where: CatalogFilter, *, or_without_onset: bool) -> tuple[list[s
     return conditions, values
 
 
-def _one_of(column: str, wanted: Sequence[str], conditions: list[str], values: list[Any]) -> None:
-    if wanted:
-        conditions.append(f"{column} IN ({', '.join('?' * len(wanted))})")
-        values += wanted
-
-
 def check_filter(where: CatalogFilter) -> None:
-    """Refuse a filter that cannot find anything."""
+    """Refuse a filter with an impossible range."""
     for name, pair in (("phase", where.phase_pct), ("speed", where.speed_m_s)):
         if pair is not None and not all(map(math.isfinite, pair)):
             raise DataError(f"{name}: expected two numbers, found {pair[0]} and {pair[1]}.")
     if where.speed_m_s is not None and where.speed_m_s[0] > where.speed_m_s[1]:
         low, high = where.speed_m_s
-        raise DataError(f"speed: expected the lower first, found {low:g} and {high:g} m/s.")
+        raise DataError(f"speed: expected the lower value first, found {low:g} and {high:g} m/s.")
     if where.phase_pct is not None and not all(0 <= pct <= 100 for pct in where.phase_pct):
         low, high = where.phase_pct
         raise DataError(f"phase: expected 0 to 100 % of the cycle, found {low:g} and {high:g}.")

@@ -19,7 +19,7 @@ from jointz.terminal.output import (
 )
 
 if TYPE_CHECKING:
-    from jointz.collections.catalog_query import CatalogFilter, QueryResult
+    from jointz.collections.catalog_query import CatalogFilter
     from jointz.collections.checking.findings import CatalogBuild
 
 collect = typer.Typer(
@@ -70,16 +70,16 @@ def entry(
     version: Annotated[str, typer.Option("--version", help="Version of the entry.")] = "1.0",
     study: Annotated[
         str,
-        typer.Option("--study", help="Where the recordings are, as seen from the entry's folder."),
+        typer.Option("--study", help="Path of the recordings from the entry's folder."),
     ] = "",
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Make an entry of results: what they know is filled in, the rest is yours to tell.
+    """Make an entry of results: known values are filled in, the others are left to you.
 
-    What nobody but you knows (licence, consent, how to cite, ...) stands in entry.toml as comments;
-    jointz collect check names it until it is filled in.
+    Keys that only you know (licence, consent, how to cite, ...) are comments in entry.toml; jointz
+    collect check names them until they are filled in.
 
     Example: jointz collect entry results --out collection/our-knees
     """
@@ -95,8 +95,7 @@ def entry(
         file = make_entry(Path(results), out=out, study_id=name, version=version, study=study)
     findings = check_entry(out.resolve()).findings
     if as_json:
-        told = [str(finding) for finding in findings]
-        emit_json({"status": "ok", "entry": str(file), "open": told})
+        emit_json({"status": "ok", "entry": str(file), "open": list(map(str, findings))})
     elif not quiet:
         emit(f"Entry: {file}")
         for finding in findings:
@@ -110,9 +109,9 @@ def check(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Check entries: shape, licence, consent, hashes, units, signs, sizes, intervals, people twice.
+    """Check entries: shape, licence, consent, hashes, units, signs, sizes, intervals, repeats.
 
-    Every problem has a stable code, its place, what was expected and what was found.
+    Every problem has a stable code, its place, the expected and the actual value.
     Exit status: 0 no problem, 2 problems.
 
     Example: jointz collect check collection
@@ -120,12 +119,12 @@ def check(
     del debug
     from jointz.collections.checking.check_collection import check_collection
 
-    found = check_collection(folder)
+    result = check_collection(folder)
     if as_json:
-        emit_json({"status": "ok" if found.clean else "problems"} | found.to_dict())
-    elif not (quiet and found.clean):
-        emit(found.summary())
-    raise typer.Exit(EXIT_OK if found.clean else EXIT_BAD_INPUT)
+        emit_json({"status": "ok" if result.clean else "problems"} | result.to_dict())
+    elif not (quiet and result.clean):
+        emit(result.summary())
+    raise typer.Exit(EXIT_OK if result.clean else EXIT_BAD_INPUT)
 
 
 @collect.command("build")
@@ -140,46 +139,46 @@ def build(
 ) -> None:
     """Make catalog.parquet of all entries without problems; others are named and skipped.
 
-    Exit status: 0 a catalog was made, 1 no entry stands, 2 the folder holds no entries.
+    Exit status: 0 a catalog was made, 1 all entries have problems, 2 the folder holds no entries.
 
     Example: jointz collect build collection
     """
     del debug
     from jointz.collections.catalog import build_catalog
 
-    _told(build_catalog(folder, out=out), as_json=as_json, quiet=quiet)
+    _report(build_catalog(folder, out=out), as_json=as_json, quiet=quiet)
 
 
-def _told(made: "CatalogBuild", *, as_json: bool, quiet: bool) -> None:
+def _report(build: "CatalogBuild", *, as_json: bool, quiet: bool) -> None:
     if as_json:
-        emit_json({"status": "ok" if made.entries else "nothing_stands"} | made.to_dict())
+        emit_json({"status": "ok" if build.entries else "nothing_stands"} | build.to_dict())
     elif not quiet:
-        emit(made.summary())
-    raise typer.Exit(EXIT_OK if made.entries else EXIT_NOTHING_STANDS)
+        emit(build.summary())
+    raise typer.Exit(EXIT_OK if build.entries else EXIT_NOTHING_STANDS)
 
 
 @collect.command("results")
 def results_catalog(
     results: Annotated[
         list[Path],
-        typer.Argument(help="Results folders of jointz analyze, or folders that hold such."),
+        typer.Argument(help="Results folders of jointz analyze, or folders above them."),
     ],
-    out: Annotated[Path, typer.Option("--out", help="The catalog, or the folder it goes to.")],
+    out: Annotated[Path, typer.Option("--out", help="The catalog, or its folder.")],
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Make a catalog of your own results folders, to be asked by jointz collect query.
+    """Make a catalog of your own results folders, for jointz collect query.
 
-    No page of metadata is needed, and nothing is pooled. Folders that cannot be read are named
-    and skipped. Exit status: 0 a catalog was made, 1 no folder stands, 2 there is none.
+    It needs no metadata, and cannot be pooled. Folders that cannot be read are named and skipped.
+    Exit status: 0 a catalog was made, 1 no folder could be read, 2 there is none.
 
     Example: jointz collect results results --out catalog.parquet
     """
     del debug
     from jointz.collections.results_catalog import build_results_catalog
 
-    _told(build_results_catalog(results, out=out), as_json=as_json, quiet=quiet)
+    _report(build_results_catalog(results, out=out), as_json=as_json, quiet=quiet)
 
 
 @collect.command("query")
@@ -197,7 +196,7 @@ def query(
         Values, typer.Option("--values", help="Estimates or printed values, never both.")
     ] = Values.ESTIMATES,
     standing: Annotated[
-        bool, typer.Option("--standing", help="Only values to use: status ok or at_bound.")
+        bool, typer.Option("--standing", help="Only usable values: status ok or at_bound.")
     ] = False,
     as_csv: Annotated[
         bool, typer.Option("--csv", help="Print every row as csv on stdout.")
@@ -206,10 +205,10 @@ def query(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Ask a catalog: what is known of a joint, at which phases and speeds, by whom.
+    """Query a catalog: the estimates of a joint by phase, speed, condition and study.
 
-    Prints how much there is by timing point; --csv and --json print every row. Medians shown are
-    to look at: jointz collect pool pools. Exit status: 0 rows were found, 1 none.
+    Prints counts and medians by timing point; --csv and --json print every row. The medians are for
+    orientation: use jointz collect pool for means. Exit status: 0 rows were found, 1 none.
 
     Example: jointz collect query collection --joint knee --parameter stiffness --phase 60 90
     """
@@ -218,53 +217,29 @@ def query(
 
     if as_csv and as_json:
         raise typer.BadParameter("give --csv or --json, not both.")
-    anything = _filter(joint, parameter, phase, speed, condition, activity, entry, method)
-    where = replace(anything, kind=values.value, standing=standing)
-    found = query_catalog(catalog, where)
-    stands = not found.table.empty
+    where = _filter(phase, speed, joint=joint, parameter=parameter, condition=condition,
+                    activity=activity, entry=entry, method=method)  # fmt: skip
+    result = query_catalog(catalog, replace(where, kind=values.value, standing=standing))
+    has_rows = not result.table.empty
     if as_json:
-        emit_json({"status": "ok" if stands else "nothing_found"} | found.to_dict())
+        emit_json({"status": "ok" if has_rows else "nothing_found"} | result.to_dict())
     elif as_csv:
-        emit(found.to_frame().to_csv(index=False).rstrip("\n"))
+        emit(result.to_frame().to_csv(index=False).rstrip("\n"))
     elif not quiet:
-        _emit_found(found)
-    raise typer.Exit(EXIT_OK if stands else EXIT_NOTHING_STANDS)
+        groups = result.groups()
+        if len(groups):
+            cells = [[f"{c:.4g}" if isinstance(c, float) else str(c) for c in row]
+                     for row in groups.itertuples(index=False)]  # fmt: skip
+            emit_table(cells, list(groups.columns))
+        emit(result.summary())
+    raise typer.Exit(EXIT_OK if has_rows else EXIT_NOTHING_STANDS)
 
 
-def _filter(
-    joint: _Many,
-    parameter: _Many,
-    phase: _Pair,
-    speed: _Pair,
-    condition: _Many,
-    activity: _Many,
-    entry: _Many,
-    method: _Many,
-) -> "CatalogFilter":
+def _filter(phase: _Pair, speed: _Pair, **names: _Many) -> "CatalogFilter":
     from jointz.collections.catalog_query import CatalogFilter
 
-    return CatalogFilter(
-        joint=tuple(joint or ()),
-        parameter=tuple(parameter or ()),
-        condition=tuple(condition or ()),
-        activity=tuple(activity or ()),
-        entry=tuple(entry or ()),
-        method=tuple(method or ()),
-        phase_pct=phase,
-        speed_m_s=speed,
-    )
-
-
-def _emit_found(found: "QueryResult") -> None:
-    groups = found.groups()
-    rows = [[_cell(cell) for cell in row] for row in groups.itertuples(index=False)]
-    if rows:
-        emit_table(rows, list(groups.columns))
-    emit(found.summary())
-
-
-def _cell(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    chosen = {name: tuple(values or ()) for name, values in names.items()}
+    return CatalogFilter(phase_pct=phase, speed_m_s=speed, **chosen)
 
 
 @collect.command("pool")
@@ -282,12 +257,12 @@ def pool(
         _Many,
         typer.Option(
             "--by",
-            help="What tells places apart; may be repeated. joint, timing_point, activity, speed, "
-            "slope by default; phase, condition, side, surface, sex, age_band, group too.",
+            help="Column that distinguishes places; may be repeated. Default: joint, timing_point, "
+            "activity, speed, slope; also phase, condition, side, surface, sex, age_band, group.",
         ),
     ] = None,
     reanalyse: Annotated[
-        str, typer.Option("--reanalyse", help="Method by which raw data are analysed again.")
+        str, typer.Option("--reanalyse", help="Method for a new analysis of raw data.")
     ] = "",
     mix_methods: Annotated[
         bool, typer.Option("--mix-methods", help="Pool different methods; rows name them.")
@@ -299,7 +274,7 @@ def pool(
         bool, typer.Option("--jointly", help="Also pool stiffness, damping, inertia together.")
     ] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for tables and the page of what is known.")
+        Path | None, typer.Option("--out", help="Folder for the tables and the page.")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a folder of pooled values.")
@@ -310,8 +285,8 @@ def pool(
 ) -> None:
     """Pool people to studies and studies to a mean over studies: random effects, by REML.
 
-    Printed values stand apart. With --out a page shows which joint, phase and speed is known, how
-    well, and what is missing. Exit status: 0 a pooled value stands, 1 none does.
+    Printed values are kept apart. With --out a page shows which joint, phase and speed is known,
+    how well, and what is missing. Exit status: 0 at least one value, 1 none.
 
     Example: jointz collect pool collection --joint knee --out known
     """
@@ -322,14 +297,9 @@ def pool(
 
     if out is not None:
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=POOL)
-    where = _filter(joint, parameter, phase, speed, condition, activity, entry, method)
-    rules = PoolRules(
-        by=tuple(by) if by else DEFAULT_BY,
-        mix_methods=mix_methods,
-        with_printed=with_printed,
-        jointly=jointly,
-        reanalyse=reanalyse,
-    )
+    where = _filter(phase, speed, joint=joint, parameter=parameter, condition=condition,
+                    activity=activity, entry=entry, method=method)  # fmt: skip
+    rules = PoolRules(tuple(by or DEFAULT_BY), mix_methods, with_printed, jointly, reanalyse)
     with progress_bar(shown=not (as_json or quiet)) as progress:
         pooled = pool_collection(catalog, where=where, rules=rules, progress=progress)
     page = None if out is None else write_pool(pooled, catalog, out, overwrite=overwrite)

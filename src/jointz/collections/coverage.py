@@ -1,7 +1,7 @@
-"""``jointz collect pool``: a catalog's rows pooled, and written with the page of what is known."""
+"""``jointz collect pool``: pools the rows of a catalog, and writes tables and a page."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,39 +10,34 @@ import pandas as pd
 from jointz.analysis.results_folder import MARKER, new_folder, write_marker
 from jointz.collections.catalog import catalog_file, query_catalog
 from jointz.collections.catalog_file import CATALOG_FILE, RESULTS, catalog_about
-from jointz.collections.catalog_query import CatalogFilter, without_onset_told
-from jointz.collections.coverage_page import CoverageTables, render_coverage
-from jointz.collections.pool import RULES, pool_catalog
+from jointz.collections.catalog_query import CatalogFilter, without_onset_note
+from jointz.collections.coverage_page import render_coverage
+from jointz.collections.pool import pool_catalog
 from jointz.collections.pool_result import DEFAULT_BY, CollectionPool
-from jointz.collections.reanalysis import (
-    Progress,
-    RawStudy,
-    checked_method,
-    reanalysed,
-)
+from jointz.collections.reanalysis import RawStudy, checked_method, reanalysed
 from jointz.core.errors import DataError
 from jointz.core.provenance import now, own_version
 from jointz.io.formats.columns import file_sha256
+from jointz.results.base import plain
 
-#: What the marker of the folder says that it holds.
+#: Kind of the folder, as its marker states it.
 POOL = "pool"
 PAGE = "coverage.html"
 
 
 @dataclass(frozen=True, slots=True)
 class PoolRules:
-    """How rows are pooled."""
+    """Settings of pooling; most are those of :func:`~jointz.collections.pool.pool_catalog`."""
 
-    by: tuple[str, ...] = DEFAULT_BY  # what places are told apart by
-    mix_methods: bool = False  # as :func:`~jointz.collections.pool.pool_catalog` has them
+    by: tuple[str, ...] = DEFAULT_BY  # columns that distinguish places
+    mix_methods: bool = False
     with_printed: bool = False
     jointly: bool = False
-    reanalyse: str = ""  # method by which raw data are analysed again; empty: estimates as they are
+    reanalyse: str = ""  # method to analyse raw data by; empty: the entries' own estimates
 
-    def told(self) -> dict[str, Any]:
-        """Return what differs from what is done by default, as plain values; always ``by``."""
-        given = {name: value for name, value in asdict(self).items() if value}
-        return given | {"by": list(self.by)}
+    def settings(self) -> dict[str, Any]:
+        """Return ``by`` and all settings that differ from the default, as plain values."""
+        return {name: value for name, value in plain(self).items() if value or name == "by"}
 
 
 def pool_collection(
@@ -50,86 +45,69 @@ def pool_collection(
     *,
     where: CatalogFilter,
     rules: PoolRules,
-    progress: Progress | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
 ) -> CollectionPool:
-    """Pool the rows of a catalog that a filter asks for, estimates and printed values apart."""
+    """Pool the rows of a catalog that match a filter, estimates and printed values apart."""
     file = catalog_file(catalog)
     about = catalog_about(file)
     if about.get("of") == RESULTS:
         raise DataError(
-            f"{catalog}: a catalog of results folders. Who was in them, at which speed, nobody "
-            "said: make an entry of each that is to be pooled (jointz collect entry)."
+            f"{catalog}: a catalog of results folders, which do not say who the people were and "
+            "how fast they walked. Make an entry of each that is to be pooled: jointz collect "
+            "entry."
         )
     notes: tuple[str, ...] = ()
     if rules.reanalyse:
         checked_method(rules.reanalyse)
-        # Who has no onset by the entry's method may have one by this one.
-        rows, _ = _found(catalog, replace(where, phase_pct=None))
+        # A failure by the entry's method may have an onset by the new one.
+        rows, _ = _matching_rows(catalog, replace(where, phase_pct=None))
+        raw = {
+            name: RawStudy(tuple(entry["conditions"]), entry["raw_sha256"])
+            for name, entry in about["entries"].items()
+        }
         rows, notes = reanalysed(
             rows, rules.reanalyse, collection=file.parent.resolve() / about["collection"],
-            raw=_raw_studies(about), phase_pct=where.phase_pct, progress=progress,
+            raw=raw, phase_pct=where.phase_pct, progress=progress,
         )  # fmt: skip
         if rows.empty:
-            raise DataError(" ".join([f"{catalog}: nothing is left to pool.", *notes]))
+            raise DataError(" ".join([f"{catalog}: no row is left to pool.", *notes]))
     else:
-        rows, without = _found(catalog, where)
-        notes = (without_onset_told(without),) if without else ()
+        rows, without_onset = _matching_rows(catalog, where)
+        notes = (without_onset_note(without_onset),) if without_onset else ()
     pooled = pool_catalog(
         rows, by=rules.by, mix_methods=rules.mix_methods, with_printed=rules.with_printed,
         jointly=rules.jointly,
     )  # fmt: skip
-    asked = where.told() | rules.told()
+    asked = where.settings() | rules.settings()
     return replace(pooled, notes=(*pooled.notes, *notes), asked=asked)
 
 
-def _found(catalog: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
-    """Return estimates and printed values, and how many have no onset for the phases asked for."""
+def _matching_rows(catalog: Path, where: CatalogFilter) -> tuple[pd.DataFrame, int]:
+    """Return estimates and printed values, and the number of rows without an onset."""
     both = [query_catalog(catalog, replace(where, kind=kind)) for kind in ("estimates", "printed")]
-    tables = [one.table for one in both]
+    tables = [result.table for result in both]
     rows = pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
     if rows.empty:
-        raise DataError(f"{catalog}: no row is what is asked for. Ask for less.")
-    return rows, sum(one.without_onset for one in both)
-
-
-def _raw_studies(about: Mapping[str, Any]) -> dict[str, RawStudy]:
-    return {
-        name: RawStudy(tuple(entry["conditions"]), entry["raw_sha256"])
-        for name, entry in about["entries"].items()
-    }
+        raise DataError(f"{catalog}: no row matches the filters. Use fewer filters.")
+    return rows, sum(result.without_onset for result in both)
 
 
 def write_pool(pool: CollectionPool, catalog: Path, out: Path, *, overwrite: bool = False) -> Path:
-    """Write what was pooled: tables, and the page of what is known."""
+    """Write the tables of a pool and its page."""
     file = catalog_file(catalog)
-    used = {*pool.studies["study"], *pool.printed["study"]}
-    cited = [one for one in _citations(file) if one["study"] in used]
-    if len(cited) < len(used):
-        raise DataError(f"{file}: was built anew while it was pooled. Pool again.", path=str(file))
-    tables = {"pooled": pool.table, "studies": pool.studies, "printed": pool.printed}
+    studies = {*pool.studies["study"], *pool.printed["study"]}
+    entries = catalog_about(file)["entries"].values()
+    cited = [entry for entry in entries if entry["study"] in studies]
+    if len(cited) < len(studies):
+        raise DataError(f"{file}: was rebuilt while it was pooled. Pool again.", path=str(file))
     provenance = {"jointz": own_version(), "created": now(), f"{CATALOG_FILE} SHA-256":
                   file_sha256(file)}  # fmt: skip
-    page = render_coverage(
-        CoverageTables(pool.table, pool.studies, pool.printed, pool.by),
-        citations=cited,
-        asked=pool.asked,
-        rules=RULES,
-        notes=pool.notes,
-        provenance=provenance,
-    )
+    page = render_coverage(pool, citations=cited, provenance=provenance)
+    tables = {"pooled": pool.table, "studies": pool.studies, "printed": pool.printed}
     with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=POOL) as folder:
         for name, table in tables.items():
             table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
         (folder / PAGE).write_text(page, encoding="utf-8")
-        write_marker(folder, MARKER, _marked(pool, provenance))
+        settings = {"asked": dict(pool.asked), "notes": list(pool.notes)}
+        write_marker(folder, MARKER, {"made_by": POOL, **provenance, **settings})
     return out / PAGE
-
-
-def _marked(pool: CollectionPool, provenance: Mapping[str, str]) -> dict[str, Any]:
-    asked, notes = dict(pool.asked), list(pool.notes)
-    return {"made_by": POOL, **provenance, "asked": asked, "notes": notes}
-
-
-def _citations(file: Path) -> list[dict[str, str]]:
-    told = ("study", "cite", "licence", "consent")
-    return [{key: e[key] for key in told} for e in catalog_about(file)["entries"].values()]

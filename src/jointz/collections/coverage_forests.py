@@ -1,4 +1,4 @@
-"""Forest plots of the page of what a collection knows, as numbers for inline svg."""
+"""Forest plots of the page of a pooled collection, as numbers for inline svg."""
 
 from collections.abc import Mapping, Sequence
 from math import floor, log10, sqrt
@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from jointz.collections.pool_result import of_row
+from jointz.collections.pool_result import CollectionPool, of_row
 from jointz.report.wording import (
     PARAMETERS,
     format_interval,
@@ -18,31 +18,29 @@ from jointz.report.wording import (
 
 _LABEL_X, _LEFT, _RIGHT, _WIDTH, _LINE = 8, 240, 560, 760, 24
 _TICKS, _LONGEST, _SQUARE_SMALLEST, _SQUARE_LARGEST = 5, 24, 5.0, 13.0
-#: Intervals of two studies reach far: the axis goes as far beyond the studies as these span.
+#: Largest reach of the axis beyond the studies, in spans of the studies.
 _BEYOND = 0.5
 _P_SMALLEST = 0.001
 
 _Row = dict[str, Any]
 
 
-def forest_plots(
-    pooled: pd.DataFrame, studies: pd.DataFrame, by: tuple[str, ...]
-) -> list[dict[str, Any]]:
-    """Return what the page's forest plots show and where, by joint and parameter."""
-    behind = studies[studies["weight_pct"].notna()]
-    keys = [*by, "parameter", "unit"]
-    held = dict(list(behind.groupby(keys, sort=False)))
+def forest_plots(pool: CollectionPool, rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the forest plots of rows of the pooled table, by joint and parameter."""
+    studies = pd.concat([pool.studies, pool.printed])
+    keys = [*pool.by, "parameter", "unit"]
+    by_place = dict(list(studies[studies["weight_pct"].notna()].groupby(keys, sort=False)))
     groups: dict[str, list[_Row]] = {}
-    for row in pooled[pooled["status"] == "ok"].to_dict("records"):
-        group = of_row(held[tuple(row[key] for key in keys)], row)
-        joint = str(row["joint"]).capitalize() if "joint" in by else ""
+    for row in rows[rows["status"] == "ok"].to_dict("records"):
+        group = of_row(by_place[tuple(row[key] for key in keys)], row)
+        joint = str(row["joint"]).capitalize() if "joint" in pool.by else ""
         name = ": ".join(part for part in (joint, PARAMETERS[row["parameter"]][0]) if part)
-        told = [point_name(str(row[key])) for key in by if key != "joint"]
+        place = [point_name(str(row[key])) for key in pool.by if key != "joint"]
         p = f"p {row['q_p']:.2g}" if row["q_p"] >= _P_SMALLEST else "p < 0.001"
         groups.setdefault(name, []).append(
             _forest(group.to_dict("records"), row)
             | {
-                "title": ", ".join(told),
+                "title": ", ".join(place),
                 "methods": ", ".join(map(method_name, sorted(set(group["method"])))),
                 "spread": f"sd between studies {format_number(row['tau'], like=row['value'])} "
                 f"{pretty_unit(row['unit'])}, I² {row['i2_pct']:.0f} %, Q {row['q']:.3g} ({p})",
@@ -52,7 +50,7 @@ def forest_plots(
 
 
 def _forest(studies: Sequence[Mapping[Any, Any]], row: Mapping[Any, Any]) -> _Row:
-    """Return where everything of a forest plot lies, in its own units."""
+    """Return the positions of all parts of a forest plot."""
     low = min(*(s["ci_low"] for s in studies), row["value"])
     high = max(*(s["ci_high"] for s in studies), row["value"])
     span = high - low
@@ -84,7 +82,7 @@ def _forest(studies: Sequence[Mapping[Any, Any]], row: Mapping[Any, Any]) -> _Ro
         "y": bottom,
         "mean": {name: x(row[name]) for name in names},
         "cut": (row["prediction_low"] < low, row["prediction_high"] > high),
-        "told": format_interval(row["value"], row["ci_low"], row["ci_high"]),
+        "mean_text": format_interval(row["value"], row["ci_low"], row["ci_high"]),
         "ticks": [(x(tick), format_number(tick, like=high - low)) for tick in _ticks(low, high)],
         "unit": row["unit"],
         "label_x": _LABEL_X, "left": _LEFT, "right": _RIGHT, "width": _WIDTH,

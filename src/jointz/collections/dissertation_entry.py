@@ -1,5 +1,9 @@
-"""The dissertation's tables 4.1 to 4.3 as the first entry of a collection: printed values."""
+"""Entry of the dissertation's printed values, tables 4.1 to 4.3.
 
+``dissertation_entry.toml`` holds its metadata.
+"""
+
+import tomllib
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -17,11 +21,9 @@ from jointz.reference import Printed, chapter4
 
 #: Folder and id of the entry.
 DISSERTATION = "dissertation"
+_METADATA = Path(__file__).with_name("dissertation_entry.toml")
 _PRINTED = "printed.csv"
-_PARAMETERS = ("stiffness_per_mass", "damping_per_mass", "inertia")
 _SD_NOTE = "sd over the ten printed values; it is not printed itself"
-_BOUND = "at_bound"
-_LICENCE = "LicenseRef-printed-numbers"
 _LICENCE_TEXT = """\
 Numbers read off the tables of a publication: facts, no text and no figure of it. Who uses them
 cites the publication, as `cite` in entry.toml has it. We know of no other condition; this is no
@@ -45,13 +47,19 @@ def write_dissertation_entry(out: Path) -> Path:
     Raises
     ------
     OutputError
-        When ``out`` exists or cannot be written.
+        If ``out`` exists or cannot be written.
     """
+    content = tomllib.loads(_METADATA.read_text(encoding="utf-8"))
+    sizes = {"age_years": (chapter4.AGE, 1.0), "mass_kg": (chapter4.MASS, 1.0),
+             "height_m": (chapter4.HEIGHT, 100.0)}  # fmt: skip
+    for name, (cell, unit) in sizes.items():
+        sd = (cell.sd or 0.0) / unit
+        content["sample"] |= {f"{name}_mean": cell.value / unit, f"{name}_sd": sd}
     with new_folder(out, marker=ENTRY_FILE, overwrite=False) as folder:
         file = folder / _PRINTED
         printed_values().to_csv(file, index=False, float_format="%.10g")
-        (folder / f"{_LICENCE}.txt").write_text(_LICENCE_TEXT, encoding="utf-8")
-        content = _content() | {"hashes": {_PRINTED: file_sha256(file)}}
+        (folder / f"{content['licence']}.txt").write_text(_LICENCE_TEXT, encoding="utf-8")
+        content["hashes"] = {_PRINTED: file_sha256(file)}
         (folder / ENTRY_FILE).write_text(written_entry(content), encoding="utf-8")
     return out / ENTRY_FILE
 
@@ -59,16 +67,14 @@ def write_dissertation_entry(out: Path) -> Path:
 def printed_values() -> pd.DataFrame:
     """Return tables 4.1 to 4.3 in the columns of printed values."""
     rows = []
-    for parameter in _PARAMETERS:
-        for point in TIMING_POINTS:
-            row = chapter4.TABLES[parameter][point]
-            people = [_row(parameter, point, cell, who) for who, cell in row.items()]
-            rows += [_mean(parameter, point), *people]
+    for parameter in ("stiffness_per_mass", "damping_per_mass", "inertia"):
+        for point, cells in chapter4.TABLES[parameter].items():
+            rows.append(_mean(parameter, point))
+            rows += [_row(parameter, point, cell, who) for who, cell in cells.items()]
     return pd.DataFrame(rows, columns=list(PRINTED_COLUMNS))
 
 
 def _row(parameter: str, point: str, cell: Printed, who: str) -> dict[str, Any]:
-    at_bound = cell.value < chapter4.NUMERICALLY_ZERO
     return {
         "statistic": "individual" if who else "mean",
         "participant": who,
@@ -78,7 +84,7 @@ def _row(parameter: str, point: str, cell: Printed, who: str) -> dict[str, Any]:
         "value": cell.value,
         "unit": PARAMETER_UNITS[parameter],
         "n": 1,
-        "status": _BOUND if at_bound else "ok",
+        "status": "at_bound" if cell.value < chapter4.NUMERICALLY_ZERO else "ok",
         "source": cell.source,
         "note": cell.note,
     }
@@ -86,73 +92,9 @@ def _row(parameter: str, point: str, cell: Printed, who: str) -> dict[str, Any]:
 
 def _mean(parameter: str, point: str) -> dict[str, Any]:
     values = [cell.value for cell in chapter4.TABLES[parameter][point].values()]
-    printed = chapter4.MEANS[parameter][point]
-    note = "; ".join(filter(None, (printed.note, _SD_NOTE, _apart(printed.value, fmean(values)))))
-    told = {"n": len(values), "sd": stdev(values), "note": note}
-    return _row(parameter, point, printed, "") | told
-
-
-def _apart(printed: float, mean: float) -> str:
-    """Say where the printed mean is not that of its row, beyond half a digit of any of them."""
-    apart = abs(printed - mean) > 0.02 * mean
-    return f"the mean of the printed values is {mean:.3g}" if apart else ""
-
-
-def _content() -> dict[str, Any]:
-    return {
-        "jointz_entry": 1,
-        "study": DISSERTATION,
-        "version": "1.0",
-        "title": "Knee impedance of ten people in walking: tables 4.1 to 4.3",
-        "values": "printed",
-        "licence": _LICENCE,
-        "cite": "Estimation of Knee Joint Impedance During Walking and its Implications for "
-        "Robotic Control and Beyond. Dissertation, chapter IV.",
-        "protocol": "walking",
-        "exclusions": [],
-        "contributors": [{"name": "the author of the dissertation"}],
-        "ethics": {
-            "approval": "University of Michigan Institutional Review Board, HUM00154646 (4.2.2)",
-            "consent": "published",
-        },
-        "device": {
-            "name": "knee exoskeleton (4.2.1)",
-            "torque": "motor_current",
-            "torque_detail": "equation 4.1: current, friction and rotor inertia",
-        },
-        "joint": {"name": "knee", "side": "not_stated", "positive": "flexion"},
-        "calibration": {"note": "no calibration with its sd is printed"},
-        "units": {name: PARAMETER_UNITS[name] for name in _PARAMETERS},
-        "method": {
-            "name": "dissertation",
-            "settings": {"window_s": 0.1, "cutoff_hz": 20.0, "baseline": "unperturbed_mean"},
-        },
-        "software": {"name": "MATLAB", "version": "R2019b"},
-        "sample": _sample(),
-        "conditions": [_condition()],
-        "raw_data": {"where": "the dissertation does not say"},
-    }
-
-
-def _sample() -> dict[str, Any]:
-    return {
-        "n": int(chapter4.N_PARTICIPANTS.value),
-        "n_female": 4,
-        "age_years_mean": chapter4.AGE.value,
-        "age_years_sd": chapter4.AGE.sd,
-        "mass_kg_mean": chapter4.MASS.value,
-        "mass_kg_sd": chapter4.MASS.sd,
-        "height_m_mean": chapter4.HEIGHT.value / 100.0,
-        "height_m_sd": (chapter4.HEIGHT.sd or 0.0) / 100.0,
-    }
-
-
-def _condition() -> dict[str, Any]:
-    """Return 4.2.2 as a condition; a slope is not stated."""
-    return {
-        "name": "exoskeleton, perturbed (EWP)",
-        "activity": "walking",
-        "walking_speed_m_s": 1.2,
-        "surface": "treadmill",
-        "estimates": _PRINTED,
-    }
+    printed, mean = chapter4.MEANS[parameter][point], fmean(values)
+    notes = [printed.note, _SD_NOTE]
+    if abs(printed.value - mean) > 0.02 * mean:  # more than half a digit of each value
+        notes.append(f"the mean of the printed values is {mean:.3g}")
+    row = _row(parameter, point, printed, "")
+    return row | {"n": len(values), "sd": stdev(values), "note": "; ".join(filter(None, notes))}

@@ -1,4 +1,4 @@
-"""A draft of an entry, out of a results folder of ``jointz analyze``."""
+"""Draft of an entry, made of a results folder of ``jointz analyze``."""
 
 import csv
 import json
@@ -22,8 +22,8 @@ _ESTIMATES, _COVARIANCE = "estimates.csv", "covariance.csv"
 _PROVENANCE, _EXCLUDED = "provenance.json", "excluded.csv"
 _SETTINGS = ("baseline", "window_s", "cutoff_hz", "resamples", "seed")
 
-#: What no results folder knows: key -> what belongs there.
-_ASKED = {
+#: Keys that no results folder knows -> what belongs there.
+_QUESTIONS = {
     "title": "what was measured, in a line",
     "licence": 'SPDX identifier, such as "CC-BY-4.0"',
     "cite": "how to cite the study: authors, year, title, DOI",
@@ -34,7 +34,7 @@ _ASKED = {
     "device.name": "what perturbed the joint",
     "participants.age_band": "of at least five years, such as 20-29",
     "participants.sex": '"female", "male", "other" or "not_stated"',
-    "conditions.name": "what tells it from other conditions, such as level-1.2",
+    "conditions.name": "a name that no other condition has, such as level-1.2",
     "conditions.walking_speed_m_s": "m/s",
     "conditions.slope_deg": "uphill is positive, 0 is level",
     "conditions.surface": '"treadmill", "overground", ...',
@@ -45,7 +45,7 @@ _ASKED = {
 def make_entry(
     results: Path, *, out: Path, study_id: str, version: str = "1.0", study: str = ""
 ) -> Path:
-    """Make a draft of an entry: what the results know is filled in, the rest left to be told.
+    """Make a draft of an entry: known values are filled in, the others are comments.
 
     Parameters
     ----------
@@ -54,24 +54,24 @@ def make_entry(
     out : pathlib.Path
         Folder of the entry; must not exist yet.
     study_id : str
-        Of the study in the collection: lower case, digits, ``.``, ``-``, ``_``.
+        Id of the study in the collection: lower case, digits, ``.``, ``-``, ``_``.
     version : str
-        Of the entry.
+        Version of the entry.
     study : str
-        Where the study with its recordings is, from the entry's folder, where others may read it.
+        Path of the study with its recordings, from the entry's folder, if others may read it.
 
     Returns
     -------
     pathlib.Path
-        The ``entry.toml``. Keys that nobody but the lab knows stand in it as comments; ``jointz
-        collect check`` names them until they are filled in.
+        The ``entry.toml``. Keys that only the lab knows are comments in it; ``jointz collect
+        check`` names them until they are filled in.
 
     Raises
     ------
     DataError
-        When the id is none, or the folder holds no results, or those of a bench.
+        If the id is not valid, or the folder holds no results of a walking study.
     OutputError
-        When ``out`` exists or cannot be written.
+        If ``out`` exists or cannot be written.
     """
     if re.fullmatch(STUDY_ID, study_id) is None:
         raise DataError(
@@ -81,8 +81,8 @@ def make_entry(
     provenance = read_provenance(results)
     if provenance["study"]["kind"] == "bench":
         raise DataError(
-            f"{results}: results of a bench study. Its participants are loads; a collection holds "
-            "people. Name results of a walking study."
+            f"{results}: results of a bench study. Its participants are loads, and a collection "
+            "holds people. Name the results of a walking study."
         )
     files = [name for name in (_ESTIMATES, _COVARIANCE) if (results / name).is_file()]
     with new_folder(out, marker=ENTRY_FILE, overwrite=False) as folder:
@@ -93,36 +93,33 @@ def make_entry(
             content["conditions"][0]["covariance"] = _COVARIANCE
         content["hashes"] = {name: file_sha256(folder / name) for name in files}
         content["raw_data"] = {"study": study, "sha256": provenance.get("study_sha256", "")}
-        text = written_entry(content, _questions(content))
+        text = written_entry(content, _open_questions(content))
         (folder / ENTRY_FILE).write_text(text, encoding="utf-8")
     return out / ENTRY_FILE
 
 
 def read_provenance(results: Path) -> dict[str, Any]:
-    """Return what a results folder says of its making."""
-    try:
-        content = json.loads((results / _PROVENANCE).read_text(encoding="utf-8"))
-        told = content["study"]["kind"] and content["study"]["participants"]
-        there = (results / _ESTIMATES).is_file()
-    except (OSError, ValueError, KeyError, TypeError) as exc:
-        raise _no_results(results) from exc
-    if not there or not told:
-        raise _no_results(results)
-    return dict(content)
-
-
-def _no_results(results: Path) -> DataError:
-    return DataError(
+    """Return the provenance of a results folder."""
+    error = DataError(
         f"{results}: expected a results folder of jointz analyze, with {_ESTIMATES} and "
         f"{_PROVENANCE} of this version. Run jointz analyze again, or correct the name."
     )
+    try:
+        content = json.loads((results / _PROVENANCE).read_text(encoding="utf-8"))
+        has_people = content["study"]["kind"] and content["study"]["participants"]
+        (results / _ESTIMATES).stat()
+    except (OSError, ValueError, KeyError, TypeError) as exc:
+        raise error from exc
+    if not has_people:
+        raise error
+    return dict(content)
 
 
 def _content(
     provenance: Mapping[str, Any], results: Path, study_id: str, version: str
 ) -> dict[str, Any]:
     spec, settings = provenance["study"], provenance.get("settings", {})
-    found = _column(results / _ESTIMATES, "parameter")
+    estimated = {row.get("parameter") for row in _csv_rows(results / _ESTIMATES)}
     return {
         "jointz_entry": 1,
         "study": study_id,
@@ -130,13 +127,9 @@ def _content(
         "values": "estimates",
         "exclusions": _exclusions(results / _EXCLUDED),
         "device": _torque_path(spec),
-        "joint": {
-            "name": spec["joint"],
-            **_sides(spec["recordings"]),
-            "positive": spec["positive"],
-        },
+        "joint": {"name": spec["joint"], **_side(spec["recordings"]), "positive": spec["positive"]},
         "calibration": _calibration(spec),
-        "units": {name: PARAMETER_UNITS[name] for name in PARAMETERS if name in found},
+        "units": {name: PARAMETER_UNITS[name] for name in PARAMETERS if name in estimated},
         "method": {
             "name": settings.get("method"),
             "settings": {name: settings[name] for name in _SETTINGS if name in settings},
@@ -147,9 +140,9 @@ def _content(
     }
 
 
-def _questions(content: Mapping[str, Any]) -> dict[str, str]:
-    """Return what is still to be told: what nobody but the lab knows, and what differs."""
-    questions = dict(_ASKED)
+def _open_questions(content: Mapping[str, Any]) -> dict[str, str]:
+    """Return the keys that only the lab can fill in, and what belongs there."""
+    questions = dict(_QUESTIONS)
     if "torque" not in content["device"]:
         questions["device.torque"] = '"joint_torque_sensor", "motor_current", "load_cell", ...'
     if "side" not in content["joint"]:
@@ -159,8 +152,8 @@ def _questions(content: Mapping[str, Any]) -> dict[str, str]:
     return questions
 
 
-def _sides(recordings: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the side of recordings, or that they are of both; nothing where one states none."""
+def _side(recordings: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Return the side of recordings, or ``both``; nothing if one of them states no side."""
     sides = {recording.get("side") for recording in recordings}
     if None in sides or not sides:
         return {}
@@ -168,45 +161,41 @@ def _sides(recordings: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def described_person(spec: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a study says of a participant: id, side, mass, height, group."""
-    of_person = [r for r in spec["recordings"] if r["participant"] == person["id"]]
+    """Return a participant of a study: id, side, mass, height, group."""
+    recordings = [r for r in spec["recordings"] if r["participant"] == person["id"]]
     known = {key: person.get(key) for key in ("id", "mass_kg", "height_m", "group")}
-    return known | _sides(of_person)
+    return known | _side(recordings)
 
 
 def _torque_path(spec: Mapping[str, Any]) -> dict[str, str]:
-    """Return how torque was found where the study tells; a torque channel does not say how."""
+    """Return how torque was computed from current; a torque channel does not say how."""
     if spec.get("torque_model") and "torque" not in spec["channels"]:
-        told = ", ".join(f"{k} {v:g}" for k, v in spec["torque_model"].items())
-        return {"torque": "motor_current", "torque_detail": told}
+        model = ", ".join(f"{name} {value:g}" for name, value in spec["torque_model"].items())
+        return {"torque": "motor_current", "torque_detail": model}
     return {}
 
 
 def _calibration(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries that are the same in every recording; others are no entry of the study."""
+    """Return the calibration that all recordings share."""
     people = {person["id"]: person for person in spec["participants"]}
-    each = []
+    calibrations = []
     for recording in spec["recordings"]:
-        made = CalibrationSpec()
-        for told in (spec, people[recording["participant"]], recording):
-            own = CalibrationSpec.model_validate(told.get("calibration") or {})
-            made = made.overridden_by(own)
-        each.append(made)
-    names = CalibrationSpec.model_fields
-    shared = [name for name in names if len({repr(getattr(one, name)) for one in each}) == 1]
-    told = each[0].model_dump(exclude_none=True)
-    return {name: told[name] for name in shared if name in told}
+        calibration = CalibrationSpec()
+        for part in (spec, people[recording["participant"]], recording):
+            override = CalibrationSpec.model_validate(part.get("calibration") or {})
+            calibration = calibration.overridden_by(override)
+        calibrations.append(calibration.model_dump(exclude_none=True))
+    first = calibrations[0]
+    return {k: v for k, v in first.items() if all(c.get(k) == v for c in calibrations)}
 
 
-def _column(file: Path, name: str) -> set[str]:
+def _csv_rows(file: Path) -> list[dict[str, str]]:
     with file.open(encoding="utf-8-sig", newline="") as stream:
-        return {row.get(name) or "" for row in csv.DictReader(stream)}
+        return list(csv.DictReader(stream))
 
 
 def _exclusions(file: Path) -> list[dict[str, Any]]:
-    """Return how many strides and pulses were left out, by kind and code."""
-    if not file.is_file():
-        return []
-    with file.open(encoding="utf-8-sig", newline="") as stream:
-        count = Counter((row["kind"], row["code"]) for row in csv.DictReader(stream))
+    """Count the strides and pulses that were excluded, by kind and code."""
+    rows = _csv_rows(file) if file.is_file() else []
+    count = Counter((row["kind"], row["code"]) for row in rows)
     return [{"kind": kind, "n": n, "reason": code} for (kind, code), n in sorted(count.items())]

@@ -1,7 +1,7 @@
-"""A study's entry in a collection: the model behind ``entry.toml``.
+"""Model of ``entry.toml``, a study's entry in a collection.
 
-Shape and what holds between keys are checked here. What a value may be (which joints, licences,
-speeds, units there are) is checked in :mod:`jointz.collections.checking`, with a code each.
+The model checks the shape and the relations between keys. Values such as joints, licences, speeds
+and units are checked in :mod:`jointz.collections.checking`, with a code each.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,9 +14,9 @@ from jointz.core.study import Calibrated, CalibrationSpec, SchemaVersion
 
 #: The file that makes a folder an entry.
 ENTRY_FILE = "entry.toml"
-#: What the id of a study looks like.
+#: Pattern of the id of a study.
 STUDY_ID = r"[a-z0-9][a-z0-9._-]*"
-#: How the torque on the joint was found.
+#: How the torque on the joint was measured or computed.
 TorquePath = Literal[
     "joint_torque_sensor", "motor_current", "series_elastic", "force_plate", "inverse_dynamics",
     "load_cell", "not_stated",
@@ -24,15 +24,13 @@ TorquePath = Literal[
 Sex = Literal["female", "male", "other", "not_stated"]
 Side = Literal["left", "right", "both", "not_stated"]
 Activity = Literal["walking", "running", "standing", "seated", "lying"]
-#: ``study_only``: consent that does not reach beyond the study. ``published``: printed values.
+#: ``study_only``: consent to this study only. ``published``: printed values.
 ConsentScope = Literal["public", "research", "study_only", "published"]
-
-
 Text = Annotated[str, Field(min_length=1)]
 
 
 class Contributor(CheckedModel):
-    """Somebody who is to be named."""
+    """A person to be credited."""
 
     name: Text
     affiliation: str = ""
@@ -40,14 +38,14 @@ class Contributor(CheckedModel):
 
 
 class Ethics(CheckedModel):
-    """What the people agreed to: committee with number, and how far their consent reaches."""
+    """Approval (committee and number), and scope of the people's consent."""
 
     approval: Text
     consent: ConsentScope
 
 
 class Device(CheckedModel):
-    """What perturbed the joint, and how the torque on the joint was measured or computed."""
+    """The perturbing device, and how the torque on the joint was measured or computed."""
 
     name: Text
     torque: TorquePath
@@ -55,7 +53,7 @@ class Device(CheckedModel):
 
 
 class Joint(CheckedModel):
-    """Which joint, on which side, and which direction is positive."""
+    """Joint, side and positive direction."""
 
     name: Text
     side: Side
@@ -63,36 +61,35 @@ class Joint(CheckedModel):
 
 
 class EntryCalibration(CalibrationSpec):
-    """What is known about the instruments, each with its sd; ``note`` where nothing is."""
+    """Calibration of the instruments, each entry with its sd; ``note`` if there is none."""
 
     note: str = ""
 
     @property
     def entries(self) -> Mapping[str, Calibrated]:
-        """What is calibrated, by name."""
+        """The calibrated quantities by name."""
         names = (name for name in type(self).model_fields if name != "note")
         return {name: entry for name in names if (entry := getattr(self, name)) is not None}
 
 
 class Method(CheckedModel):
-    """How the values were estimated: as in the column ``method``, with its settings."""
+    """Method of estimation, as in the column ``method``, with its settings."""
 
     name: Text
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
 class Software(CheckedModel):
-    """What estimated the values."""
+    """Software that estimated the values."""
 
     name: Text
     version: Text
 
 
 class Person(CheckedModel):
-    """A participant, without what identifies people.
+    """A participant, without identifying data.
 
-    ``person`` is a code that stays the same wherever the same human takes part, in any study;
-    labs that share people agree on it.
+    ``person`` is a code of the same human in all studies; labs that share people agree on it.
     """
 
     id: Text
@@ -106,7 +103,7 @@ class Person(CheckedModel):
 
 
 class Sample(CheckedModel):
-    """People of a study whose values are printed, described together."""
+    """People of a study with printed values, described together."""
 
     n: Annotated[int, Field(ge=1)]
     n_female: Annotated[int, Field(ge=0)] | None = None
@@ -119,7 +116,7 @@ class Sample(CheckedModel):
 
 
 class Condition(CheckedModel):
-    """What the people did, and the files with the values found then; uphill slopes are positive."""
+    """Task of the people, and the files with its values; uphill slopes are positive."""
 
     name: Text
     activity: Activity
@@ -131,12 +128,12 @@ class Condition(CheckedModel):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files that it names."""
+        """The files with the values of the condition."""
         return (self.estimates,) if self.covariance is None else (self.estimates, self.covariance)
 
 
 class LeftOut(CheckedModel):
-    """What was left out: participants, strides or pulses, how many, and why."""
+    """Excluded participants, strides or pulses: number and reason."""
 
     kind: Literal["participant", "stride", "pulse"]
     n: Annotated[int, Field(ge=0)]
@@ -144,7 +141,7 @@ class LeftOut(CheckedModel):
 
 
 class RawData(CheckedModel):
-    """Where the recordings are: in words or by address, and as a study folder where it is near."""
+    """Place of the recordings: in words or as an address, and as a study folder nearby."""
 
     where: Text
     study: str = ""
@@ -152,17 +149,14 @@ class RawData(CheckedModel):
 
 
 class Place(CheckedModel):
-    """Where in an entry: a condition by its name, a parameter, or both; empty is anywhere."""
+    """A place in an entry: a condition by its name, a parameter, or both; empty means anywhere."""
 
     condition: str = ""
     parameter: str = ""
 
 
 class Accepted(CheckedModel):
-    """A finding of ``collect check`` on plausibility that was looked into, and why it stands.
-
-    It is accepted in the whole entry where ``where`` says nothing.
-    """
+    """A finding of ``collect check`` that the entry accepts for a reason; everywhere by default."""
 
     code: Text
     reason: Text
@@ -170,7 +164,7 @@ class Accepted(CheckedModel):
 
 
 class Entry(CheckedModel):
-    """The whole of an ``entry.toml``, schema version 1."""
+    """Content of an ``entry.toml``, schema version 1."""
 
     jointz_entry: SchemaVersion
     study: Annotated[str, Field(pattern=f"^{STUDY_ID}$")]
@@ -197,10 +191,10 @@ class Entry(CheckedModel):
     accepted: tuple[Accepted, ...] = Field(default=(), strict=False)
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the keys."""
+        """Return the relations between keys."""
         return (
             self._people_are_described,
-            self._calibration_is_told,
+            self._calibration_is_stated,
             self._conditions_differ,
             self._gait_is_described,
             self._accepted_conditions_are_there,
@@ -208,28 +202,28 @@ class Entry(CheckedModel):
 
     def _people_are_described(self) -> Iterator[Problem]:
         if self.kind == "estimates" and not self.participants:
-            yield Problem(("participants",), "missing; estimates need the people they are of.")
+            yield Problem(
+                ("participants",), "missing; estimates need the people that they belong to."
+            )
         if self.kind == "printed" and not self.participants and self.sample is None:
-            yield Problem(("sample",), "missing; printed values need the people they are of.")
+            yield Problem(
+                ("sample",), "missing; printed values need the people that they belong to."
+            )
 
-    def _calibration_is_told(self) -> Iterator[Problem]:
+    def _calibration_is_stated(self) -> Iterator[Problem]:
         if not self.calibration.entries and not self.calibration.note:
             yield Problem(
                 ("calibration",),
-                "holds nothing: give entries with their sd, or say in note why there are none.",
+                "is empty: give entries with their sd, or say in note why there are none.",
             )
 
     def _conditions_differ(self) -> Iterator[Problem]:
-        for part, told in (("name", "name"), ("estimates", "file")):
-            seen: set[str] = set()
-            for i, condition in enumerate(self.conditions):
-                value = str(getattr(condition, part))
-                if value in seen:
-                    yield Problem(
-                        ("conditions", i, part),
-                        f"{value!r} is the {told} of an earlier condition too; give each its own.",
-                    )
-                seen.add(value)
+        for key, noun in (("name", "name"), ("estimates", "file")):
+            values = [str(getattr(condition, key)) for condition in self.conditions]
+            for i, value in enumerate(values):
+                if value in values[:i]:
+                    message = f"{value!r} is the {noun} of an earlier condition; give each its own."
+                    yield Problem(("conditions", i, key), message)
 
     def _gait_is_described(self) -> Iterator[Problem]:
         needed = {
@@ -247,12 +241,12 @@ class Entry(CheckedModel):
         names = [condition.name for condition in self.conditions]
         for i, accepted in enumerate(self.accepted):
             if accepted.where.condition not in ("", *names):
-                told = f"expected one of {', '.join(names)}; got {accepted.where.condition!r}."
-                yield Problem(("accepted", i, "where", "condition"), told)
+                message = f"expected one of {', '.join(names)}; got {accepted.where.condition!r}."
+                yield Problem(("accepted", i, "where", "condition"), message)
 
     @property
     def kind(self) -> Literal["estimates", "printed"]:
-        """What ``values`` says; under a name that is not pandas' own."""
+        """``values`` under a name that pandas does not use."""
         return self.values
 
     @property

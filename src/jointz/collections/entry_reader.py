@@ -1,4 +1,4 @@
-"""Read the entries of a collection: ``entry.toml`` and the tables that it names."""
+"""Entries of a collection as files: ``entry.toml`` and the tables that it names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,10 +32,10 @@ _TABLES = {
 
 @dataclass(frozen=True, slots=True)
 class EntryFolder:
-    """An entry that was read."""
+    """An entry and its folder."""
 
     root: Path  # its folder
-    spec: Entry  # what ``entry.toml`` says
+    spec: Entry  # content of ``entry.toml``
     sha256: str  # hash of ``entry.toml``
 
     @property
@@ -44,59 +44,59 @@ class EntryFolder:
         return self.root.name
 
     def path(self, file: str) -> Path:
-        """Return where a file of the entry is."""
+        """Return the path of a file of the entry."""
         parts = PurePosixPath(file)
         if parts.is_absolute() or ".." in parts.parts or "\\" in file:
             raise DataError(
                 f"{file}: expected a file inside the folder of the entry. Copy it there.", path=file
             )
-        found = self.root / parts
+        path = self.root / parts
         try:
-            there = found.is_file()
+            exists = path.is_file()
         except OSError as exc:
             raise DataError(
-                f"{file}: cannot be read ({exc.strerror}). Let it be read.", path=file
+                f"{file}: cannot be read ({exc.strerror}). Allow reading it.", path=file
             ) from exc
-        if not there:
-            raise DataError(f"{file}: is not there. Put it beside {ENTRY_FILE}.", path=file)
-        if not found.resolve().is_relative_to(self.root.resolve()):
+        if not exists:
+            raise DataError(f"{file}: does not exist. Put it beside {ENTRY_FILE}.", path=file)
+        if not path.resolve().is_relative_to(self.root.resolve()):
             raise DataError(
                 f"{file}: links to a file outside the folder of the entry. Copy it there.",
                 path=file,
             )
-        return found
+        return path
 
 
 @dataclass(frozen=True, slots=True)
 class ConditionTables:
-    """The values of one condition of an entry, as they stand in its files."""
+    """The values of one condition of an entry, as in its files."""
 
     condition: Condition
     rows: pd.DataFrame  # in the columns of ``estimates.csv``, or those of printed values
-    covariance: pd.DataFrame | None  # none where the entry has none
+    covariance: pd.DataFrame | None  # None if the entry has none
     sha256: Mapping[str, str]  # file -> hash of its bytes
-    first_row: int = 2  # row of the file of values that holds the first of them
+    first_row: int = 2  # row number of the first value in its file
 
 
 def entry_folders(collection: Path) -> tuple[Path, ...]:
-    """List the folders of a collection that hold an entry, or should."""
+    """List the folders of a collection, one an entry."""
     try:
-        found = sorted(p for p in collection.iterdir() if p.is_dir() and p.name[0] not in "._")
+        folders = sorted(p for p in collection.iterdir() if p.is_dir() and p.name[0] not in "._")
     except OSError as exc:
         raise DataError(
             f"{collection}: cannot be read as a folder ({exc.strerror}). Name the folder of a "
-            f"collection, with a folder for each study in it."
+            "collection, which holds a folder for each study."
         ) from exc
-    if not found:
+    if not folders:
         raise DataError(
             f"{collection}: expected a folder for each study, with {ENTRY_FILE} and its estimates; "
-            "found none. jointz collect entry RESULTS makes one of results."
+            "found none. Make one of results: jointz collect entry RESULTS."
         )
-    return tuple(found)
+    return tuple(folders)
 
 
 def read_entry(folder: Path) -> EntryFolder:
-    """Read an ``entry.toml``; the files that it names are not opened."""
+    """Read an ``entry.toml``, without the files that it names."""
     file = folder / ENTRY_FILE
     try:
         text = file.read_bytes()
@@ -112,12 +112,12 @@ def read_entry(folder: Path) -> EntryFolder:
 
 
 def read_condition(entry: EntryFolder, condition: Condition) -> ConditionTables:
-    """Read the values of a condition, with their covariance where there is one."""
-    values, sha256, first_row = _table(entry, condition.estimates, entry.spec.kind)
+    """Read the values of a condition, with their covariance if there is one."""
+    values, sha256, first_row = read_values(entry.path(condition.estimates), entry.spec.kind)
     hashes = {condition.estimates: sha256}
     covariance = None
     if condition.covariance is not None:
-        covariance, sha256, _ = _table(entry, condition.covariance, "covariance")
+        covariance, sha256, _ = read_values(entry.path(condition.covariance), "covariance")
         hashes[condition.covariance] = sha256
     return ConditionTables(condition, values, covariance, hashes, first_row)
 
@@ -127,13 +127,9 @@ def columns_of(entry: EntryFolder, file: str) -> tuple[str, ...]:
     return tuple(list_columns(entry.path(file), FilesSpec()) or ())
 
 
-def _table(entry: EntryFolder, file: str, kind: str) -> tuple[pd.DataFrame, str, int]:
-    return read_values(entry.path(file), kind)
-
-
 def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
-    """Read a table of values."""
-    # Tables of other programs, and older ones, have neither session nor side.
+    """Read a table of values; return its rows, its hash and the number of its first row."""
+    # Tables of other programs and of older versions have neither session nor side.
     stated = list_columns(path, FilesSpec()) or _TABLES[kind]
     columns = [n for n in _TABLES[kind] if n in stated or n not in _UNIT]
     table = read_table(
@@ -149,34 +145,32 @@ def read_values(path: Path, kind: str) -> tuple[pd.DataFrame, str, int]:
 
 
 def written_entry(content: Mapping[str, Any], missing: Mapping[str, str] | None = None) -> str:
-    """Return the text of an ``entry.toml``."""
-    open_questions = dict(missing or {})
-    lines = [f"{k} = {_value(v)}" for k, v in content.items() if _is_plain(v) and v is not None]
-    lines += _asked(open_questions, "")
+    """Return the text of an ``entry.toml``; missing keys stand as comments in their tables."""
+    questions: dict[str, list[str]] = {}
+    for key, question in (missing or {}).items():
+        table, _, name = key.rpartition(".")
+        questions.setdefault(table, []).append(f"# {name} =   # {question}")
+    plain = {key: value for key, value in content.items() if not _tables(value)}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items() if value is not None]
+    lines += questions.get("", [])
     for key, value in content.items():
-        if isinstance(value, Mapping):
-            lines += ["", f"[{key}]", *_statements(value), *_asked(open_questions, key)]
-        elif not _is_plain(value):
-            for one in value:
-                lines += ["", f"[[{key}]]", *_statements(one), *_asked(open_questions, key)]
-    tables = {key.rpartition(".")[0] for key in open_questions} - set(content) - {""}
-    for table in sorted(tables):
-        lines += ["", f"[{table}]", *_asked(open_questions, table)]
+        header = f"[{key}]" if isinstance(value, Mapping) else f"[[{key}]]"
+        for table in _tables(value):
+            statements = [
+                f"{written_key(k)} = {_value(v)}" for k, v in table.items() if v not in (None, "")
+            ]
+            lines += ["", header, *statements, *questions.get(key, [])]
+    for key in sorted(questions.keys() - content.keys() - {""}):
+        lines += ["", f"[{key}]", *questions[key]]
     return "\n".join(lines) + "\n"
 
 
-def _is_plain(value: Any) -> bool:
-    tables = isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-    return not isinstance(value, Mapping) and not tables
-
-
-def _asked(questions: Mapping[str, str], table: str) -> list[str]:
-    of_table = {key: told for key, told in questions.items() if key.rpartition(".")[0] == table}
-    return [f"# {key.rpartition('.')[2]} =   # {told}" for key, told in of_table.items()]
-
-
-def _statements(table: Mapping[str, Any]) -> list[str]:
-    return [f"{written_key(k)} = {_value(v)}" for k, v in table.items() if v not in (None, "")]
+def _tables(value: Any) -> list[Mapping[str, Any]]:
+    """Return a value as tables of TOML; an empty list if it is none."""
+    if isinstance(value, Mapping):
+        return [value]
+    is_list = isinstance(value, list | tuple) and value and isinstance(value[0], Mapping)
+    return list(value) if is_list else []
 
 
 def _value(value: Any) -> str:

@@ -1,9 +1,9 @@
-"""A collection pooled: a mean over studies at every place, and the studies behind it."""
+"""Result of pooling a collection: means over studies at every place, and their studies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import pandas as pd
 
@@ -14,15 +14,15 @@ from jointz.results.statistics.random_effects_fit import draw_forest
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA: Final = "jointz.CollectionPool/1"
-#: What places may be told apart by; ``phase`` are tenths of the cycle, ``speed`` bands of 0.2 m/s.
+#: Columns that may distinguish places: ``phase`` are tenths of the cycle, ``speed`` bands of
+#: 0.2 m/s.
 BY: Final = (
     "joint", "timing_point", "phase", "condition", "activity", "speed", "slope", "side", "surface",
     "sex", "age_band", "group",
 )  # fmt: skip
-#: Conditions are free text, which no two labs write alike: what they mean stands in these.
+#: Conditions are free text and differ between labs; these columns hold their meaning.
 DEFAULT_BY: Final = ("joint", "timing_point", "activity", "speed", "slope")
-#: Status of the mean of one study alone; others are ``ok`` and ``failed:too_few_studies``.
+#: Status of the mean of a single study; others are ``ok`` and ``failed:too_few_studies``.
 ONE_STUDY: Final = "one_study"
 #: Columns of the pooled table, after those of the place.
 POOLED_COLUMNS: Mapping[str, Kind] = MappingProxyType({
@@ -45,25 +45,26 @@ STUDY_COLUMNS: Mapping[str, Kind] = MappingProxyType({
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CollectionPool(Result):
-    """A collection, pooled.
+    """Means over the studies of a collection.
 
     Parameters
     ----------
     table : pandas.DataFrame
         One row a place, parameter and method: the columns ``by``, then :data:`POOLED_COLUMNS`.
     studies : pandas.DataFrame
-        One row a study at a place, studies that were left out included: ``by``, then
-        :data:`STUDY_COLUMNS`; ``weight_pct`` is empty where it was not pooled.
+        One row a study at a place, including studies that were left out: ``by``, then
+        :data:`STUDY_COLUMNS`; ``weight_pct`` is empty if the study was not pooled.
     printed : pandas.DataFrame
         Printed values in the same columns, every study by itself.
     by : tuple of str
-        What places are told apart by.
+        Columns that distinguish places.
     notes : tuple of str
-        What a reader of the numbers must know.
+        Remarks that a reader of the numbers must know.
     asked : mapping
-        What was asked for and how it was pooled, as plain values: the filters, and the rules that
-        differ from the default.
+        Filters, and rules of pooling that differ from the default, as plain values.
     """
+
+    SCHEMA: ClassVar[str] = "jointz.CollectionPool/1"
 
     table: pd.DataFrame
     studies: pd.DataFrame
@@ -73,7 +74,6 @@ class CollectionPool(Result):
     asked: Mapping[str, Any] = field(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
-        # Tables have no single truth; their plain values do.
         if not isinstance(other, CollectionPool):
             return NotImplemented
         return self.to_dict() == other.to_dict()
@@ -91,8 +91,8 @@ class CollectionPool(Result):
 
     def summary(self) -> str:
         """Return a line for each pooled value, and the notes."""
-        count = self.studies["study"].nunique()
-        lines = [f"{len(self.table)} rows; studies with estimates: {count}"]
+        n_studies = self.studies["study"].nunique()
+        lines = [f"{len(self.table)} rows; studies with estimates: {n_studies}"]
         for row in self.table.to_dict("records"):
             number = str(row["status"])
             if pd.notna(row["value"]):
@@ -107,12 +107,12 @@ class CollectionPool(Result):
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw a forest plot of the row with most studies; its title says where nothing is pooled.
+        """Draw a forest plot of the row with most studies.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; a new figure by default.
 
         Returns
         -------
@@ -124,65 +124,54 @@ class CollectionPool(Result):
             axes = draw_forest([], dict.fromkeys(POOLED_COLUMNS, float("nan")), ax)
             axes.set_title("nothing was pooled")
             return axes
-        most = pooled.sort_values("n_studies", ascending=False, kind="stable").iloc[0]
+        row = pooled.sort_values("n_studies", ascending=False, kind="stable").iloc[0]
         keys = [*self.by, "parameter", "unit"]
-        behind = pd.concat([self.studies, self.printed], ignore_index=True)
-        chosen = (behind[keys] == most[keys]).all(axis=1) & behind["weight_pct"].notna()
-        studies = of_row(behind[chosen], most.to_dict())
-        axes = draw_forest(studies.to_dict("records"), most.to_dict(), ax)
-        axes.set_xlabel(f"{most['parameter']} ({most['unit']}), 95 % intervals")
-        axes.set_title(", ".join(str(most[key]) for key in self.by))
+        studies = pd.concat([self.studies, self.printed], ignore_index=True)
+        pooled_here = (studies[keys] == row[keys]).all(axis=1) & studies["weight_pct"].notna()
+        studies = of_row(studies[pooled_here], row.to_dict())
+        axes = draw_forest(studies.to_dict("records"), row.to_dict(), ax)
+        axes.set_xlabel(f"{row['parameter']} ({row['unit']}), 95 % intervals")
+        axes.set_title(", ".join(str(row[key]) for key in self.by))
         return axes
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         tables = {n: plain_rows(getattr(self, n)) for n in ("table", "studies", "printed")}
-        told = {"by": list(self.by), "asked": dict(self.asked), "notes": list(self.notes)}
-        return {"schema": SCHEMA, **told, **tables}
+        settings = {"by": list(self.by), "asked": dict(self.asked), "notes": list(self.notes)}
+        return {"schema": self.SCHEMA, **settings, **tables}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "CollectionPool":
-        """Rebuild from :meth:`to_dict`.
-
-        Parameters
-        ----------
-        data : mapping
-            What :meth:`to_dict` returned.
-
-        Raises
-        ------
-        ValueError
-            When the schema is not one this version reads.
-        """
-        held = checked_values(data, SCHEMA)
-        by = tuple(held["by"])
+        """Rebuild from :meth:`to_dict`; raise ValueError for another schema."""
+        values = checked_values(data, cls.SCHEMA)
+        by = tuple(values["by"])
         return cls(
-            pooled_table(held["table"], by),
-            study_table(held["studies"], by),
-            study_table(held["printed"], by),
+            pooled_table(values["table"], by),
+            study_table(values["studies"], by),
+            study_table(values["printed"], by),
             by=by,
-            notes=tuple(held["notes"]),
-            asked=dict(held.get("asked", {})),
+            notes=tuple(values["notes"]),
+            asked=dict(values.get("asked", {})),
         )
 
 
 def of_row(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
-    """Return the studies of a place that a row of the pooled table is of."""
-    # Methods are not read off the text that names them: a method's name may hold a comma.
-    own: pd.DataFrame = studies[studies["method"] == row["methods"]]
-    return studies if own.empty else own
+    """Return the studies of a place that belong to a row of the pooled table."""
+    # The text of methods is not split: a method's name may hold a comma.
+    of_method: pd.DataFrame = studies[studies["method"] == row["methods"]]
+    return studies if of_method.empty else of_method
 
 
 def pooled_table(rows: Any, by: tuple[str, ...]) -> pd.DataFrame:
     """Return rows in the columns of the pooled table."""
-    return typed_table(rows, _of_places(by) | dict(POOLED_COLUMNS))
+    return _table(rows, by, POOLED_COLUMNS)
 
 
 def study_table(rows: Any, by: tuple[str, ...]) -> pd.DataFrame:
     """Return rows in the columns of the table of studies."""
-    return typed_table(rows, _of_places(by) | dict(STUDY_COLUMNS))
+    return _table(rows, by, STUDY_COLUMNS)
 
 
-def _of_places(by: tuple[str, ...]) -> dict[str, Kind]:
-    kind: Kind = "text"
-    return dict.fromkeys(by, kind)
+def _table(rows: Any, by: tuple[str, ...], columns: Mapping[str, Kind]) -> pd.DataFrame:
+    places: dict[str, Kind] = dict.fromkeys(by, "text")
+    return typed_table(rows, places | dict(columns))

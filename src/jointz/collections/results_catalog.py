@@ -1,8 +1,8 @@
-"""A catalog of a lab's own results folders: no pages of metadata, nothing to pool."""
+"""Catalog of a lab's own results folders: without metadata of entries, and not for pooling."""
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,72 +24,70 @@ _STUDY_DIGITS = 12
 
 
 def build_results_catalog(folders: Sequence[Path], *, out: Path) -> CatalogBuild:
-    """Make one catalog of many results folders, to be asked like that of a collection.
+    """Make one catalog of many results folders, to be queried like that of a collection.
 
-    ``study`` is the beginning of the study's hash: two analyses of one study share it. Nothing is
-    known of speed, surface, licence and of who a participant is, so such a catalog is not pooled.
+    ``study`` is the beginning of the study's hash: two analyses of one study share it. Speed,
+    surface, licence and identity of the participants are unknown, so it cannot be pooled.
     """
     require_scale()
     file = out / CATALOG_FILE if out.is_dir() else out
     tables, entries, skipped = {}, {}, []
-    found, unseen = _results_folders(folders)
-    for folder, why in unseen.items():
+    results, unreadable = _results_folders(folders)
+    for folder, reason in unreadable.items():
         name = seen_from(folder, file.parent)
-        skipped.append(Finding(name, "results_unreadable", ".", "a folder to look into", why))
-    for folder in found:
+        skipped.append(Finding(name, "results_unreadable", ".", "a readable folder", reason))
+    for folder in results:
         name = seen_from(folder, file.parent)
         try:
             tables[name], entries[name] = _rows_of(folder, name)
         except (ValueError, OSError, KeyError, TypeError, AttributeError) as exc:
-            is_told = isinstance(exc, DataError | OSError)
-            told = str(exc) if is_told else f"{_PROVENANCE}: {exc!r}"
-            skipped.append(Finding(name, "results_unreadable", ".", "a results folder", told))
+            is_sentence = isinstance(exc, DataError | OSError)
+            reason = str(exc) if is_sentence else f"{_PROVENANCE}: {exc!r}"
+            skipped.append(Finding(name, "results_unreadable", ".", "a results folder", reason))
     if tables:
         about = {"created": now(), "software": software(), "of": RESULTS, "entries": entries,
                  "skipped": list(map(str, skipped))}  # fmt: skip
         write_catalog(pd.concat(tables.values(), ignore_index=True), file, about)
-    who = {
+    people = {
         (entries[name]["study"], person)
         for name, table in tables.items()
         for person in table["participant"].unique()
     }
-    rows = sum(map(len, tables.values()))
-    return CatalogBuild(str(file), tuple(tables), tuple(skipped), rows, len(who))
+    n_rows = sum(map(len, tables.values()))
+    return CatalogBuild(str(file), tuple(tables), tuple(skipped), n_rows, len(people))
 
 
 def _results_folders(folders: Sequence[Path]) -> tuple[list[Path], dict[Path, str]]:
-    """Return results folders, and what could not be looked into with what the system said."""
-    refused: list[OSError] = []
-    found = {path.resolve() for folder in folders for path in _below(folder, refused.append)}
-    unseen = {Path(exc.filename).resolve(): exc.strerror or repr(exc) for exc in refused}
-    if not found:
-        told = ", ".join(map(str, folders))
-        more = "".join(f" {folder}: cannot be read ({why})." for folder, why in unseen.items())
+    """Return results folders, and folders that cannot be read with the system's reason."""
+    errors: list[OSError] = []
+    results = set()
+    for folder in folders:
+        for place, inner, files in os.walk(folder, onerror=errors.append):
+            inner[:] = sorted(name for name in inner if not name.startswith("."))
+            if _PROVENANCE in files and (_ESTIMATES in files or _had_estimates(Path(place))):
+                results.add(Path(place).resolve())
+    unreadable = {Path(exc.filename).resolve(): exc.strerror or repr(exc) for exc in errors}
+    if not results:
+        reasons = "".join(f" {path}: cannot be read ({why})." for path, why in unreadable.items())
         raise DataError(
-            f"{told}: no results folder of jointz analyze there or below, which would hold a "
-            f"{_PROVENANCE}. Correct the name, or run jointz analyze first.{more}"
+            f"{', '.join(map(str, folders))}: expected results folders of jointz analyze, there or "
+            f"below; found none with a {_PROVENANCE}. Correct the name, or run jointz analyze "
+            f"first.{reasons}"
         )
-    return sorted(found), unseen
-
-
-def _below(folder: Path, refused: Callable[[OSError], object]) -> Iterator[Path]:
-    for place, inner, files in os.walk(folder, onerror=refused):
-        inner[:] = sorted(name for name in inner if not name.startswith("."))
-        if _PROVENANCE in files and (_ESTIMATES in files or _had_estimates(Path(place))):
-            yield Path(place)
+    return sorted(results), unreadable
 
 
 def _had_estimates(folder: Path) -> bool:
-    """Tell whether a folder without estimates is one of an analysis all the same."""
+    """Tell whether a folder without estimates is a results folder that lost them."""
     try:
         content = json.loads((folder / _PROVENANCE).read_text(encoding="utf-8"))
         return _ESTIMATES in content["files"]
     except (OSError, ValueError, KeyError, TypeError):
-        return False  # of something else
+        return False  # of another kind of folder
 
 
 def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Return the rows of a results folder, and what a catalog says of it."""
+    """Return the rows of a results folder, and its metadata."""
     provenance = read_provenance(folder)
     spec = provenance["study"]
     values, sha256, _ = read_values(folder / _ESTIMATES, "estimates")
@@ -97,28 +95,29 @@ def _rows_of(folder: Path, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
     covariance = read_values(covariances, "covariance")[0] if covariances.is_file() else None
     _check_finite(folder, values, covariance)
     study = str(provenance.get("study_sha256", ""))[:_STUDY_DIGITS]
-    people = {one["id"]: described_person(spec, one) for one in spec["participants"]}
-    told = [people.get(str(person), {}) for person in values["participant"]]
+    people = {person["id"]: described_person(spec, person) for person in spec["participants"]}
+    of_rows = [people.get(str(person), {}) for person in values["participant"]]
     method = provenance["settings"]["method"]
+    sides = [str(person.get("side") or "") for person in of_rows]
     rows = with_covariance(values, covariance, method).assign(
         entry=name, study=study, values="estimates", statistic="individual",
         joint=spec["joint"], positive=spec["positive"], activity=spec["kind"], n=1.0,
         software=f"jointz {provenance.get('jointz', '')}",
-        side=values["side"].where(values["side"] != "", [str(p.get("side") or "") for p in told]),
-        group=[str(one.get("group") or "") for one in told],
-        **{key: [one.get(key) or np.nan for one in told] for key in ("mass_kg", "height_m")},
+        side=values["side"].where(values["side"] != "", sides),
+        group=[str(person.get("group") or "") for person in of_rows],
+        **{key: [person.get(key) or np.nan for person in of_rows]
+           for key in ("mass_kg", "height_m")},
     )  # fmt: skip
     hashes = {_ESTIMATES: sha256, _PROVENANCE: file_sha256(folder / _PROVENANCE)}
     return in_catalog_columns(rows), {"study": study, "cite": "", "hashes": hashes}
 
 
 def _check_finite(folder: Path, *tables: pd.DataFrame | None) -> None:
-    """Refuse what no analysis writes, and what no pool or JSON could hold."""
+    """Refuse infinite numbers, which no analysis writes and neither pools nor JSON can hold."""
     for table in tables:
-        if table is None:
-            continue
-        for column in table.select_dtypes("number"):
-            if np.isinf(table[column]).any():
+        numbers = pd.DataFrame() if table is None else table.select_dtypes("number")
+        for column in numbers:
+            if np.isinf(numbers[column]).any():
                 raise DataError(
                     f"{folder}: column {column} holds an infinite number. Run jointz analyze again."
                 )

@@ -1,4 +1,4 @@
-"""``jointz console``: the page of whoever stands beside the treadmill."""
+"""``jointz console``: the page of the operator beside the treadmill."""
 
 import sys
 from pathlib import Path
@@ -24,7 +24,7 @@ DEFAULT_PORT = 8700
 def console(
     protocol: Annotated[
         str | None,
-        typer.Argument(help="A built-in protocol, or a protocol file; none to look on only."),
+        typer.Argument(help="A built-in protocol, or a protocol file; none to watch only."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("study"),
     device: DeviceOption = None,
@@ -33,29 +33,31 @@ def console(
     participants: Annotated[
         int | None,
         typer.Option(
-            "--participants", min=1, help="How many; else those of --config, or the protocol's."
+            "--participants",
+            min=1,
+            help="Number of people; by default that of --config or the protocol.",
         ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
+        int | None, typer.Option("--seed", min=0, help="Seed of plan and simulation.")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a run, or find the one that runs.")
+        bool, typer.Option("--resume", help="Continue a run, or find the running one.")
     ] = False,
     calibration: CalibrationOption = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 for any.")
+        int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any.")
     ] = DEFAULT_PORT,
     listen: Annotated[str, typer.Option("--listen", help="Address to listen on.")] = "127.0.0.1",
     as_json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Run an experiment from a page: see what the device does, start, pause and stop it.
+    """Run an experiment from a page: watch the device, start, pause and stop the session.
 
-    The session runs in a process of its own and goes on without the page, or stops, as the
-    protocol says; one that nobody has started ends with it. Ctrl-C closes the page. The
-    emergency stop in the wearer's hand is no part of this. On Linux only.
+    The session runs in a process of its own. Without the page it goes on or stops, as the protocol
+    says; a session that nobody has started ends with the page. Ctrl-C closes the page. The
+    emergency stop in the wearer's hand is independent of it. On Linux only.
     Needs the extra: pip install "jointz[app]".
 
     Example: jointz console walking --out study --participants 2 --seed 1
@@ -66,7 +68,7 @@ def console(
     def announce(address: str) -> None:
         if as_json:
             emit_json({"status": "serving", "address": address})
-        else:  # with --quiet too: without its token nobody can open the page
+        else:  # also with --quiet: nobody can open the page without its token
             emit(f"Console: {address}")
 
     left = open_console(
@@ -89,7 +91,7 @@ def console(
     if as_json:
         emit_error("KeyboardInterrupt", left)
     sys.stderr.write(f"jointz: {left}\n")
-    sys.exit(EXIT_STOPPED)  # not by typer: it has words of its own for Ctrl-C
+    sys.exit(EXIT_STOPPED)  # not by typer, which has its own message for Ctrl-C
 
 
 def _arguments(
@@ -103,30 +105,25 @@ def _arguments(
     seed: int | None,
     calibration: Path | None = None,
 ) -> list[str]:
-    """Return the arguments of ``jointz run`` that do it; none to look on only."""
+    """Return the arguments of ``jointz run``; none to watch only."""
     if protocol is None:
         return []
     from jointz.io.calibration_file import read_calibration
     from jointz.io.protocols import load_protocol
 
-    # What is wrong with a file is told here, not on the page.
-    read = load_protocol(protocol)
+    # Problems of files are reported here, not on the page.
+    plan = load_protocol(protocol)
     known = None if calibration is None else read_calibration(calibration)
-    made = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
     if config is not None:
         from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
 
         refuse_with_devices(device=device, preset=preset, clock="real", workers=1)
-        read_hardware(config, read, participants=participants, known=known)
-        made += ["--config", str(config)]
-    if device is not None:
-        made += ["--device", device.value]
-    if preset is not None:
-        made += ["--preset", preset.value]
-    if participants is not None:
-        made += ["--participants", str(participants)]
-    if seed is not None:
-        made += ["--seed", str(seed)]
-    if calibration is not None:
-        made += ["--calibration", str(calibration)]
-    return made
+        read_hardware(config, plan, participants=participants, known=known)
+    options = {"--config": config, "--device": device, "--preset": preset,
+               "--participants": participants, "--seed": seed,
+               "--calibration": calibration}  # fmt: skip
+    arguments = [protocol, "--out", str(out), "--clock", "real", "--attended", "--quiet"]
+    for name, value in options.items():
+        if value is not None:
+            arguments += [name, str(value)]
+    return arguments

@@ -1,7 +1,7 @@
 """The operator's console: a page that shows a session and a button that stops it.
 
-The page's process is not the session's. It reads the session's files and leaves commands in a
-box in memory: it cannot hold up the loop, and the loop goes on without it.
+Page and session run in different processes. The page reads the session's files and leaves commands
+in shared memory: it cannot delay the loop, and the loop goes on without it.
 """
 
 import asyncio
@@ -11,8 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jointz.console.desk import Beat, Desk
 from jointz.console.live_feed import LiveFeed
+from jointz.console.operator_commands import Heartbeat, OperatorCommands
 from jointz.console.page import build_page
 from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
@@ -39,7 +39,7 @@ def open_console(
     port: int,
     announce: Callable[[str], None],
 ) -> str:
-    """Start a session, or find the one that runs, and serve its page until it is told to end.
+    """Start a session, or find the running one, and serve its page until the process ends.
 
     A session that nobody has started by then ends with its page.
     """
@@ -59,49 +59,49 @@ def open_console(
         )
     live = LiveSession(study, alive=process.alive)
     feed = LiveFeed(live, process)
-    desk = Desk(study, process, feed.look)
+    commands = OperatorCommands(study, process, feed.look)
     if begin:
-        feed.poll()  # what stands there already is no word of the process that is begun
+        feed.poll()  # existing files are not from the process to be started
 
     def ready(address: str) -> None:
-        # Last of all: a session begins only when there is a page to stop it with.
+        # Last step: a session begins only when there is a page to stop it with.
         if begin:
             process.start(resume=resume)
-        for work in (feed.run, Beat(live, feed.somebody).run):
+        for work in (feed.run, Heartbeat(live, feed.somebody).run):
             threading.Thread(target=work, daemon=True).start()
         announce(address)
 
     try:
-        with suppress(KeyboardInterrupt):  # by uvicorn's version it comes out of there, or not
+        with suppress(KeyboardInterrupt):  # raised by some versions of uvicorn
             serve(
                 build_page,
                 title=f"jointz console - {study.name}",
                 host=host,
                 port=port,
-                routes=lambda app: add_routes(app, feed, desk),
+                routes=lambda app: add_routes(app, feed, commands),
                 announce=ready,
             )
-        return _left(desk)
+        return _left(commands)
     finally:
         process.close()
 
 
-def _left(desk: Desk) -> str:
-    """Say what becomes of the session, undisturbed: the process ends next in any case."""
+def _left(commands: OperatorCommands) -> str:
+    """Say what becomes of the session, without interruption: the process ends next."""
     if threading.current_thread() is threading.main_thread():
         end_listening()  # a terminal may be closed right after the Ctrl-C
-    return desk.leave()
+    return commands.leave()
 
 
-def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:
-    """Add what the page's script asks for, without NiceGUI between."""
+def add_routes(app: "FastAPI", feed: LiveFeed, commands: OperatorCommands) -> None:
+    """Add the routes of the page's script, independent of NiceGUI."""
     from starlette.responses import JSONResponse
     from starlette.routing import Mount, Route, WebSocketRoute
     from starlette.staticfiles import StaticFiles
 
     async def stop(request: "Request") -> "Response":
-        # Before anything is waited for.
-        unheard = desk.unheard(desk.stop())
+        # Before any await.
+        unheard = commands.unheard(commands.stop())
         del request
         return JSONResponse({"refused": unheard} if unheard else {}, 409 if unheard else 200)
 
@@ -112,8 +112,8 @@ def add_routes(app: "FastAPI", feed: LiveFeed, desk: Desk) -> None:
             if len(message) > _LONGEST_COMMAND_BYTES:
                 return JSONResponse({"refused": "too long"}, status_code=413)
         try:
-            # In a thread: a stop must not wait for what is asked for here.
-            await asyncio.to_thread(desk.ask, bytes(message))
+            # In a thread: a stop must not wait for a command.
+            await asyncio.to_thread(commands.ask, bytes(message))
         except DataError as exc:
             return JSONResponse({"refused": str(exc)}, status_code=422)
         return JSONResponse({})

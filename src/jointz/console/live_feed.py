@@ -1,7 +1,7 @@
-"""What browsers are told of a session: the newest of it, as often as each of them asks.
+"""Live data of a session for browsers.
 
-A browser has one message under way at a time and asks for the next: one that is slow gets fewer,
-each as new as can be, and nothing piles up anywhere.
+A browser requests the next message after each one: a slow browser gets fewer messages, each with
+the newest data, and no messages accumulate.
 """
 
 import asyncio
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
 _PERIOD_S = 1.0 / 30.0
-#: The words of the status are renewed less often than the traces.
+#: The status is updated less often than the traces.
 _STATUS_S = 0.1
-#: A browser that asks for nothing for so long does not look any more.
+#: After this time without a request a browser is taken for gone.
 ALIVE_S = 2.0
 _PATIENCE_S = 20.0
 _MOST_BROWSERS = 8
@@ -34,7 +34,7 @@ _DECIMALS = (3, 4, 2, 2, 2, 1, 0)
 
 
 class LiveFeed:
-    """Follows a session in a thread and tells browsers of it."""
+    """Follows a session in a thread and sends its data to browsers."""
 
     def __init__(self, live: LiveSession, process: SessionProcess) -> None:
         self._live = live
@@ -42,52 +42,52 @@ class LiveFeed:
         self._lock = threading.Lock()
         self._status = "{}"
         self._version = 0
-        self._renewed_s = 0.0
-        self._told: dict[str, Any] = {"state": "idle"}
+        self._updated_s = 0.0
+        self._last_status: dict[str, Any] = {"state": "idle"}
         self._seen: dict[int, float] = {}
         self._browsers = 0
 
     def run(self) -> None:
-        """Follow the session for as long as the page's process lives."""
+        """Follow the session while the page's process lives."""
         while True:
             began = time.monotonic()
             self.poll()
             time.sleep(max(0.005, began + _PERIOD_S - time.monotonic()))
 
     def poll(self) -> None:
-        """Look at the session once; what is wrong with its files is told, and tried again."""
+        """Read the session once; problems of its files are shown, and reading is tried again."""
         with self._lock:
             try:
                 self._live.poll()
-                if time.monotonic() - self._renewed_s >= _STATUS_S:
-                    self._renew("", self._live.status())
+                if time.monotonic() - self._updated_s >= _STATUS_S:
+                    self._update("", self._live.status())
             except JointzError as exc:
-                self._renew(str(exc), self._live.status())
+                self._update(str(exc), self._live.status())
             except Exception as exc:  # noqa: BLE001 - a page that freezes would look as if all were well
-                self._renew(
+                self._update(
                     f"this page has failed ({type(exc).__name__}: {exc}); what it shows is old",
-                    self._told,
+                    self._last_status,
                 )
 
     def look(self) -> dict[str, Any]:
-        """Return the status of the session as it is at this moment."""
+        """Return the current status of the session."""
         self.poll()
         with self._lock:
             return self._live.status()
 
-    def _renew(self, problem: str, told: dict[str, Any]) -> None:
-        self._renewed_s = time.monotonic()
-        told = told | {"problem": problem, "can_start": self._process.can_start}
-        if told.get("state") in ("idle", "failed", "stopped", "tripped"):
-            told["words"] = self._process.last_words()
-        self._told = told
-        status = json.dumps(_finite(told), allow_nan=False)
-        if status != self._status:
-            self._status = status
+    def _update(self, problem: str, status: dict[str, Any]) -> None:
+        self._updated_s = time.monotonic()
+        status = status | {"problem": problem, "can_start": self._process.can_start}
+        if status.get("state") in ("idle", "failed", "stopped", "tripped"):
+            status["words"] = self._process.last_words()
+        self._last_status = status
+        text = json.dumps(_finite(status), allow_nan=False)
+        if text != self._status:
+            self._status = text
             self._version += 1
 
     def somebody(self) -> bool:
-        """Tell whether a browser is there and answers."""
+        """Tell whether a browser shows the page."""
         return self._answering() > 0
 
     def _answering(self) -> int:
@@ -95,38 +95,38 @@ class LiveFeed:
         return sum(now - seen < ALIVE_S for seen in list(self._seen.values()))
 
     def frame(self, known: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
-        """Return what is new since what a browser knows, as JSON, and what it knows then."""
+        """Return the data that are new for a browser as JSON, and what it knows afterwards."""
         with self._lock:
             generation = self._live.generation
-            anew = generation != known[0]
-            rows, last = self._live.rows_after(0 if anew else known[1])
+            is_new = generation != known[0]
+            rows, last = self._live.rows_after(0 if is_new else known[1])
             strikes = self._live.strikes_s()
             status, version = self._status, self._version
-        parts = [f'"anew":{json.dumps(anew)}', f'"rows":{_columns(rows)}']
+        parts = [f'"anew":{json.dumps(is_new)}', f'"rows":{_columns(rows)}']
         parts.append(f'"strikes":{json.dumps(strikes)}')
         if version != known[2]:
             parts.append(f'"status":{status}')
         return "{" + ",".join(parts) + "}", (generation, last, version)
 
     async def answer(self, socket: "WebSocket") -> None:
-        """Talk to one browser until it goes, or says what it must not."""
+        """Serve one browser until it leaves or sends a malformed message."""
         from starlette.websockets import WebSocketDisconnect
 
         await socket.accept()
-        if self._answering() >= _MOST_BROWSERS:  # idle ones take nobody's place
+        if self._answering() >= _MOST_BROWSERS:  # idle browsers do not count
             await socket.close(_TOO_MANY)
             return
         self._browsers += 1
         browser = self._browsers
         self._seen[browser] = -math.inf
         try:
-            await self._tell(socket, browser)
+            await self._send_frames(socket, browser)
         except (TimeoutError, RuntimeError, WebSocketDisconnect):
-            return  # it is gone; there is nobody to tell
+            return  # the browser is gone
         finally:
             del self._seen[browser]
 
-    async def _tell(self, socket: "WebSocket", browser: int) -> None:
+    async def _send_frames(self, socket: "WebSocket", browser: int) -> None:
         known = (-1, 0, -1)
         while True:
             began = time.monotonic()
@@ -148,11 +148,11 @@ def _columns(rows: np.ndarray) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Return plain values without numbers that JSON has no word for, and with few digits."""
+    """Return plain values with few digits, None for numbers that JSON cannot hold."""
     if isinstance(value, float):
         return float(f"{value:.5g}") if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
+        return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
+        return [_finite(item) for item in value]
     return value

@@ -1,4 +1,4 @@
-"""What stands where on the console; its script fills it in, its style sheet places it."""
+"""Elements of the console page; its script fills them in, its style sheet places them."""
 
 from contextlib import AbstractContextManager
 from functools import cache
@@ -12,8 +12,8 @@ _HERE = Path(__file__).parent / "static"
 
 
 @cache
-def _outside() -> str:
-    """Return what must work whatever becomes of NiceGUI: the bar with the stop, the alarm."""
+def _independent_parts() -> str:
+    """Return the parts that must work without NiceGUI: the bar with the stop, the alarm."""
     return (_HERE / "console.html").read_text(encoding="utf-8")
 
 
@@ -22,10 +22,10 @@ def build_page() -> None:
     from nicegui import ui
 
     ui.add_head_html('<link rel="stylesheet" href="/console-files/console.css">')
-    ui.add_body_html(_outside())
+    ui.add_body_html(_independent_parts())
     with ui.element("main").classes("jz-grid"):
         with ui.element("div").classes("jz-main"):
-            _conduct()
+            _controls()
             _traces()
             with ui.element("div").classes("jz-row"):
                 _filled("Onset error, % of the cycle", "onsets", canvas=True)
@@ -67,16 +67,15 @@ def _traces() -> None:
         ui.element("canvas").props("id=jz-traces")
 
 
-def _conduct() -> None:
-    """Make the card of what is to be done now, with everything the operator can ask for."""
+def _controls() -> None:
+    """Make the card with the next step and all commands of the operator."""
     from nicegui import ui
 
     def button(text: str, icon: str, name: str) -> None:
-        made = ui.button(text, icon=icon, color=None).props(
-            f"id=jz-{name} no-caps unelevated size=lg"
-        )
-        made.classes(f"jz-button jz-when jz-{name}")
-        made.on("click", js_handler=f"() => jointzConsole.{name}()")
+        element = ui.button(text, icon=icon, color=None)
+        element.props(f"id=jz-{name} no-caps unelevated size=lg")
+        element.classes(f"jz-button jz-when jz-{name}")
+        element.on("click", js_handler=f"() => jointzConsole.{name}()")
 
     with ui.element("section").classes("jz-card jz-conduct"):
         with ui.element("div").classes("jz-words"):

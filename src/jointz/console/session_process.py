@@ -1,4 +1,4 @@
-"""The process that runs a session: a child of the page's that outlives it."""
+"""Process of a session: a child of the page's process that outlives it."""
 
 import subprocess
 import sys
@@ -11,13 +11,13 @@ from pathlib import Path
 from jointz.core.errors import DataError
 from jointz.session.live.live_session import control_files, holder_of
 
-#: Of what the child says; the end of it is what counts.
+#: Length of the end of the child's messages that is kept.
 _LONGEST_WORDS = 2000
 _PATIENCE_S, _LOOK_S = 5.0, 0.05
 
 
 class SessionProcess:
-    """Runs a session in a process of its own, or looks on while another does."""
+    """Runs a session in a process of its own, or watches another process."""
 
     def __init__(self, study: Path, arguments: Sequence[str]) -> None:
         self._study = study
@@ -28,7 +28,7 @@ class SessionProcess:
 
     @property
     def can_start(self) -> bool:
-        """Whether it is known how to start the session."""
+        """Whether this page can start the session."""
         return bool(self._arguments)
 
     @property
@@ -38,7 +38,7 @@ class SessionProcess:
 
     @property
     def number(self) -> int | None:
-        """The number of the session's process, whoever started it; None where none lives."""
+        """The number of the session's process, whoever started it; None if none is alive."""
         return self._own_number or holder_of(self._study)
 
     @property
@@ -55,16 +55,16 @@ class SessionProcess:
         with self._lock:
             if not self.can_start:
                 raise DataError(
-                    f"{self._study}: this page looks on only. Give the protocol and --resume."
+                    f"{self._study}: this page can only watch. Give the protocol and --resume."
                 )
-            # One that was stopped has yet to close its devices and end.
+            # A stopped session may still be closing its devices.
             patience = time.monotonic() + (_PATIENCE_S if resume else 0.0)
             while self.alive() and time.monotonic() < patience:
                 time.sleep(_LOOK_S)
             if self.alive():
                 raise DataError(f"{self._study}: the session's process lives; nothing to start.")
-            for left in control_files(self._study):  # by a session that was killed
-                left.unlink(missing_ok=True)
+            for file in control_files(self._study):  # of a session that was killed
+                file.unlink(missing_ok=True)
             self._words.seek(0)
             self._words.truncate()
             # A session of its own: neither a Ctrl-C nor the end of the page's process reaches it.
@@ -77,11 +77,11 @@ class SessionProcess:
             )
 
     def close(self) -> None:
-        """Let go of what the process says; it lives on."""
+        """Close the file of messages; the process lives on."""
         self._words.close()
 
     def last_words(self) -> str:
-        """Return what the process said on stderr, the end of it."""
+        """Return the end of the process's messages on stderr."""
         try:
             size = self._words.seek(0, 2)
             self._words.seek(max(0, size - _LONGEST_WORDS))

@@ -30,7 +30,7 @@ from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 
 BIDS_VERSION = "1.10.0"
-#: Shows a folder to be ours; it is named in .bidsignore.
+#: Marks a folder of jointz; it is listed in .bidsignore.
 MARKER = "jointz.json"
 MADE_BY = "bids"
 _HASHES = "sha256"
@@ -61,13 +61,13 @@ _DEVICE = ("command", "reference", "current", "sensor_torque")
 
 @dataclass(frozen=True, slots=True)
 class BidsWritten:
-    """What was written."""
+    """Summary of a BIDS folder."""
 
-    folder: str  # the BIDS folder
-    participants: tuple[str, ...]  # their labels, ``sub-...``
+    folder: str
+    participants: tuple[str, ...]  # labels, ``sub-...``
     recordings: tuple[str, ...]  # names of the recordings, without suffix
     n_events: int  # pulses in all events files
-    notes: tuple[str, ...] = ()  # what could not be told
+    notes: tuple[str, ...] = ()  # missing information
 
     def summary(self) -> str:
         """Return a short text."""
@@ -75,7 +75,7 @@ class BidsWritten:
         return "\n".join([self.headline(), *(f"  {name}" for name in self.recordings), *notes])
 
     def headline(self) -> str:
-        """Return how much was written, in a line."""
+        """Return the numbers of recordings, participants and pulses."""
         return (
             f"{self.folder}: {len(self.recordings)} recording(s) of {len(self.participants)} "
             f"participant(s), {self.n_events} pulse(s), Motion-BIDS {BIDS_VERSION}"
@@ -90,7 +90,7 @@ class BidsWritten:
 def write_bids(
     study: str | os.PathLike[str], out: str | os.PathLike[str], *, overwrite: bool = False
 ) -> BidsWritten:
-    """Write a study as a Motion-BIDS folder; the folder is there whole or not at all.
+    """Write a study as a Motion-BIDS folder, whole or not at all.
 
     Parameters
     ----------
@@ -99,19 +99,19 @@ def write_bids(
     out : path
         The folder to make.
     overwrite : bool
-        Replace a BIDS folder that jointz made, and in which nothing was changed since.
+        Replace a BIDS folder of jointz that was not changed since.
 
     Returns
     -------
     BidsWritten
-        What was written.
+        Participants, recordings, number of events and notes.
 
     Raises
     ------
     DataError
-        When recordings cannot be read, or cannot stand in a BIDS folder.
+        If recordings cannot be read, or BIDS cannot hold them.
     OutputError
-        When ``out`` must be kept.
+        If ``out`` must be kept.
     """
     opened = open_study(study)
     target = Path(out)
@@ -133,11 +133,11 @@ def write_bids(
 
 
 def _people(study: Study) -> tuple[dict[str, str], list[str]]:
-    """Return the labels of those of whom there is a recording, and a note about the others."""
+    """Return the labels of participants with a recording, and a note about the others."""
     labels = _labels((p.id for p in study.spec.participants), "participants")
     recorded = {entry.participant for entry in study.spec.recordings}
     others = [name for name in labels if name not in recorded]
-    # A participant without a folder of its own is against the rules of BIDS.
+    # BIDS requires a folder for each participant.
     note = f"without a recording, and so not in participants.tsv: {', '.join(others)}."
     people = {name: label for name, label in labels.items() if name in recorded}
     return people, [note] if others else []
@@ -150,11 +150,12 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def _check_unchanged(folder: Path) -> None:
-    """Refuse to replace a folder in which somebody changed what jointz wrote."""
+    """Refuse to replace a folder whose files were changed since jointz wrote them."""
     if not (folder / MARKER).is_file():
         return
     written = json.loads((folder / MARKER).read_text(encoding="utf-8")).get(_HASHES, {})
-    changed = [name for name, found in _hashes(folder).items() if written.get(name, found) != found]
+    hashes = _hashes(folder)
+    changed = [name for name, sha256 in hashes.items() if written.get(name, sha256) != sha256]
     if changed:
         more = ", ..." if len(changed) > _MOST_SHOWN else ""
         raise OutputError(
@@ -165,16 +166,15 @@ def _check_unchanged(folder: Path) -> None:
 
 
 def _labels(names: Iterable[str], what: str) -> dict[str, str]:
-    """Return the label of each name; they must differ."""
+    """Return the label of each name; labels must differ."""
     labels = {name: label_of(name) for name in names}
-    # Some systems take S01 and s01 for one name of a file.
+    # Some systems do not distinguish S01 and s01 as file names.
     counts = Counter(label.casefold() for label in labels.values())
     same = [name for name, label in labels.items() if counts[label.casefold()] > 1 or not label]
     if same:
         raise DataError(
-            f"study.toml, {what}: BIDS names are made of letters and digits alone, capital or "
-            f"not, which leaves {', '.join(map(repr, same))} without a name of its own. Rename "
-            "them."
+            f"study.toml, {what}: BIDS names consist of letters and digits, without regard to "
+            f"capitals, so that {', '.join(map(repr, same))} have no unique name. Rename them."
         )
     return labels
 
@@ -182,7 +182,7 @@ def _labels(names: Iterable[str], what: str) -> dict[str, str]:
 def _write_recordings(
     study: Study, folder: Path, people: Mapping[str, str]
 ) -> tuple[dict[str, int], list[str]]:
-    """Write one recording after the other; return their names with their numbers of pulses."""
+    """Write all recordings; return their numbers of pulses by name, and notes."""
     written: dict[str, int] = {}
     notes: list[str] = []
     sessions = _labels(dict.fromkeys(r.session for r in study.spec.recordings if r.session),
@@ -218,35 +218,28 @@ def _entities(
     people: Mapping[str, str],
     sessions: Mapping[str, str],
 ) -> dict[str, str]:
-    found = {"sub": people[entry.participant]}
-    if entry.session:
-        found["ses"] = sessions[entry.session]
-    found["task"] = study.spec.kind
-    found["tracksys"] = label_of(study.spec.joint + (entry.side or "").capitalize()) or "joint"
-    found["acq"] = label_of(str(piece.attrs["condition"]))
-    return found
+    return {
+        "sub": people[entry.participant],
+        **({"ses": sessions[entry.session]} if entry.session else {}),
+        "task": study.spec.kind,
+        "tracksys": label_of(study.spec.joint + (entry.side or "").capitalize()) or "joint",
+        "acq": label_of(str(piece.attrs["condition"])),
+    }
 
 
 def _recording(
     study: Study, piece: xr.Dataset, entities: Mapping[str, str], pulses: Sequence[Pulse]
 ) -> MotionRecording:
     time = piece["time"].to_numpy()
-    events = [
-        {
-            "onset_s": pulse.onset_s,
-            "duration_s": pulse.duration_s,
-            "amplitude": pulse.amplitude,
-            "timing_point": pulse.timing_point,
-        }
-        for pulse in pulses
-    ]
+    columns = ("onset_s", "duration_s", "amplitude", "timing_point")
+    events = [{name: getattr(pulse, name) for name in columns} for pulse in pulses]
     return MotionRecording(
         entities=entities,
         time_s=time,
         nominal_hz=float(f"{rate_hz(time):.9g}"),
         channels=tuple(_channel(study, piece, str(name)) for name in piece.data_vars),
         sidecar=_sidecar(study, piece),
-        told=_told(study, piece),
+        told=_recording_metadata(study, piece),
         events=events,
         amplitude_unit=amplitude_unit(study),
     )
@@ -287,7 +280,7 @@ def _torque_note(study: Study) -> str:
     )
 
 
-def _told(study: Study, piece: xr.Dataset) -> dict[str, Any]:
+def _recording_metadata(study: Study, piece: xr.Dataset) -> dict[str, Any]:
     spec, attributes = study.spec, piece.attrs
     names = {"Condition": "condition", "Side": "side", "Session": "session", "Trial": "trial"}
     names |= {"SourceFile": "file", "SourceSHA256": "sha256"}
@@ -322,7 +315,7 @@ def _write_top(study: Study, folder: Path, people: Mapping[str, str]) -> None:
 
 
 def _person_columns(people: Sequence[ParticipantSpec]) -> tuple[list[str], dict[str, Any]]:
-    """Return what is known of anybody, and what it means."""
+    """Return the columns with known values, and their descriptions."""
     known = [n for n in _PERSON if any(getattr(p, n) is not None for p in people)]
     about: dict[str, Any] = {"study_id": {"Description": "The participant's id in study.toml."}}
     about |= {n: {"Description": _PERSON[n][0], "Units": _PERSON[n][1]} for n in known}

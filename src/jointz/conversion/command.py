@@ -1,4 +1,4 @@
-"""``jointz convert``: a file into another format, a study for MATLAB or as Motion-BIDS."""
+"""``jointz convert``: files to other formats, studies to MATLAB or Motion-BIDS."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -32,13 +32,16 @@ def convert(
         ),
     ],
     target: Annotated[
-        Path, typer.Argument(metavar="OUT", help="File to write; its suffix says how. Or a folder.")
+        Path,
+        typer.Argument(
+            metavar="OUT", help="File to write; its suffix gives the format. Or a folder."
+        ),
     ],
     to: Annotated[
         To | None, typer.Option("--to", help="Write a Motion-BIDS folder of a study.")
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Leave out what OUT cannot hold; it is told.")
+        bool, typer.Option("--lossy", help="Leave out what OUT cannot hold, and name it.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
     delimiter: Delimiter = None,
@@ -51,10 +54,9 @@ def convert(
 ) -> None:
     """Convert a file: csv, tsv, txt, parquet, nc, mat, xlsx, mot, sto, c3d, xdf.
 
-    Samples, units and clocks are kept as they stand. A study becomes one .mat file with every
-    recording in SI and in the study's directions, or with --to bids a Motion-BIDS folder.
-    Exit status: 0 written, 2 the input cannot be trusted, or OUT cannot hold it all and there is
-    no --lossy.
+    Samples, units and clocks stay unchanged. A study becomes one .mat file with every recording in
+    SI and in the study's directions, or with --to bids a Motion-BIDS folder.
+    Exit status: 0 written, 2 the input is not valid, or OUT cannot hold all of it without --lossy.
 
     Example: jointz convert walk.c3d walk.mat
     """
@@ -63,7 +65,7 @@ def convert(
     from jointz.core.study import FilesSpec
 
     layout = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
-    made = convert_file(
+    conversion = convert_file(
         source,
         target,
         to=None if to is None else to.value,
@@ -72,6 +74,6 @@ def convert(
         overwrite=overwrite,
     )
     if as_json:
-        emit_json({"status": "ok", **made.to_dict()})
+        emit_json({"status": "ok", **conversion.to_dict()})
     elif not quiet:
-        emit(made.summary())
+        emit(conversion.summary())

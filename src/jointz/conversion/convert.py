@@ -1,9 +1,8 @@
-"""Any file into another format, and a study into what other programs read."""
+"""Conversion of files to other formats, and of studies for other programs."""
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from jointz.core.acquisition import Acquisition, Event, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
@@ -11,39 +10,29 @@ from jointz.core.study import FilesSpec, Study
 from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
 from jointz.io.study_reader import data_file, open_study
 from jointz.io.text.column_names import READING
+from jointz.results.base import Result
 
 _STUDY_FILE = "study.toml"
 _BIDS_FILE = "dataset_description.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Conversion:
-    """What a conversion read, wrote and left out."""
+class Conversion(Result):
+    """Summary of a conversion."""
 
-    source: str  # the files or folders
+    source: str  # file or folder
     target: str
-    kind: str  # of what was written
-    content: tuple[str, ...]  # a line a group of signals, or a recording
-    left_out: tuple[str, ...] = ()  # what the target cannot hold, a sentence each
-    notes: tuple[str, ...] = ()  # what the reader had to decide
+    kind: str  # format of the target
+    content: tuple[str, ...]  # a line for each group of signals, or recording
+    left_out: tuple[str, ...] = ()  # a sentence for each part that the target cannot hold
+    notes: tuple[str, ...] = ()  # decisions of the reader
 
     def summary(self) -> str:
-        """Return what was read, written and left out, a line each."""
+        """Return source, content, notes, left out parts and target, a line each."""
         lines = [f"Read: {self.source}", *(f"  {line}" for line in self.content)]
         lines += [f"Note: {note}" for note in self.notes]
         lines += [f"Left out: {sentence}" for sentence in self.left_out]
         return "\n".join([*lines, f"Written: {self.target} ({self.kind})"])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain values, for JSON."""
-        return {
-            "source": self.source,
-            "target": self.target,
-            "kind": self.kind,
-            "content": list(self.content),
-            "left_out": list(self.left_out),
-            "notes": list(self.notes),
-        }
 
 
 def convert(
@@ -55,51 +44,51 @@ def convert(
     lossy: bool = False,
     overwrite: bool = False,
 ) -> Conversion:
-    """Convert a file into the format of another's suffix, or a study into one file or BIDS.
+    """Convert a file to the format of the target's suffix, or a study to one file or to BIDS.
 
     Parameters
     ----------
     source : path
         A file of any format that jointz reads, a study folder, or a Motion-BIDS folder.
     target : path
-        What to write; its suffix says how.
+        The file to write; its suffix gives the format.
     to : {"bids"}, optional
         Write a Motion-BIDS folder instead.
     files : FilesSpec, optional
-        How a text file is laid out.
+        Layout of a text file.
     lossy : bool
-        Whether what the target cannot hold may be left out.
+        Leave out what the target cannot hold.
     overwrite : bool
-        Whether a target that exists may be replaced.
+        Replace an existing target.
 
     Returns
     -------
     Conversion
-        What was read, written and left out.
+        Content, notes and left out parts.
 
     Raises
     ------
     DataError
-        When the source cannot be read, or the target cannot hold it all and ``lossy`` is not
-        given.
+        If the source cannot be read, or the target cannot hold all of it without ``lossy``.
     OutputError
-        When the target exists and ``overwrite`` is not given, or is the source.
+        If the target exists and ``overwrite`` is not set, or is the source.
     """
-    came, goes = Path(source), Path(target)
+    origin, out = Path(source), Path(target)
     if to == "bids":
-        return _to_bids(came, goes, overwrite=overwrite)
-    format_of(goes)  # told before anything is read
-    _check_target(came, goes, overwrite=overwrite)
-    if _is_study(came):
-        return _study_to_file(came, goes)
-    content = _bids_content(came) if came.is_dir() else read_acquisition(came, files)
-    lost = write_acquisition(content, goes, lossy=lossy)
+        return _to_bids(origin, out, overwrite=overwrite)
+    kind = format_of(out).name  # refuses an unknown format before anything is read
+    _check_target(origin, out, overwrite=overwrite)
+    if _is_study(origin):
+        return _study_to_file(origin, out)
+    content = _bids_content(origin) if origin.is_dir() else read_acquisition(origin, files)
+    left_out = write_acquisition(content, out, lossy=lossy)
+    n_events = [f"{len(content.events)} events"] if content.events else []
     return Conversion(
-        source=str(came),
-        target=str(goes),
-        kind=format_of(goes).name,
-        content=_described(content),
-        left_out=tuple(lost),
+        source=str(origin),
+        target=str(out),
+        kind=kind,
+        content=(*map(_group_line, content.groups), *n_events),
+        left_out=tuple(left_out),
         notes=tuple(text for key, text in content.metadata.items() if key.startswith(READING)),
     )
 
@@ -119,13 +108,12 @@ def _check_target(source: Path, target: Path, *, overwrite: bool) -> None:
     folder = source.parent if source.name == _STUDY_FILE else source
     if folder.is_dir() and target.resolve().is_relative_to(folder.resolve()):
         raise OutputError(
-            f"{target}: is a file of the folder that is to be read, and kept. Give another name, "
-            "or one outside it."
+            f"{target}: is in the folder to be read, whose files are kept. Give a name outside it."
         )
 
 
 def _check_recordings(study: Study, target: Path) -> None:
-    """Refuse a target that a study reads, wherever it lies."""
+    """Refuse a target that is a file of the study, in any folder."""
     if not target.exists():
         return
     for entry in study.spec.recordings:
@@ -162,8 +150,8 @@ def _to_bids(source: Path, target: Path, *, overwrite: bool) -> Conversion:
 
     if not _is_study(source):
         raise DataError(
-            f"{source}: a BIDS folder is made of a study; expected a folder with study.toml. Let "
-            "jointz inspect propose one.",
+            f"{source}: a BIDS folder is made of a study; expected a folder with study.toml. "
+            "jointz inspect proposes one.",
             path=str(source),
         )
     written = write_bids(source, target, overwrite=overwrite)
@@ -186,44 +174,31 @@ def _bids_content(source: Path) -> Acquisition:
         )
     from jointz.io.bids.bids_read import read_bids
 
-    found = read_bids(source)
+    recordings = read_bids(source)
     groups: list[SignalGroup] = []
     events: list[Event] = []
     metadata: dict[str, str] = {}
-    for name, content in found.items():
+    for name, content in recordings.items():
         for group in content.groups:
-            own = name if len(content.groups) == 1 else f"{name}.{group.name}"
-            groups.append(_renamed(group, own))
-        if len(found) == 1:
+            full = name if len(content.groups) == 1 else f"{name}.{group.name}"
+            parts = group.signals, group.rate_hz, group.start_s, group.time_s
+            groups.append(SignalGroup(full, *parts))
+        for key, value in content.metadata.items():  # a note of the reader stays one
+            metadata[f"{key}.{name}" if key.startswith(READING) else f"{name}.{key}"] = value
+        if len(recordings) == 1:
             events += content.events
-        metadata |= {_prefixed(name, key): value for key, value in content.metadata.items()}
-        metadata |= _event_lines(name, content) if len(found) > 1 else {}
+        else:
+            metadata |= _event_lines(name, content)
     return Acquisition(tuple(groups), tuple(events), metadata)
 
 
-def _prefixed(name: str, key: str) -> str:
-    """Return a key for one of several recordings; what the reader decided stays a note."""
-    return f"{key}.{name}" if key.startswith(READING) else f"{name}.{key}"
-
-
-def _renamed(group: SignalGroup, name: str) -> SignalGroup:
-    return SignalGroup(name, group.signals, group.rate_hz, group.start_s, group.time_s)
-
-
 def _event_lines(name: str, content: Acquisition) -> dict[str, str]:
-    """Return events of one of several recordings as metadata: their clocks differ."""
+    """Return the events of one of several recordings as metadata, because clocks differ."""
     if not content.events:
         return {}
     where = f"events of several recordings are kept as metadata, such as {name}.events"
     lines = [f"{e.time_s!r} {e.duration_s!r} {e.label}" for e in content.events]
     return {f"{name}.events": "\n".join(lines), f"{READING}events": where}
-
-
-def _described(content: Acquisition) -> tuple[str, ...]:
-    lines = [_group_line(group) for group in content.groups]
-    if content.events:
-        lines.append(f"{len(content.events)} events")
-    return tuple(lines)
 
 
 def _group_line(group: SignalGroup) -> str:

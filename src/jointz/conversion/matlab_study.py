@@ -1,4 +1,4 @@
-"""A whole study as one MATLAB file: recordings in SI and in the study's directions."""
+"""Study as one MATLAB file: recordings in SI and in the study's directions."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,14 +26,14 @@ _PERSON_NUMBERS = ("mass_kg", "height_m", "limb_mass_kg", "limb_centre_m")
 
 
 def write_matlab_study(study: Study, path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Write every recording of a study into one struct ``jointz``."""
+    """Write all recordings of a study into one struct ``jointz``; return their lines and notes."""
     spec = study.spec
-    recordings, told, notes = [], [], []
+    recordings, lines, notes = [], [], []
     for person in spec.participants:
-        for given in read_participant(study, person.id, {}):
-            pulses, note = given_pulses(study, given.recording, given.pulse_table)
-            recordings.append(_recording(study, given, pulses))
-            told.append(_line(given, pulses))
+        for source in read_participant(study, person.id, {}):
+            pulses, note = given_pulses(study, source.recording, source.pulse_table)
+            recordings.append(_recording(study, source, pulses))
+            lines.append(_line(source, pulses))
             notes += [note] if note else []
     toml = (study.root / "study.toml").read_text(encoding="utf-8")
     content = {
@@ -49,11 +49,11 @@ def write_matlab_study(study: Study, path: Path) -> tuple[tuple[str, ...], tuple
     data = struct_bytes(content, path)
     with whole_file(path, "Make room or name another place.") as partial:
         partial.write_bytes(data)
-    return tuple(told), tuple(notes)
+    return tuple(lines), tuple(notes)
 
 
-def _recording(study: Study, given: RecordingInput, pulses: Sequence[Pulse]) -> dict[str, Any]:
-    recording = given.recording
+def _recording(study: Study, source: RecordingInput, pulses: Sequence[Pulse]) -> dict[str, Any]:
+    recording = source.recording
     names = [str(name) for name in recording.data_vars]
     signals = {
         field: {
@@ -99,10 +99,10 @@ def _struct_array(entries: Sequence[Mapping[str, Any]]) -> np.ndarray:
     return array
 
 
-def _line(given: RecordingInput, pulses: Sequence[Pulse]) -> str:
-    recording = given.recording
+def _line(source: RecordingInput, pulses: Sequence[Pulse]) -> str:
+    recording = source.recording
     person, n_channels = recording.attrs["participant"], len(recording.data_vars)
     where = [str(recording.attrs.get(key) or "") for key in ("session", "side", "trial")]
-    label = " ".join(word for word in [person, given.condition, *where] if word)
+    label = " ".join(word for word in [person, source.condition, *where] if word)
     counted = f", {len(pulses)} pulses" if pulses else ""
     return f"{label}: {recording.sizes['time']} samples of {n_channels} channels{counted}"

@@ -1,4 +1,4 @@
-"""``jointz explore``: a page to look through results."""
+"""``jointz explore``: a page to explore results."""
 
 import signal
 from pathlib import Path
@@ -9,17 +9,18 @@ import typer
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
 
-#: Processes that estimate: one for the participant that is looked at, one for the others. Systems
-#: without POSIX signal masks get none, and a thread.
+#: Processes that estimate: one for the selected participant, one for the others. Systems without
+#: POSIX signal masks use a thread.
 _WORKERS = 2 if hasattr(signal, "pthread_sigmask") else 1
 
 
 def explore(
-    results: Annotated[Path, typer.Argument(help="Folder that jointz analyze made.")],
+    results: Annotated[Path, typer.Argument(help="Results folder of jointz analyze.")],
     study: Annotated[
         Path | None,
         typer.Option(
-            "--study", help="Folder of the study; by default one of its name beside the results."
+            "--study",
+            help="Folder of the study; by default the one with its name beside the results.",
         ),
     ] = None,
     port: Annotated[
@@ -33,10 +34,10 @@ def explore(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Look through results in a browser: every pulse, its fit, and the numbers without it.
+    """Explore results in a browser: every pulse, its fit, and the numbers without it.
 
-    Excluded pulses go into the study's exclusions.csv, which jointz analyze honours.
-    Ends with Ctrl-C.
+    Excluded pulses are written to the study's exclusions.csv, which jointz analyze reads.
+    Ctrl-C ends it.
 
     Example: jointz explore results --study my-study
     """
@@ -48,13 +49,13 @@ def explore(
     from jointz.explorer.results_files import open_results
     from jointz.tasks.process_pool import process_pool
 
-    found = open_results(results, study=study)
+    exploration = open_results(results, study=study)
 
     def announce(address: str) -> None:
         if as_json:
             emit_json({"status": "serving", "address": address})
-        else:  # with --quiet too: without its token nobody can open the page
+        else:  # also with --quiet: nobody can open the page without its token
             emit(f"Open {address}  (Ctrl-C ends it)")
 
     with process_pool(_WORKERS, needs="jointz.explorer.reestimation") as pool:
-        serve_explorer(found, pool=pool, host=listen, port=port, announce=announce)
+        serve_explorer(exploration, pool=pool, host=listen, port=port, announce=announce)

@@ -1,4 +1,4 @@
-"""Files out of the explorer: tables, figures, and the traces of a participant's pulses."""
+"""Downloads of the explorer: tables, figures, and traces of a participant's pulses."""
 
 import io
 import re
@@ -12,15 +12,15 @@ from jointz.analysis.results_folder import csv_bytes
 from jointz.explorer.traces import PulseKey, PulseTrace, Window
 from jointz.results.study_analysis import StudyAnalysis
 
-#: Tables that can be had, as in a results folder.
+#: Tables to download, as in a results folder.
 TABLES = ("estimates", "comparison", "population", "pulses", "excluded")
 _ROWS = {
     "angle": ("rad", "as the method sees it"),
     "torque": ("N*m", "as the method sees it"),
-    "baseline_angle": ("rad", "what would have been without the pulse"),
-    "baseline_torque": ("N*m", "what would have been without the pulse"),
-    "response_angle": ("rad", "measured minus baseline, turned by the sign"),
-    "response_torque": ("N*m", "measured minus baseline, turned by the sign"),
+    "baseline_angle": ("rad", "predicted without the pulse"),
+    "baseline_torque": ("N*m", "predicted without the pulse"),
+    "response_angle": ("rad", "measured minus baseline, times the sign"),
+    "response_torque": ("N*m", "measured minus baseline, times the sign"),
 }
 
 
@@ -49,11 +49,11 @@ def traces_netcdf(
 ) -> bytes:
     """Return a participant's pulses with baseline, response, fit and residual, as netCDF.
 
-    Dimensions are ``pulse`` and, for each method, ``time_METHOD``. Pulses of which a method makes
-    nothing are NaN.
+    Dimensions are ``pulse`` and, for each method, ``time_METHOD``. Pulses that a method does not
+    use are NaN.
     """
     records = [p for p in analysis.pulses if p.label == label]
-    found = [traces.get(PulseKey.of(p)) for p in records]
+    of_pulses = [traces.get(PulseKey.of(p)) for p in records]
     dataset = xr.Dataset(
         {
             "onset_s": ("pulse", [p.onset_s for p in records], {"units": "s"}),
@@ -61,61 +61,49 @@ def traces_netcdf(
             "timing_point": ("pulse", [p.timing_point for p in records]),
             "amplitude": ("pulse", [_number(p.amplitude) for p in records]),
             "measured_pct": ("pulse", [_number(p.measured_pct) for p in records]),
-            "code": ("pulse", [p.code for p in records], {"long_name": "why left out"}),
+            "code": ("pulse", [p.code for p in records], {"long_name": "reason of exclusion"}),
         },
         attrs={"participant": label, "jointz": str(analysis.provenance.get("jointz", ""))},
     )
-    methods = dict.fromkeys(name for trace in found if trace for name in trace.windows)
+    methods = dict.fromkeys(name for trace in of_pulses if trace for name in trace.windows)
     for method in methods:
-        windows = [trace.windows.get(method) if trace else None for trace in found]
+        windows = [trace.windows.get(method) if trace else None for trace in of_pulses]
         dataset = dataset.assign(_of_method(method, windows))
-    return _content(dataset)
+    file = io.BytesIO()
+    dataset.to_netcdf(file, engine="h5netcdf")
+    return file.getvalue()
 
 
 _Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
 
 def _of_method(method: str, windows: list[Window | None]) -> dict[str, _Variable]:
-    some = next(w for w in windows if w is not None)
+    first = next(w for w in windows if w is not None)
     dim = f"time_{method}"
     time = {"units": "s", "long_name": "time from the onset"}
-    variables: dict[str, _Variable] = {dim: ((dim,), some.time_s, time)}
-    for name, (unit, meaning) in _ROWS.items():
-        rows = np.stack([_row(None if w is None else getattr(w, name), some) for w in windows])
-        about = {"units": unit, "long_name": meaning}
-        variables[f"{method}_{name}"] = (("pulse", dim), rows, about)
-    unit = "rad" if some.fits == "angle" else "N*m"
-    for name, meaning in (
-        ("fitted", f"{some.fits} of the model fitted to the average of the timing point"),
-        ("residual", f"{some.fits} response of the pulse minus the fit"),
-    ):
-        rows = np.stack([_row(None if w is None else getattr(w, name), some) for w in windows])
+    variables: dict[str, _Variable] = {dim: ((dim,), first.time_s, time)}
+    unit = "rad" if first.fits == "angle" else "N*m"
+    fit = f"{first.fits} of the model fitted to the average of the timing point"
+    residual = f"{first.fits} response of the pulse minus the fit"
+    signals = _ROWS | {"fitted": (unit, fit), "residual": (unit, residual)}
+    for name, (unit, meaning) in signals.items():
+        rows = np.full((len(windows), first.time_s.size), np.nan)
+        for row, window in zip(rows, windows, strict=True):
+            values = None if window is None else getattr(window, name)
+            if values is not None:  # a pulse of a slower recording has fewer samples
+                n = min(row.size, values.size)
+                row[:n] = values[:n]
         about = {"units": unit, "long_name": meaning}
         variables[f"{method}_{name}"] = (("pulse", dim), rows, about)
     return variables
-
-
-def _row(values: np.ndarray | None, like: Window) -> np.ndarray:
-    n = like.time_s.size
-    # A pulse of a slower recording has fewer samples: what is not there is NaN.
-    row = np.full(n, np.nan)
-    if values is not None:
-        row[: min(n, values.size)] = values[:n]
-    return row
 
 
 def _number(value: float | None) -> float:
     return np.nan if value is None else value
 
 
-def _content(dataset: xr.Dataset) -> bytes:
-    file = io.BytesIO()
-    dataset.to_netcdf(file, engine="h5netcdf")
-    return file.getvalue()
-
-
 def file_name(*parts: str) -> str:
-    """Return a name that every system takes for a file, whatever a participant is called."""
+    """Return a file name that is valid on every system."""
     *words, ending = parts
     safe = [re.sub(r"[^\w.-]+", "_", word).strip("._") or "unnamed" for word in words]
     return f"{'_'.join(safe)}.{ending}"

@@ -1,4 +1,4 @@
-"""Curves over the gait cycle, and methods side by side."""
+"""Figures of estimates over the gait cycle, and of methods side by side."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from jointz.explorer.figures import (
 )
 from jointz.explorer.literature_curves import ReferenceCurve
 from jointz.report.wording import method_name, parameter_label
-from jointz.results.estimates import CellEstimate
-from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 _BAND: Final = "rgba(139,149,161,0.16)"
 _PHASE: Final = "rgba(139,149,161,0.10)"
-#: The first is the chosen method's; none is the green of the mean over people.
+#: The first is for the chosen method; none is the green of the mean over people.
 METHOD_COLOURS: Final = (
     BLUE, VERMILION, PURPLE, AMBER, "#1597a8", "#c2507a", "#7d8b2e", "#5b6ee1", GREY
 )  # fmt: skip
@@ -33,9 +33,9 @@ METHOD_COLOURS: Final = (
 def cycle_figure(
     parameter: str, curves: Sequence["Curve"], references: Sequence[ReferenceCurve]
 ) -> Figure:
-    """Draw one parameter over the gait cycle, beside the values of others."""
+    """Draw one parameter over the gait cycle, beside published values."""
     data = [trace for reference in references for trace in _reference(reference)]
-    data += [trace for curve in curves for trace in _curve(curve)]
+    data += map(_line, curves)
     layout = base_layout(plain(parameter_label(parameter)), "Gait cycle (%)")
     layout["xaxis"] |= {"range": [-1, 101], "dtick": 10, "showgrid": False, "zeroline": False}
     layout["yaxis"] |= {"rangemode": "tozero"}
@@ -44,16 +44,9 @@ def cycle_figure(
             layout["shapes"].append(span((begin, end), colour=_PHASE))
         if end - begin > 5:
             layout["annotations"].append(
-                {
-                    "x": (begin + end) / 2,
-                    "y": 1.0,
-                    "yref": "paper",
-                    "yanchor": "bottom",
-                    "text": name,
-                    "showarrow": False,
-                    "font": {"size": 10, "color": GREY},
-                }
-            )
+                {"x": (begin + end) / 2, "y": 1.0, "yref": "paper", "yanchor": "bottom",
+                 "text": name, "showarrow": False, "font": {"size": 10, "color": GREY}}
+            )  # fmt: skip
     return figure(data, layout, name=parameter)
 
 
@@ -61,15 +54,35 @@ def cycle_figure(
 class Curve:
     """Estimates over the gait cycle."""
 
-    name: str  # as the legend has it
-    x: tuple[float | str, ...]  # % of the gait cycle, or tuple of str: where
+    name: str  # in the legend
+    x: tuple[float | str, ...]  # % of the gait cycle, or names of timing points
     values: tuple[float | None, ...]  # SI
     lows: tuple[float | None, ...]
     highs: tuple[float | None, ...]
-    bounds: tuple[bool, ...]  # where the value stands at its bound: only an upper limit is known
+    bounds: tuple[bool, ...]  # whether a value is at its bound: only an upper limit is known
     colour: str  # of line and marks
     faint: bool = False  # one of many in the background
     symbol: str = "circle"  # of the marks
+
+
+def curve_of(
+    name: str,
+    x: Sequence[float | str],
+    estimates: Sequence[ParameterEstimate | PopulationEstimate | None],
+    colour: str,
+    **style: Any,
+) -> Curve:
+    """Return estimates as a curve, with gaps at those that are None."""
+    return Curve(
+        name,
+        tuple(x),
+        tuple(None if p is None else p.value for p in estimates),
+        tuple(None if p is None else p.ci_low for p in estimates),
+        tuple(None if p is None else p.ci_high for p in estimates),
+        tuple(p is not None and p.status == "at_bound" for p in estimates),
+        colour,
+        **style,
+    )
 
 
 def curve_of_cells(
@@ -82,7 +95,7 @@ def curve_of_cells(
     symbol: str = "circle",
     shift: float = 0.0,
 ) -> Curve:
-    """Return the estimates that stand as a curve."""
+    """Return the available estimates as a curve."""
     placed = [
         (cell.onset_gait_pct + shift, p)
         for cell in cells
@@ -91,21 +104,12 @@ def curve_of_cells(
         and p.stands
     ]
     placed.sort(key=lambda at: at[0])
-    return Curve(
-        name,
-        tuple(x for x, _ in placed),
-        tuple(p.value for _, p in placed),
-        tuple(p.ci_low for _, p in placed),
-        tuple(p.ci_high for _, p in placed),
-        tuple(p.status == "at_bound" for _, p in placed),
-        colour,
-        faint,
-        symbol,
-    )
+    x, estimates = [x for x, _ in placed], [p for _, p in placed]
+    return curve_of(name, x, estimates, colour, faint=faint, symbol=symbol)
 
 
 def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve | None:
-    """Return the means over people, None where there are none."""
+    """Return the means over people, None if there are none."""
     rows = [
         row
         for row in analysis.population
@@ -117,16 +121,8 @@ def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve
     if not rows:
         return None
     rows.sort(key=lambda row: row.onset_gait_pct or 0.0)
-    return Curve(
-        "mean over people",
-        tuple(row.onset_gait_pct or 0.0 for row in rows),
-        tuple(row.value for row in rows),
-        tuple(row.ci_low for row in rows),
-        tuple(row.ci_high for row in rows),
-        tuple(row.status == "at_bound" for row in rows),
-        colour,
-        symbol="diamond",
-    )
+    x = [row.onset_gait_pct or 0.0 for row in rows]
+    return curve_of("mean over people", x, rows, colour, symbol="diamond")
 
 
 def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
@@ -150,13 +146,12 @@ def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
     return figure(data, layout, name=f"methods_{parameter}")
 
 
-def _curve(curve: Curve) -> list[dict[str, Any]]:
-    trace = _marks(curve, list(curve.x))
-    trace["mode"] = "lines+markers"
-    trace["line"] = {"color": curve.colour, "width": 1 if curve.faint else 2.2}
+def _line(curve: Curve) -> dict[str, Any]:
+    line = {"color": curve.colour, "width": 1 if curve.faint else 2.2}
+    trace = _marks(curve, curve.x) | {"mode": "lines+markers", "line": line}
     if curve.faint:
         trace |= {"opacity": 0.45, "error_y": {"visible": False}, "showlegend": False}
-    return [trace]
+    return trace
 
 
 def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
@@ -165,7 +160,7 @@ def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
         for value, high, bound in zip(curve.values, curve.highs, curve.bounds, strict=True)
     ]
     ends = list(zip(shown, curve.lows, curve.highs, strict=True))
-    # At its bound an upper limit is all there is: an open triangle, with the bar below it.
+    # At its bound a value is an upper limit: an open triangle, with the bar below it.
     symbols = ["triangle-down-open" if bound else curve.symbol for bound in curve.bounds]
     return {
         "type": "scatter",
@@ -173,17 +168,14 @@ def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
         "x": list(x),
         "y": shown,
         "error_y": {
-            "type": "data",
-            "symmetric": False,
+            "type": "data", "symmetric": False,
             "array": [_reach(high, value) for value, _, high in ends],
             "arrayminus": [_reach(value, low) for value, low, _ in ends],
-            "color": curve.colour,
-            "thickness": 1.5,
-            "width": 3,
+            "color": curve.colour, "thickness": 1.5, "width": 3,
         },
         "marker": {"color": curve.colour, "size": 5 if curve.faint else 9, "symbol": symbols},
         "hovertemplate": "%{fullData.name}<br>%{y:.4g}<extra></extra>",
-    }
+    }  # fmt: skip
 
 
 def _reach(far: float | None, near: float | None) -> float:
@@ -193,44 +185,28 @@ def _reach(far: float | None, near: float | None) -> float:
 def _reference(reference: ReferenceCurve) -> list[dict[str, Any]]:
     points = reference.points
     x, name = [p.gait_pct for p in points], plain(reference.name)
+    common = {"type": "scatter", "x": x}
+    mean = common | {"hovertext": plain(reference.meaning)}
     if any(p.value is None for p in points):
-        middles = [(p.low + p.high) / 2 for p in points]
-        bars = [(p.high - p.low) / 2 for p in points]
-        bar = {"type": "data", "array": bars, "color": AMBER, "thickness": 6, "width": 0}
-        return [
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": f"{name} (stated range)",
-                "x": x,
-                "y": middles,
-                "error_y": bar,
-                "marker": {"color": AMBER, "size": 8, "symbol": "square"},
-                "opacity": 0.65,
-                "hovertext": plain(reference.meaning),
-            }
-        ]
-    edge = {"type": "scatter", "mode": "lines", "x": x, "line": {"width": 0}, "hoverinfo": "skip"}
+        reaches = [(p.high - p.low) / 2 for p in points]
+        return [mean | {
+            "mode": "markers", "name": f"{name} (stated range)",
+            "y": [(p.low + p.high) / 2 for p in points],
+            "error_y": {"type": "data", "array": reaches, "color": AMBER, "thickness": 6,
+                        "width": 0},
+            "marker": {"color": AMBER, "size": 8, "symbol": "square"}, "opacity": 0.65,
+        }]  # fmt: skip
+    edge = common | {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip",
+                     "showlegend": False}  # fmt: skip
     return [
-        {**edge, "y": [p.low for p in points], "showlegend": False},
-        {
-            **edge,
-            "y": [p.high for p in points],
-            "fill": "tonexty",
-            "fillcolor": _BAND,
-            "showlegend": False,
-        },
-        {
-            "type": "scatter",
-            "mode": "lines+markers",
-            "name": f"{name}: mean, SD",
-            "x": x,
-            "y": [p.value for p in points],
+        edge | {"y": [p.low for p in points]},
+        edge | {"y": [p.high for p in points], "fill": "tonexty", "fillcolor": _BAND},
+        mean | {
+            "mode": "lines+markers", "name": f"{name}: mean, SD", "y": [p.value for p in points],
             "line": {"color": GREY, "width": 1.6, "dash": "dot"},
             "marker": {"color": GREY, "size": 6, "symbol": "square"},
-            "hovertext": plain(reference.meaning),
         },
-    ]
+    ]  # fmt: skip
 
 
 def method_label(method: str) -> str:

@@ -1,4 +1,4 @@
-"""The user's own ``exclusions.csv``: a line more, and none of the others lost."""
+"""The user's ``exclusions.csv``: reading it, and adding lines to it."""
 
 import csv
 import io
@@ -27,7 +27,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
-    """Tell which pulses the user left out; the last line about each counts."""
+    """Tell which pulses the user excluded; the last line about each counts."""
     by_file: dict[tuple[str, str], list[UserExclusion]] = {}
     for line in reversed(study.user_exclusions):
         by_file.setdefault((line.participant, line.recording), []).append(line)
@@ -39,18 +39,18 @@ def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
 
 
 def is_excluded(study: Study, pulse: PulseRecord) -> bool:
-    """Tell whether the user left a pulse out; the last line about it counts."""
+    """Tell whether the user excluded a pulse."""
     return excluded(study, [pulse])[0]
 
 
 def last_line(study: Study, pulse: PulseRecord) -> UserExclusion | None:
-    """Return the line of ``exclusions.csv`` that decides about a pulse, None without one."""
+    """Return the last line of ``exclusions.csv`` about a pulse, None if there is none."""
     about = [line for line in study.user_exclusions if is_about(line, pulse)]
     return about[-1] if about else None
 
 
 def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
-    """Tell whether a line of ``exclusions.csv`` means a pulse."""
+    """Tell whether a line of ``exclusions.csv`` is about a pulse."""
     same = (line.participant, line.recording) == (pulse.participant, pulse.recording)
     return same and abs(line.onset_s - pulse.onset_s) < SAME_TIME_S
 
@@ -58,28 +58,28 @@ def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
 def decide(study: Study, pulse: PulseRecord, action: Action, *, reason: str) -> Study:
     """Exclude or restore a pulse in the study's own file.
 
-    Bytes that are there stay as they are; the line comes last, in the columns that the file has.
-    Pages wait for each other; the file is there whole or not at all.
+    The new line comes last, in the columns of the file; all other bytes stay. Pages wait for each
+    other, and the file is written whole or not at all.
     """
-    words = _checked_reason(reason, action)
-    with _alone(study.root):
-        current = open_study(study.root)  # refuses a file that nobody could add to
-        if current.sha256 != study.sha256:  # or one person's numbers would be of another study
+    reason = _checked_reason(reason, action)
+    with _locked(study.root):
+        current = open_study(study.root)  # refuses a file without the needed columns
+        if current.sha256 != study.sha256:  # one person's numbers would be of another study
             raise DataError(
                 f"{study.root}: study.toml was changed since it was opened; nothing was written. "
-                "Analyse the study again, and open the results anew.",
+                "Analyse the study again, and open the new results.",
                 path=str(study.root),
             )
         if is_excluded(current, pulse) == (action == "exclude"):
             return current
-        _append(study.root / FILE, _line(pulse, action, words))
+        _append(study.root / FILE, _line(pulse, action, reason))
         return open_study(study.root)
 
 
 def _checked_reason(reason: str, action: Action) -> str:
     words = " ".join("".join(c if c.isprintable() else " " for c in reason).split())
     if action == "exclude" and not words:
-        raise DataError("reason: missing. Say why the pulse is left out; it goes into the study.")
+        raise DataError("reason: missing. State why the pulse is excluded; the study keeps it.")
     if len(words) > _LONGEST_REASON:
         raise DataError(
             f"reason: expected at most {_LONGEST_REASON} letters, got {len(words)}. Shorten it."
@@ -95,13 +95,13 @@ def _line(pulse: PulseRecord, action: Action, reason: str) -> dict[str, str]:
 
 
 @contextmanager
-def _alone(root: Path) -> Iterator[None]:
-    """Keep other pages out, of this process and of others; leaves nothing behind."""
+def _locked(root: Path) -> Iterator[None]:
+    """Keep other pages out, of this process and of others; no lock file is left behind."""
     with _ONE_AT_A_TIME:
         try:
             import fcntl
             import os
-        except ImportError:  # Windows: pages of one process wait for each other, others do not
+        except ImportError:  # Windows: only pages of one process wait for each other
             yield
             return
         try:
@@ -110,38 +110,38 @@ def _alone(root: Path) -> Iterator[None]:
             raise WriteError(str(root / FILE), exc, _TODO) from exc
         try:
             with suppress(OSError):  # network file systems lock no folders: as on Windows then
-                fcntl.flock(fd, fcntl.LOCK_EX)  # let go when closed, or the process is gone
+                fcntl.flock(fd, fcntl.LOCK_EX)  # released when the process closes it or ends
             yield
         finally:
             os.close(fd)
 
 
 def _append(file: Path, line: dict[str, str]) -> None:
-    file = file.resolve()  # one that is linked stays linked
+    file = file.resolve()  # a link stays a link
     try:
-        there = file.read_bytes() if file.exists() else b""
+        content = file.read_bytes() if file.exists() else b""
     except OSError as exc:
         raise WriteError(str(file), exc, _TODO) from exc
-    header = _header(there)
-    ending = next((one for one in ("\r\n", "\n", "\r") if one.encode() in there), "\n")
+    header = _header(content)
+    ending = next((end for end in ("\r\n", "\n", "\r") if end.encode() in content), "\n")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=ending)
-    if not there:
+    if not content:
         writer.writerow(header)
-    elif not there.endswith((b"\n", b"\r")):
+    elif not content.endswith((b"\n", b"\r")):
         text.write(ending)
     writer.writerow([line.get(column, "") for column in header])
     with whole_file(file, _TODO) as partial:
-        partial.write_bytes(there + text.getvalue().encode("utf-8"))
-        if there:
+        partial.write_bytes(content + text.getvalue().encode("utf-8"))
+        if content:
             shutil.copymode(file, partial)
 
 
-def _header(there: bytes) -> list[str]:
-    """Return the columns of the file, the usual ones where there is none."""
-    if not there:
+def _header(content: bytes) -> list[str]:
+    """Return the columns of the file, the usual ones if it is empty."""
+    if not content:
         return list(_COLUMNS)
-    # Blank lines before the header are none to pandas, which reads the file.
-    text = io.StringIO(there.decode("utf-8-sig"), newline=None)
+    # Blank lines before the header are skipped, as pandas does.
+    text = io.StringIO(content.decode("utf-8-sig"), newline=None)
     lines = (row for row in csv.reader(text) if row)
     return next(lines)

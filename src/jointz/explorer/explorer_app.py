@@ -1,4 +1,4 @@
-"""The explorer of results: what all its pages share, and the work behind them."""
+"""State that all pages of the explorer share, and the work behind them."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
@@ -12,70 +12,70 @@ from jointz.core.errors import JointzError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study, UserExclusion
 from jointz.explorer.exclusions import FILE, Action, decide
-from jointz.explorer.reestimation import Wanted, estimate_again, estimate_otherwise
+from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
 from jointz.explorer.results_files import Exploration
 from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
-#: Traces of so many people are kept: 4 MB each.
+#: Traces of so many people are kept, 4 MB each.
 _MOST_TRACED = 20
 
 
 class Explorer:
-    """Results that several pages look at: one state, and work that blocks none of them."""
+    """Results that several pages show: one state, and work that blocks no page."""
 
-    def __init__(self, found: Exploration, pool: Executor | None) -> None:
-        self._found = found
+    def __init__(self, results: Exploration, pool: Executor | None) -> None:
+        self._results = results
         self._pool = pool
-        self._analysis = found.current()
+        self._analysis = results.current()
         self._traces: dict[str, Mapping[PulseKey, PulseTrace]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._failed: set[str] = set()
         self._stamp = self._file_stamp()
-        self._changed = found.changed()
-        self._waiting = frozenset(found.stale())
+        self._changed = results.changed()
+        self._waiting = frozenset(results.stale())
         self.version = 0
         self.problem = ""
         self.working: dict[str, str] = {}
 
     @property
-    def found(self) -> Exploration:
-        """The results, the study and what was estimated again."""
-        return self._found
+    def results(self) -> Exploration:
+        """The results, the study and new estimates."""
+        return self._results
 
     @property
     def analysis(self) -> StudyAnalysis:
-        """The numbers as they stand now."""
+        """The current numbers."""
         return self._analysis
 
     @property
     def changed(self) -> tuple[PulseRecord, ...]:
-        """Pulses about which the study says otherwise than when it was analysed."""
+        """Pulses that were excluded or restored since the analysis."""
         return self._changed
 
     def waiting(self, person_id: str) -> bool:
-        """Tell whether a participant's numbers are older than the exclusions that stand."""
+        """Tell whether a participant's numbers are older than the exclusions."""
         return person_id in self._waiting
 
     def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
-        """Return a participant's traces, None until they are there."""
+        """Return a participant's traces, None until they are ready."""
         return self._traces.get(person_id)
 
-    def want(self, person_id: str) -> None:
-        """Have a participant's traces made, and numbers of all whose exclusions have changed."""
-        if self._found.study is None:
+    def request(self, person_id: str) -> None:
+        """Start to compute a participant's traces, and all numbers with changed exclusions."""
+        if self._results.study is None:
             return
         missing = [person_id] if person_id not in self._traces else []
-        for person in dict.fromkeys([*missing, *self._found.stale()]):
+        for person in dict.fromkeys([*missing, *self._results.stale()]):
             if person not in self.working and person not in self._failed:
                 self._begin(person, self._estimate(person))
 
     async def decide(self, pulse: PulseRecord, action: Action, *, reason: str) -> bool:
-        """Exclude or restore a pulse in the study, and estimate its participant again."""
-        study = self._found.study
+        """Exclude or restore a pulse in the study, and reestimate its participant."""
+        study = self._results.study
         if study is None:
             return False
         try:
@@ -85,13 +85,13 @@ class Explorer:
             return False
         self._stamp = self._file_stamp()
         self._take(changed)
-        self.want(pulse.participant)
+        self.request(pulse.participant)
         return True
 
-    async def look(self) -> None:
-        """See whether someone else has changed the exclusions, and follow."""
+    async def check_study(self) -> None:
+        """Follow changes of the exclusions by other pages and programs."""
         stamp = self._file_stamp()
-        study = self._found.study
+        study = self._results.study
         if study is None or stamp == self._stamp:
             return
         self._stamp = stamp
@@ -101,39 +101,39 @@ class Explorer:
             self._say(str(exc))
             return
         if changed.sha256 != study.sha256:
-            self._say("study.toml was changed: analyse it again, and open the results anew.")
+            self._say("study.toml was changed. Analyse the study again, and open the new results.")
             return
         self._take(changed)
 
     def compare(self, method: str) -> None:
-        """Have everybody estimated by one more method."""
-        if method in self._found.more_methods():
-            for person in self._found.people:
+        """Estimate all participants by another method."""
+        if method in self._results.more_methods():
+            for person in self._results.people:
                 self._begin(f"{method} {person}", self._estimate_by(method, person))
 
     def dismiss(self) -> None:
-        """Forget what went wrong; what failed may be tried again."""
+        """Forget errors, so that failed work may be tried again."""
         self._failed.clear()
         self._say("")
 
     def _take(self, study: Study) -> None:
-        self._found = self._found.with_study(study)
+        self._results = self._results.with_study(study)
         self._failed.clear()
         self._compare_with_study()
         self._say("")
 
     def _compare_with_study(self) -> None:
-        """See whose numbers, as pages show them, are older than the exclusions."""
-        self._changed = self._found.changed()
-        older = self._found.otherwise(self._analysis.pulses)
+        """Find numbers on the pages that are older than the exclusions."""
+        self._changed = self._results.changed()
+        older = self._results.changed(self._analysis.pulses)
         self._waiting = frozenset(pulse.participant for pulse in older)
 
     async def _settle(self) -> None:
-        """Put together what pages show; means over people take a moment."""
+        """Compute the analysis that pages show; means over people take a moment."""
         while True:
-            found = self._found
-            analysis = await asyncio.to_thread(found.current)
-            if found is self._found:
+            results = self._results
+            analysis = await asyncio.to_thread(results.current)
+            if results is self._results:
                 break
         self._analysis = analysis
         self._compare_with_study()
@@ -142,71 +142,63 @@ class Explorer:
         self.problem = problem
         self.version += 1
 
-    def _begin(self, what: str, work: Coroutine[Any, Any, None]) -> None:
-        self.working[what] = what
+    def _begin(self, task: str, work: Coroutine[Any, Any, None]) -> None:
+        self.working[task] = task
         self.version += 1
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        running = asyncio.get_running_loop().create_task(self._run(task, work))
+        self._tasks.add(running)
+        running.add_done_callback(self._tasks.discard)
+
+    async def _run(self, task: str, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except Exception as exc:  # noqa: BLE001 - or every page would try again without end
+            self._failed.add(task)
+            bug = f"{type(exc).__name__}: {exc}. This is a bug in jointz."
+            self._say(str(exc) if isinstance(exc, JointzError) else bug)
+        finally:
+            self.working.pop(task, None)
+            self.version += 1
 
     async def _estimate(self, person: str) -> None:
-        """Estimate until the exclusions are those that the numbers were made with."""
-        wanted = Wanted.of(self._found.analysed)
-        try:
-            while True:
-                study = self._found.study
-                if study is None:
-                    return
-                made = await self.call(partial(estimate_again, study, person, wanted))
-                if _lines(study, person) == _lines(self._found.study, person):
-                    break
-            if person in self._found.stale() or person in self._found.again:
-                self._found = self._found.with_result(person, made.result)
-            self._keep(person, made.traces)
-            await self._settle()
-            for method in {m for m, other in self._found.others if other == person}:
-                self._begin(f"{method} {person}", self._estimate_by(method, person))
-        except Exception as exc:  # noqa: BLE001 - or every page would try again without end
-            self._failed.add(person)
-            self._say(_told(exc))
-        finally:
-            self._done(person)
+        """Estimate until the exclusions did not change meanwhile."""
+        request = EstimationRequest.of(self._results.analysed)
+        while True:
+            study = self._results.study
+            if study is None:
+                return
+            estimated = await self.call(partial(reestimate, study, person, request))
+            if _exclusions(study, person) == _exclusions(self._results.study, person):
+                break
+        if person in self._results.stale() or person in self._results.reestimated:
+            self._results = self._results.with_result(person, estimated.result)
+        self._traces.pop(person, None)
+        self._traces[person] = estimated.traces
+        while len(self._traces) > _MOST_TRACED:
+            del self._traces[next(iter(self._traces))]
+        await self._settle()
+        for method in {method for method, other in self._results.others if other == person}:
+            self._begin(f"{method} {person}", self._estimate_by(method, person))
 
     async def _estimate_by(self, method: str, person: str) -> None:
-        wanted = Wanted.of(self._found.analysed)
-        try:
-            study = self._found.study
-            if study is not None:
-                cells = await self.call(
-                    partial(estimate_otherwise, study, person, wanted, method=method)
-                )
-                self._found = self._found.with_other(method, person, cells)
-                await self._settle()
-        except Exception as exc:  # noqa: BLE001 - nobody else would tell
-            self._say(_told(exc))
-        finally:
-            self._done(f"{method} {person}")
+        request = EstimationRequest.of(self._results.analysed)
+        study = self._results.study
+        if study is not None:
+            work = partial(estimate_by_method, study, person, request, method=method)
+            cells = await self.call(work)
+            self._results = self._results.with_other(method, person, cells)
+            await self._settle()
 
-    async def call(self, work: Callable[[], Found]) -> Found:
-        """Have something done where it blocks no page."""
+    async def call(self, work: Callable[[], Result]) -> Result:
+        """Run work where it blocks no page."""
         try:
             return await asyncio.get_running_loop().run_in_executor(self._pool, work)
-        except BrokenProcessPool:  # a worker was killed, most likely for want of memory
+        except BrokenProcessPool:  # a worker was killed, most likely because memory ran out
             self._pool = None
             return await asyncio.to_thread(work)
 
-    def _keep(self, person: str, traces: Mapping[PulseKey, PulseTrace]) -> None:
-        self._traces.pop(person, None)
-        self._traces[person] = traces
-        while len(self._traces) > _MOST_TRACED:
-            del self._traces[next(iter(self._traces))]
-
-    def _done(self, what: str) -> None:
-        self.working.pop(what, None)
-        self.version += 1
-
     def _file_stamp(self) -> tuple[int, int] | None:
-        study = self._found.study
+        study = self._results.study
         with suppress(OSError):
             if study is not None:
                 stat = (study.root / FILE).stat()
@@ -214,12 +206,6 @@ class Explorer:
         return None
 
 
-def _told(exc: Exception) -> str:
-    if isinstance(exc, JointzError):
-        return str(exc)
-    return f"{type(exc).__name__}: {exc}. This is a bug in jointz."
-
-
-def _lines(study: Study | None, person: str) -> tuple[UserExclusion, ...]:
+def _exclusions(study: Study | None, person: str) -> tuple[UserExclusion, ...]:
     lines = () if study is None else study.user_exclusions
     return tuple(line for line in lines if line.participant == person)

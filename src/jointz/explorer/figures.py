@@ -1,11 +1,11 @@
-"""What all figures of the explorer share: plain dictionaries that Plotly draws."""
+"""Parts that all figures of the explorer share: plain dictionaries that Plotly draws."""
 
 from collections.abc import Mapping
 from typing import Any, Final
 
 Figure = dict[str, Any]
 
-# They stand on white and on black alike; text and grid take their colours from the style sheet.
+# Colours for light and dark pages; the style sheet colours text and grid.
 BLUE: Final = "#2b86d1"
 VERMILION: Final = "#e2662b"
 GREEN: Final = "#1aa179"
@@ -15,26 +15,18 @@ GREY: Final = "#8b95a1"
 
 
 def plain(text: str) -> str:
-    """Return text that Plotly draws as it is: it would take a part in < > for a tag."""
+    """Return text without tags for Plotly."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def span(
     ends: tuple[float, float], *, x: str = "x", y: str = "y", colour: str = "rgba(43,134,209,0.08)"
 ) -> dict[str, Any]:
-    """Return a shaded stretch, as high as the panel."""
+    """Return a shaded interval, as high as the panel."""
     return {
-        "type": "rect",
-        "xref": x,
-        "yref": f"{y} domain",
-        "x0": ends[0],
-        "x1": ends[1],
-        "y0": 0,
-        "y1": 1,
-        "fillcolor": colour,
-        "line": {"width": 0},
-        "layer": "below",
-    }
+        "type": "rect", "xref": x, "yref": f"{y} domain", "x0": ends[0], "x1": ends[1],
+        "y0": 0, "y1": 1, "fillcolor": colour, "line": {"width": 0}, "layer": "below",
+    }  # fmt: skip
 
 
 def axis(title: str) -> dict[str, Any]:
@@ -68,7 +60,7 @@ def base_layout(y: str, x: str) -> dict[str, Any]:
         "autosize": True,
         "shapes": [],
         "annotations": [],
-        # Zoom of the reader stays when lines change.
+        # The user's zoom stays when lines change.
         "uirevision": "kept",
     }
 

@@ -1,4 +1,4 @@
-"""Values of others over the gait cycle: what the dissertation prints and says of other studies."""
+"""Published values over the gait cycle: of the dissertation, and of studies that it compares."""
 
 from dataclasses import dataclass
 from statistics import fmean, stdev
@@ -9,25 +9,25 @@ from jointz.reference import chapter4, literature
 
 @dataclass(frozen=True, slots=True)
 class ReferencePoint:
-    """A value of others."""
+    """A published value."""
 
-    gait_pct: float  # % of the gait cycle: where
-    value: float | None  # SI; None where only a range is stated
-    low: float  # SI, the range
+    gait_pct: float  # % of the gait cycle
+    value: float | None  # SI; None if only a range is stated
+    low: float  # ends of the range, SI
     high: float
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCurve:
-    """Values of others, of one parameter."""
+    """Published values of one parameter."""
 
-    name: str  # whose
-    meaning: str  # what value and range are
+    name: str  # of the study
+    meaning: str  # of value and range
     points: tuple[ReferencePoint, ...]  # in the order of the cycle
 
 
 def reference_curves(joint: str, parameter: str) -> tuple[ReferenceCurve, ...]:
-    """Return what others found; nothing where nobody's numbers are known."""
+    """Return the published values of a parameter; empty if there are none."""
     if joint != "knee" or parameter not in chapter4.TABLES:
         return ()
     printed = ReferenceCurve(
@@ -55,6 +55,6 @@ def _stated() -> tuple[ReferenceCurve, ...]:
             if stated is not None
         )
         if points:
-            meaning = "range that the dissertation's text gives in words, times its own mean"
+            meaning = "range that the dissertation's text states relative to its own mean"
             curves.append(ReferenceCurve(study.name, meaning, points))
     return tuple(curves)

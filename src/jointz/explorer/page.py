@@ -1,4 +1,4 @@
-"""The explorer's page: who and where on the left, pulses and curves on the right."""
+"""Page of the explorer: participants and timing points left, pulses and curves right."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -9,8 +9,9 @@ from jointz.explorer.cycle_page import CycleTab, MethodsTab
 from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.files_page import FilesTab
 from jointz.explorer.pulses_page import PulsesTab
-from jointz.explorer.results_files import Exploration
-from jointz.explorer.view import View
+from jointz.explorer.results_files import Exploration, cell_of
+from jointz.explorer.tab import Tab
+from jointz.explorer.view import View, estimate_or_status
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     DASH,
@@ -25,10 +26,11 @@ from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.web.server import require_app, serve
 
 if TYPE_CHECKING:
+    from nicegui.element import Element
     from nicegui.events import KeyEventArguments
 
 _STYLE = Path(__file__).parent / "static" / "explore.css"
-#: NiceGUI resizes a plot even as its tab is left, and Plotly refuses one that is not displayed.
+#: NiceGUI resizes a plot even when its tab is left, and Plotly refuses a hidden plot.
 _RESIZE_DISPLAYED_ONLY = """<script type="module">
 import { Plotly } from "nicegui-plotly";
 const { Plots } = Plotly, resize = Plots.resize;
@@ -47,14 +49,14 @@ class ExplorePage:
         self._view = View(explorer)
         self._seen = -1
         self._pulses = PulsesTab(self._view, self._refresh)
-        self._tabs: dict[str, PulsesTab | CycleTab | MethodsTab | FilesTab] = {
+        self._tabs: dict[str, Tab] = {
             "Pulses": self._pulses,
             "Gait cycle": CycleTab(self._view),
             "Methods": MethodsTab(self._view),
             "Files": FilesTab(self._view),
         }
         self._tab = _FIRST_TAB
-        self._words = subjects(explorer.found.analysed)
+        self._words = subjects(explorer.results.analysed)
         if self._words.bench:
             del self._tabs["Gait cycle"]
 
@@ -76,12 +78,12 @@ class ExplorePage:
                 self._main()
         ui.keyboard(on_key=self._key)
         ui.timer(_EVERY_S, self._follow)
-        ui.timer(_LOOK_EVERY_S, self._explorer.look)
+        ui.timer(_LOOK_EVERY_S, self._explorer.check_study)
 
     def _header(self) -> None:
         from nicegui import ui
 
-        settings = self._explorer.found.analysed.settings
+        settings = self._explorer.results.analysed.settings
         with ui.header().classes("bar"):
             ui.label("jointz explore").classes("brand")
             ui.label(str(settings.get("study", ""))).classes("study")
@@ -91,12 +93,10 @@ class ExplorePage:
             ui.space()
             self._state = ui.label().classes("state")
             dark = ui.dark_mode(None)
-            ui.button(icon="contrast", on_click=lambda: _turn(dark)).props(
-                'flat round dense color=white aria-label="light or dark"'
-            )
-        self._progress = (
-            ui.linear_progress(show_value=False).props("indeterminate").classes("progress")
-        )
+            contrast = ui.button(icon="contrast", on_click=lambda: _switch(dark))
+            contrast.props('flat round dense color=white aria-label="light or dark"')
+        self._progress = ui.linear_progress(show_value=False).props("indeterminate")
+        self._progress.classes("progress")
 
     def _main(self) -> None:
         from nicegui import ui
@@ -111,25 +111,24 @@ class ExplorePage:
             for name, tab in self._tabs.items():
                 with ui.tab_panel(name):
                     tab.build()
-        tabs.on_value_change(lambda event: self._turn_to(str(event.value)))
+        tabs.on_value_change(lambda event: self._open_tab(str(event.value)))
 
-    def _turn_to(self, name: str) -> None:
+    def _open_tab(self, name: str) -> None:
         if name in self._tabs:
             self._tab = name
             self._tabs[name].refresh()
 
     def _follow(self) -> None:
-        """Draw anew when anything has changed, here or on another page."""
-        if self._seen == self._explorer.version:
-            return
-        self._refresh()
+        """Update the page after any change, on this page or another."""
+        if self._seen != self._explorer.version:
+            self._refresh()
 
     def _refresh(self) -> None:
-        self._explorer.want(self._view.participant)
+        self._explorer.request(self._view.participant)
         self._seen = self._explorer.version
         self._progress.set_visibility(bool(self._explorer.working))
         self._state.set_text(self._status())
-        self._tell()
+        self._show_notices()
         self._list_people()
         self._list_points()
         self._list_numbers()
@@ -146,23 +145,22 @@ class ExplorePage:
             return f"{format_count(changed, 'pulse')} changed since the analysis"
         return "as analysed"
 
-    def _tell(self) -> None:
-        """Say what went wrong, and what is missing."""
+    def _show_notices(self) -> None:
+        """Show errors, and that the study is missing."""
         from nicegui import ui
 
         self._notices.clear()
         with self._notices:
-            if self._explorer.found.study is None:
+            if self._explorer.results.study is None:
                 ui.label(
-                    "The study is not beside these results: pulses cannot be shown or left out. "
-                    "Open them with  jointz explore RESULTS --study STUDY"
+                    "The study was not found beside these results: pulses cannot be shown or "
+                    "excluded. Open them with  jointz explore RESULTS --study STUDY"
                 ).classes("notice")
             if self._explorer.problem:
                 with ui.element("div").classes("notice bad"):
                     ui.label(self._explorer.problem)
-                    ui.button("Try again", on_click=self._explorer.dismiss).props(
-                        "flat dense no-caps"
-                    )
+                    retry = ui.button("Try again", on_click=self._explorer.dismiss)
+                    retry.props("flat dense no-caps")
 
     def _list_people(self) -> None:
         from nicegui import ui
@@ -172,15 +170,19 @@ class ExplorePage:
         with self._people:
             ui.label(self._words.many.capitalize()).classes("head")
             with ui.element("div").classes("list"):
-                for person in self._explorer.found.labels:
+                for person in self._explorer.results.labels:
                     pulses = [p for p in analysis.pulses if p.label == person]
-                    out = sum(bool(p.code) for p in pulses)
-                    item = ui.element("button").classes("item")
-                    item.classes(add="picked" if person == self._view.person else "")
-                    item.on("click", lambda _, who=person: self._choose(person=who))
-                    with item:
+                    n_used = sum(not p.code for p in pulses)
+                    with self._item(person == self._view.person, person=person):
                         ui.label(person).classes("name")
-                        ui.label(f"{len(pulses) - out} of {len(pulses)}").classes("count")
+                        ui.label(f"{n_used} of {len(pulses)}").classes("count")
+
+    def _item(self, is_selected: bool, **choice: str) -> "Element":  # noqa: FBT001 - of a list
+        """Return an item of a list, which selects a participant or a timing point."""
+        from nicegui import ui
+
+        item = ui.element("button").classes("item picked" if is_selected else "item")
+        return item.on("click", lambda: self._choose(**choice))
 
     def _list_points(self) -> None:
         from nicegui import ui
@@ -189,15 +191,8 @@ class ExplorePage:
         with self._points:
             ui.label(self._words.points.capitalize()).classes("head")
             for point in self._view.points():
-                cell = next(
-                    (c for c in self._explorer.analysis.cells
-                     if (c.label, c.timing_point) == (self._view.person, point)),
-                    None,
-                )  # fmt: skip
-                item = ui.element("button").classes("item")
-                item.classes(add="picked" if point == self._view.point else "")
-                item.on("click", lambda _, which=point: self._choose(point=which))
-                with item:
+                cell = cell_of(self._explorer.analysis, self._view.person, point)
+                with self._item(point == self._view.point, point=point):
                     ui.label(point).classes("name")
                     ui.label(_onset(cell)).classes("onset")
                     stiffness = None if cell is None else cell.parameter("stiffness")
@@ -218,18 +213,18 @@ class ExplorePage:
                 ui.label(f"{self._view.person} at {self._view.point}")
             if cell is None:
                 return
-            of = cell.n_used + cell.n_excluded
-            ui.label(f"{cell.n_used} of {of} pulses used").classes("used")
+            n_pulses = cell.n_used + cell.n_excluded
+            ui.label(f"{cell.n_used} of {n_pulses} pulses used").classes("used")
             for parameter in cell.parameters:
                 old = None if before is None else before.parameter(parameter.name)
                 with ui.element("div").classes("number stale" if waits else "number"):
                     ui.label(parameter_name(parameter.name)).classes("what")
                     ui.label(pretty_unit(parameter.unit)).classes("unit")
-                    value = ui.label(_long(parameter)).classes("now")
+                    value = ui.label(estimate_or_status(parameter)).classes("now")
                     if not parameter.stands:
                         value.tooltip(status_meaning(parameter.status))
                     if old is not None and old != parameter:
-                        ui.label(f"as analysed {_long(old)}").classes("was")
+                        ui.label(f"as analysed {estimate_or_status(old)}").classes("was")
             ui.label("value and 95 % interval").classes("foot")
 
     def _choose(self, *, person: str | None = None, point: str | None = None) -> None:
@@ -244,8 +239,8 @@ class ExplorePage:
                 self._pulses.step(1)
 
 
-def _turn(dark: "object") -> None:
-    """Go from the browser's own look to dark, to light, and back."""
+def _switch(dark: "object") -> None:
+    """Switch from the browser's setting to dark, to light, and back."""
     following = {None: True, True: False, False: None}
     dark.value = following[dark.value]  # type: ignore[attr-defined]
 
@@ -262,26 +257,20 @@ def _short(parameter: ParameterEstimate | None) -> str:
     return format_estimate(parameter).split(" [")[0]
 
 
-def _long(parameter: ParameterEstimate) -> str:
-    if parameter.stands:
-        return format_estimate(parameter)
-    return parameter.status.removeprefix("failed:").replace("_", " ")
-
-
 def explore(
-    found: Exploration,
+    results: Exploration,
     *,
     pool: Executor | None,
     host: str = "127.0.0.1",
     port: int = 0,
     announce: Callable[[str], None],
 ) -> None:
-    """Serve the explorer until the process is told to end."""
+    """Serve the explorer until the process ends."""
     require_app()
-    explorer = Explorer(found, pool)
+    explorer = Explorer(results, pool)
     serve(
         lambda: ExplorePage(explorer).build(),
-        title=f"jointz explore: {found.folder.name}",
+        title=f"jointz explore: {results.folder.name}",
         host=host,
         port=port,
         announce=announce,

@@ -1,4 +1,4 @@
-"""Pulses of the explorer: all of a timing point together, and one by itself."""
+"""Figures of pulses: all of a timing point together, and a single one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ _MS: Final = 1000.0
 class Overlaid:
     """A pulse among the others of its timing point."""
 
-    number: int  # its place in the list, from 0
-    window: Window  # what the method makes of it
-    used: bool  # whether it counts
+    number: int  # position in the list, from 0
+    window: Window  # by the selected method
+    used: bool  # whether it is part of the average
 
 
 def overlay_figure(
@@ -41,7 +41,7 @@ def overlay_figure(
 ) -> Figure:
     """Draw the responses of all pulses of a timing point, their average and the fit."""
     scale = _DEG if quantity == "angle" else 1.0
-    data = [_among(p, quantity, scale) for p in pulses if p.number != picked]
+    data = [_overlaid(p, quantity, scale) for p in pulses if p.number != picked]
     if cell is not None and cell.response is not None:
         response = cell.response
         time = _list(response.time_s, _MS)
@@ -50,16 +50,15 @@ def overlay_figure(
         if (response.fitted_angle is not None) == (quantity == "angle"):
             fitted = _list(getattr(response, f"fitted_{quantity}"), scale)
             data.append(_line(time, fitted, VERMILION, name="fit", width=2.5, dash="dash"))
-    for own in (p for p in pulses if p.number == picked):
-        trace = _among(own, quantity, scale)
-        trace["line"] = {"color": PURPLE, "width": 2.5, "dash": "solid" if own.used else "dot"}
-        data.append({**trace, "name": f"pulse {own.number + 1}", "showlegend": True})
+    for pulse in (p for p in pulses if p.number == picked):
+        line = {"color": PURPLE, "width": 2.5, "dash": "solid" if pulse.used else "dot"}
+        data.append(_overlaid(pulse, quantity, scale) | {"line": line, "showlegend": True})
     unit = "deg" if quantity == "angle" else "N·m"
     layout = base_layout(f"{quantity.capitalize()} response ({unit})", "Time from onset (ms)")
     return figure(data, layout, name="responses")
 
 
-def _among(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:
+def _overlaid(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:
     values = getattr(pulse.window, f"response_{quantity}")
     trace = _line(
         _list(pulse.window.time_s, _MS),
@@ -75,33 +74,32 @@ def _among(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:
 
 
 def pulse_figure(trace: PulseTrace | None, window: Window | None) -> Figure:
-    """Draw one pulse: measured with baseline, response with fit, and the residual."""
+    """Draw one pulse: measured signals with baseline, response with fit and residual."""
     data: list[dict[str, Any]] = []
     for column, quantity in enumerate(("angle", "torque")):
         scale = _DEG if quantity == "angle" else 1.0
         if trace is not None:
             data += _measured(trace, window, quantity, scale, panel=1 + column)
         if window is not None:
-            data += _answered(window, quantity, scale, panel=3 + column)
+            data += _response(window, quantity, scale, panel=3 + column)
     return figure(data, _pulse_layout(window), name="pulse")
 
 
 def _measured(
     trace: PulseTrace, window: Window | None, quantity: str, scale: float, *, panel: int
 ) -> list[dict[str, Any]]:
-    around = _list(getattr(trace, quantity), scale)
-    first = panel == 1
-    lines = [_line(_list(trace.time_s, _MS), around, GREY, name="recorded", width=1.3)]
+    recorded = _list(getattr(trace, quantity), scale)
+    lines = [_line(_list(trace.time_s, _MS), recorded, GREY, name="recorded", width=1.3)]
     if window is not None:
         time = _list(window.time_s, _MS)
-        own = _list(getattr(window, quantity), scale)
+        measured = _list(getattr(window, quantity), scale)
         baseline = _list(getattr(window, f"baseline_{quantity}"), scale)
-        lines.append(_line(time, own, BLUE, name="measured", width=2.4))
+        lines.append(_line(time, measured, BLUE, name="measured", width=2.4))
         lines.append(_line(time, baseline, GREEN, name="baseline", width=2, dash="dash"))
-    return [_on(line, panel, legend=first) for line in lines]
+    return [_on(line, panel, legend=panel == 1) for line in lines]
 
 
-def _answered(window: Window, quantity: str, scale: float, *, panel: int) -> list[dict[str, Any]]:
+def _response(window: Window, quantity: str, scale: float, *, panel: int) -> list[dict[str, Any]]:
     time = _list(window.time_s, _MS)
     response = _list(getattr(window, f"response_{quantity}"), scale)
     lines = [
@@ -112,9 +110,9 @@ def _answered(window: Window, quantity: str, scale: float, *, panel: int) -> lis
         fitted = _line(
             time, _list(window.fitted, scale), VERMILION, name="fit", width=2, dash="dash"
         )
-        rest = _line(time, _list(residual, scale), AMBER, name="residual", width=1.6)
-        rest |= {"fill": "tozeroy", "fillcolor": "rgba(217,154,28,0.15)"}
-        lines += [_on(fitted, panel, legend=True), _on(rest, panel, legend=True)]
+        error = _line(time, _list(residual, scale), AMBER, name="residual", width=1.6)
+        error |= {"fill": "tozeroy", "fillcolor": "rgba(217,154,28,0.15)"}
+        lines += [_on(fitted, panel, legend=True), _on(error, panel, legend=True)]
     return lines
 
 
@@ -174,7 +172,7 @@ def _on(line: dict[str, Any], panel: int, *, legend: bool) -> dict[str, Any]:
 
 
 def _list(values: np.ndarray, scale: float) -> list[float | None]:
-    """Return numbers that JSON has: five digits are more than a screen shows, NaN is nothing."""
+    """Return numbers for JSON, to five digits; NaN becomes None."""
     return [
         None if value != value else float(f"{value:.5g}") for value in (scale * values).tolist()
     ]

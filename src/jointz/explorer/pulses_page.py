@@ -1,18 +1,16 @@
-"""Pulses of a timing point: all together, one by one, left out and brought back."""
+"""Tab of the pulses of a timing point: all together, one by one, excluded and restored."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jointz.core.events import PulseRecord
 from jointz.explorer.exclusions import is_excluded, last_line
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
+from jointz.explorer.tab import Tab, table_columns
 from jointz.explorer.traces import Window
 from jointz.explorer.view import View
 from jointz.report.pulse_words import pulse_unit
 from jointz.report.wording import exclusion_meaning, method_name
-
-if TYPE_CHECKING:
-    from nicegui.events import GenericEventArguments
 
 _REASONS = (
     "stumbled",
@@ -21,14 +19,11 @@ _REASONS = (
     "strap slipped",
     "pulse at the wrong moment",
 )
-_COLUMNS = (
-    ("number", "#"),
-    ("onset", "onset (s)"),
-    ("phase", "at (%)"),
-    ("size", "peak (deg)"),
-    ("misfit", "residual"),
-    ("state", "state"),
-)
+_COLUMNS = {
+    "number": "#", "onset": "onset (s)", "phase": "at (%)", "size": "peak (deg)",
+    "misfit": "residual", "state": "state",
+}  # fmt: skip
+_DEG = 57.29578
 _ROW = """
 <q-tr :props="props" :class="{picked: props.row.picked, out: props.row.out}"
       @click="$parent.$emit('pick', props.row.number)">
@@ -37,15 +32,15 @@ _ROW = """
 """
 
 
-class PulsesTab:
-    """The tab of pulses."""
+class PulsesTab(Tab):
+    """Pulses of a timing point."""
 
-    def __init__(self, view: View, changed: Callable[[], None]) -> None:
-        self._view = view
-        self._changed = changed
+    def __init__(self, view: View, on_change: Callable[[], None]) -> None:
+        super().__init__(view)
+        self._on_change = on_change
 
     def build(self) -> None:
-        """Make the tab."""
+        """Make the elements of the tab."""
         from nicegui import ui
 
         with ui.element("div").classes("grid"):
@@ -56,41 +51,37 @@ class PulsesTab:
                     self._quantity = ui.toggle(
                         {"angle": "Angle", "torque": "Torque"},
                         value="angle",
-                        on_change=lambda event: self._look_at(str(event.value)),
+                        on_change=lambda event: self._show_quantity(str(event.value)),
                     ).props("dense no-caps unelevated size=sm")
                 self._overlay = ui.plotly(overlay_figure([], None, None, quantity="angle"))
                 self._overlay.classes("plot short").on(
                     "plotly_click",
-                    self._clicked,
+                    lambda event: self._select(event.args),
                     js_handler="(e) => emit(e.points[0].customdata)",
                 )
             with ui.element("div").classes("card narrow"):
-                self._table = (
-                    ui.table(columns=_columns(), rows=[], row_key="number", pagination=0)
-                    .classes("pulses")
-                    .props("dense flat hide-bottom")
-                )
+                columns = table_columns(_COLUMNS, sortable=True, align="right")
+                columns[-1]["align"] = "left"
+                self._table = ui.table(columns=columns, rows=[], row_key="number", pagination=0)
+                self._table.classes("pulses").props("dense flat hide-bottom")
                 self._table.add_slot("body", _ROW)
-                self._table.on("pick", self._chosen)
+                self._table.on("pick", lambda event: self._select(event.args, first=1))
         with ui.element("div").classes("card"):
-            self._one()
+            self._build_pulse()
 
-    def _one(self) -> None:
+    def _build_pulse(self) -> None:
         from nicegui import ui
 
         with ui.element("div").classes("head line wraps"):
-            ui.button(icon="chevron_left", on_click=lambda: self.step(-1)).props(
-                'flat round dense aria-label="previous pulse"'
-            )
+            back = ui.button(icon="chevron_left", on_click=lambda: self.step(-1))
+            back.props('flat round dense aria-label="previous pulse"')
             self._name = ui.label().classes("pulse-name")
-            ui.button(icon="chevron_right", on_click=lambda: self.step(1)).props(
-                'flat round dense aria-label="next pulse"'
-            )
+            forward = ui.button(icon="chevron_right", on_click=lambda: self.step(1))
+            forward.props('flat round dense aria-label="next pulse"')
             self._about = ui.label().classes("pulse-about")
             ui.space()
-            self._methods = ui.toggle([], on_change=lambda event: self._by(event.value)).props(
-                "dense no-caps unelevated size=sm"
-            )
+            self._methods = ui.toggle([], on_change=lambda event: self._show_method(event.value))
+            self._methods.props("dense no-caps unelevated size=sm")
         with ui.element("div").classes("line wraps decide"):
             self._state = ui.label().classes("pulse-state")
             ui.space()
@@ -107,17 +98,17 @@ class PulsesTab:
         self._plot = ui.plotly(pulse_figure(None, None)).classes("plot tall")
 
     def step(self, by: int) -> None:
-        """Look at a pulse further on."""
+        """Select another pulse, some positions further."""
         number = self._view.number()
         if number is not None:
             self._view.pick(number + by)
             self.refresh()
 
     def refresh(self) -> None:
-        """Draw anew."""
+        """Update the elements."""
         view = self._view
         names = {name: method_name(name) for name in view.window_methods()}
-        if names and view.method not in names:  # as of whole trials, which have no windows
+        if names and view.method not in names:  # a method of whole trials has no windows
             view.method = next(iter(names))
         pulses, picked = view.pulses(), view.number()
         self._title.set_text(f"All pulses of {view.person} at {view.point}")
@@ -149,52 +140,45 @@ class PulsesTab:
         self._name.set_text(f"Pulse {picked + 1} of {len(pulses)}")
         self._about.set_text(_about(pulse, pulse_unit(view.explorer.analysis)))
         self._plot.update_figure(pulse_figure(trace, window))
-        study = view.explorer.found.study
+        study = view.explorer.results.study
         out = study is not None and is_excluded(study, pulse)
-        self._state.set_text(self._words(pulse, out=out, window=window))
-        self._state.classes(
-            add="out" if pulse.code or out else "", remove="" if pulse.code or out else "out"
-        )
+        self._state.set_text(self._state_text(pulse, excluded=out, window=window))
+        add, remove = ("out", "") if pulse.code or out else ("", "out")
+        self._state.classes(add=add, remove=remove)
         self._reason.set_visibility(study is not None and not out)
         self._out.set_visibility(study is not None and not out)
         self._back.set_visibility(out)
 
-    def _words(self, pulse: PulseRecord, *, out: bool, window: Window | None) -> str:
-        study = self._view.explorer.found.study
+    def _state_text(self, pulse: PulseRecord, *, excluded: bool, window: Window | None) -> str:
+        study = self._view.explorer.results.study
         if study is None:
             return exclusion_meaning(pulse.code) if pulse.code else "used"
         if self._view.trace_of(pulse) is None:
             return "reading the recordings …"
-        if out:
+        if excluded:
             line = last_line(study, pulse)
-            reason = line.reason if line is not None else ""
-            said = f": {reason}" if reason else ""
-            shown = "shown as if restored" if window is not None else "jointz leaves it out too"
-            return f"left out by you{said} ({shown})"
+            reason = f": {line.reason}" if line is not None and line.reason else ""
+            shown = "shown as if restored" if window is not None else "jointz excludes it too"
+            return f"excluded by you{reason} ({shown})"
         if pulse.code and pulse.code != "user":
-            return f"left out: {exclusion_meaning(pulse.code)}"
+            return f"excluded: {exclusion_meaning(pulse.code)}"
         return "used"
 
-    def _look_at(self, quantity: str) -> None:
+    def _show_quantity(self, quantity: str) -> None:
         if quantity in ("angle", "torque"):
             self._view.quantity = quantity
             self.refresh()
 
-    def _by(self, method: Any) -> None:
+    def _show_method(self, method: Any) -> None:
         if method in self._view.window_methods() and method != self._view.method:
             self._view.method = str(method)
             self.refresh()
 
-    def _clicked(self, event: "GenericEventArguments") -> None:
-        self._go(event.args)
-
-    def _chosen(self, event: "GenericEventArguments") -> None:
-        self._go(event.args - 1 if _whole(event.args) else None)
-
-    def _go(self, number: Any) -> None:
-        # Whatever a browser sends: only the number of a pulse means anything.
-        if _whole(number) and 0 <= number < len(self._view.pulses()):
-            self._view.pick(number)
+    def _select(self, number: Any, *, first: int = 0) -> None:
+        # Browsers may send anything: only the number of a pulse counts.
+        is_whole = isinstance(number, int) and not isinstance(number, bool)
+        if is_whole and first <= number < first + len(self._view.pulses()):
+            self._view.pick(number - first)
             self.refresh()
 
     async def _exclude(self) -> None:
@@ -203,15 +187,15 @@ class PulsesTab:
         reason = str(self._reason.value or "").strip()
         if not reason:
             self._reason.run_method("focus")
-            ui.notify("Say why: the reason goes into the study's exclusions.csv.", type="warning")
+            ui.notify("State a reason; the study's exclusions.csv keeps it.", type="warning")
             return
         pulse = self._view.pulse()
-        if pulse is None or self._view.explorer.found.study is None:
+        if pulse is None or self._view.explorer.results.study is None:
             return
-        self._view.pick(self._view.number() or 0)  # stays where it is while others come and go
+        self._view.pick(self._view.number() or 0)  # keeps the selection if other pulses change
         if await self._view.explorer.decide(pulse, "exclude", reason=reason):
             self._reason.set_value("")
-        self._changed()
+        self._on_change()
 
     async def _restore(self) -> None:
         pulse = self._view.pulse()
@@ -219,24 +203,7 @@ class PulsesTab:
             return
         self._view.pick(self._view.number() or 0)
         await self._view.explorer.decide(pulse, "restore", reason="")
-        self._changed()
-
-
-def _whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _columns() -> list[dict[str, Any]]:
-    return [
-        {
-            "name": name,
-            "label": label,
-            "field": name,
-            "sortable": True,
-            "align": "left" if name == "state" else "right",
-        }
-        for name, label in _COLUMNS
-    ]
+        self._on_change()
 
 
 def _row(k: int, pulse: PulseRecord, window: Window | None, *, picked: bool) -> dict[str, Any]:
@@ -252,9 +219,9 @@ def _row(k: int, pulse: PulseRecord, window: Window | None, *, picked: bool) -> 
         "out": bool(pulse.code),
     }
     if window is not None:
-        row["size"] = round(float(abs(window.response_angle).max()) * 57.29578, 2)
+        row["size"] = round(float(abs(window.response_angle).max()) * _DEG, 2)
         if window.misfit is not None:
-            scale = 57.29578 if window.fits == "angle" else 1.0
+            scale = _DEG if window.fits == "angle" else 1.0
             row["misfit"] = round(window.misfit * scale, 3)
     return row
 

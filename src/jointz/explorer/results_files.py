@@ -1,4 +1,4 @@
-"""Look through results: which pulses made them, and what becomes of them without one."""
+"""Results of an analysis, the study behind them, and new estimates."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
-from jointz.explorer.reestimation import with_again
+from jointz.explorer.reestimation import with_new_estimates
 from jointz.identify.methods.cells import BENCH_ONLY, METHODS
 from jointz.identify.participant import ParticipantResult
 from jointz.io.study_reader import open_study
@@ -22,15 +22,13 @@ from jointz.results.study_analysis import StudyAnalysis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exploration:
-    """Results that are looked through."""
+    """Results to explore."""
 
     folder: Path  # the results folder; nothing in it is changed
-    analysed: StudyAnalysis  # as it stands there
-    # what was analysed, with the exclusions that stand there now; None where it is not known
-    study: Study | None
-    # participants that were estimated again
-    again: Mapping[str, ParticipantResult] = field(default_factory=dict)
-    # (Method, participant) -> cells by methods that the results do not hold
+    analysed: StudyAnalysis  # content of the folder
+    study: Study | None  # the analysed study with its current exclusions; None if not found
+    reestimated: Mapping[str, ParticipantResult] = field(default_factory=dict)
+    # (method, participant) -> cells by methods that the results do not hold
     others: Mapping[tuple[str, str], tuple[CellEstimate, ...]] = field(default_factory=dict)
 
     @property
@@ -44,63 +42,59 @@ class Exploration:
         return tuple(dict.fromkeys(cell.label for cell in self.analysed.cells))
 
     def current(self) -> StudyAnalysis:
-        """Return the analysis with what was estimated again."""
+        """Return the analysis with all new estimates."""
         analysis = self.analysed
-        if self.study is not None and self.again:
-            analysis = with_again(analysis, self.study, self.again)
+        if self.study is not None and self.reestimated:
+            analysis = with_new_estimates(analysis, self.study, self.reestimated)
         others = tuple(cell for cells in self.others.values() for cell in cells)
         return replace(analysis, comparison=(*analysis.comparison, *others)) if others else analysis
 
     def stale(self) -> tuple[str, ...]:
-        """Return participants whose numbers were made with other exclusions than now stand."""
-        made = [p for p in self.analysed.pulses if p.participant not in self.again]
-        made += [pulse for result in self.again.values() for pulse in result.pulses]
-        found = {pulse.participant for pulse in self.otherwise(made)}
-        return tuple(person for person in self.people if person in found)
+        """Return participants whose numbers are older than the exclusions of the study."""
+        pulses = [p for p in self.analysed.pulses if p.participant not in self.reestimated]
+        pulses += [pulse for result in self.reestimated.values() for pulse in result.pulses]
+        changed = {pulse.participant for pulse in self.changed(pulses)}
+        return tuple(person for person in self.people if person in changed)
 
-    def changed(self) -> tuple[PulseRecord, ...]:
-        """Return pulses about which the study says otherwise than when it was analysed."""
-        return self.otherwise(self.analysed.pulses)
-
-    def otherwise(self, pulses: Sequence[PulseRecord]) -> tuple[PulseRecord, ...]:
-        """Return those of some pulses about which the study says otherwise now."""
+    def changed(self, pulses: Sequence[PulseRecord] | None = None) -> tuple[PulseRecord, ...]:
+        """Return pulses, by default those analysed, that are now excluded or restored."""
         if self.study is None:
             return ()
+        pulses = self.analysed.pulses if pulses is None else pulses
         now = excluded(self.study, pulses)
         return tuple(p for p, out in zip(pulses, now, strict=True) if (p.code == "user") != out)
 
     def with_study(self, study: Study) -> "Exploration":
-        """Return results with the study as it stands now."""
+        """Return results with the current study."""
         return replace(self, study=study)
 
     def with_result(self, person_id: str, result: ParticipantResult) -> "Exploration":
-        """Return results with a participant estimated again."""
-        return replace(self, again={**self.again, person_id: result})
+        """Return results with new estimates of a participant."""
+        return replace(self, reestimated={**self.reestimated, person_id: result})
 
     def with_other(
         self, method: str, person_id: str, cells: tuple[CellEstimate, ...]
     ) -> "Exploration":
-        """Return results with a participant estimated by one more method."""
+        """Return results with a participant's estimates by another method."""
         return replace(self, others={**self.others, (method, person_id): cells})
 
     def methods(self) -> tuple[str, ...]:
-        """Return the methods there are numbers of, the chosen one first."""
+        """Return the methods with estimates, the chosen one first."""
         names = [str(self.analysed.settings["method"])]
         names += [cell.method for cell in self.analysed.comparison]
         return tuple(dict.fromkeys([*names, *(method for method, _ in self.others)]))
 
     def more_methods(self) -> tuple[str, ...]:
-        """Return methods that could be added to compare with."""
-        own = self.analysed.settings
-        # A study that fixes its baseline compares nothing: it would differ in more than the method.
+        """Return methods that can be added for comparison."""
+        # With a fixed baseline, methods would differ in more than the method.
         fixed = self.study is None or self.study.spec.perturbations.baseline is not None
-        if fixed or own["kind"] != "walking":
+        if fixed or self.analysed.settings["kind"] != "walking":
             return ()
-        there = self.methods()
-        return tuple(m for m in METHODS if m not in BENCH_ONLY and m not in there)
+        present = self.methods()
+        return tuple(m for m in METHODS if m not in BENCH_ONLY and m not in present)
 
     def command(self) -> str:
-        """Return the command line that makes the same numbers."""
+        """Return the command line that gives the same numbers."""
         settings = self.analysed.settings
         where = "STUDY" if self.study is None else str(self.study.root)
         words = ["jointz", "analyze", where, "--out", str(self.folder)]
@@ -112,7 +106,7 @@ class Exploration:
 def open_results(
     results: str | os.PathLike[str], *, study: str | os.PathLike[str] | None = None
 ) -> Exploration:
-    """Open a results folder, and the study it was made from."""
+    """Open a results folder, and the study that was analysed."""
     folder = Path(results)
     analysis = _read_analysis(folder)
     return Exploration(folder, analysis, _study_of(analysis, folder, study))
@@ -122,7 +116,7 @@ def _read_analysis(folder: Path) -> StudyAnalysis:
     file = folder / "analysis.json"
     if not file.is_file() or not (folder / MARKER).is_file():
         raise DataError(
-            f"{folder}: expected a folder that jointz analyze made, found no "
+            f"{folder}: expected a results folder of jointz analyze, found no "
             f"{file.name if not file.is_file() else MARKER}. Name one.",
             path=str(folder),
         )
@@ -138,12 +132,12 @@ def _read_analysis(folder: Path) -> StudyAnalysis:
 def _study_of(
     analysis: StudyAnalysis, folder: Path, named: str | os.PathLike[str] | None
 ) -> Study | None:
-    """Return the study that was analysed; one that is named must be it."""
+    """Return the study that was analysed; refuse another study that is named."""
     if named is not None:
         study = open_study(named)
         if study.sha256 != analysis.provenance.get("study_sha256"):
             raise DataError(
-                f"{study.root}: expected the study that {folder} was made from, found another "
+                f"{study.root}: expected the study that was analysed for {folder}, found another "
                 "study.toml, or one that was changed since. Name that study, or analyse this "
                 "one again: jointz analyze."
             )
@@ -164,15 +158,13 @@ def cell_of(
     analysis: StudyAnalysis, label: str, timing_point: str, *, method: str | None = None
 ) -> CellEstimate | None:
     """Return a cell of the chosen method, or of one it is compared with."""
-    wanted = (label, timing_point, method or analysis.settings["method"])
-    for cell in (*analysis.cells, *analysis.comparison):
-        if (cell.label, cell.timing_point, cell.method) == wanted:
-            return cell
-    return None
+    key = (label, timing_point, method or analysis.settings["method"])
+    cells = (*analysis.cells, *analysis.comparison)
+    return next((c for c in cells if (c.label, c.timing_point, c.method) == key), None)
 
 
 def pulses_of(analysis: StudyAnalysis, label: str, timing_point: str) -> tuple[PulseRecord, ...]:
     """Return the pulses of a participant at a timing point, in order of time."""
-    wanted = (label, timing_point)
-    found = [p for p in analysis.pulses if (p.label, p.timing_point) == wanted]
-    return tuple(sorted(found, key=lambda pulse: (pulse.recording, pulse.onset_s)))
+    key = (label, timing_point)
+    pulses = [p for p in analysis.pulses if (p.label, p.timing_point) == key]
+    return tuple(sorted(pulses, key=lambda pulse: (pulse.recording, pulse.onset_s)))

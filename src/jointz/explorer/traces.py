@@ -1,8 +1,8 @@
-"""What each pulse was estimated from: measured, baseline, response, fit and residual.
+"""Signals that each pulse was estimated from: measured, baseline, response, fit and residual.
 
-Everything is what the estimators have used themselves. For ``recommended`` the response is that
-of the evidence it hands out, the fit that of its cell, and the baseline what it subtracted from
-the raw signals. For the other methods windows and baseline come from the same cutter, filtered.
+All signals are those of the estimators. For ``recommended``, the response is that of its evidence,
+the fit that of its cell, and the baseline the prediction that it subtracted from the raw signals.
+For the other methods, windows and baseline come from their own cutter, filtered.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,17 +39,17 @@ from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 
-#: What is shown of the recording around a pulse, s.
+#: Part of the recording that is shown around a pulse, s.
 _BEFORE_S, _AFTER_S = 0.15, 0.35
 
 
 @dataclass(frozen=True, slots=True)
 class PulseKey:
-    """Which pulse."""
+    """Identity of a pulse."""
 
-    participant: str  # where it is
+    participant: str
     recording: str
-    onset_s: float  # s: its commanded onset
+    onset_s: float  # commanded
 
     @classmethod
     def of(cls, pulse: PulseRecord) -> "PulseKey":
@@ -62,24 +62,24 @@ class Window:
     """A pulse in the window of a method."""
 
     time_s: np.ndarray  # from the commanded onset
-    angle: np.ndarray  # as the method sees them: raw, or filtered
+    angle: np.ndarray  # as the method uses them: raw, or filtered
     torque: np.ndarray
-    baseline_angle: np.ndarray  # what would have been without the pulse
+    baseline_angle: np.ndarray  # predicted without the pulse
     baseline_torque: np.ndarray
-    sign: float  # +1 or -1; responses are turned by it
-    # angle (rad) or torque (N*m) of the model that was fitted to the average of the timing point;
-    # None where none was
+    sign: float  # +1 or -1; responses are multiplied by it
+    # angle (rad) or torque (N*m) of the model fitted to the average of the timing point; None if
+    # there is no fit
     fitted: np.ndarray | None
-    fits: str  # which: ``angle`` or ``torque``
+    fits: str  # the fitted quantity: ``angle`` or ``torque``
 
     @property
     def response_angle(self) -> np.ndarray:
-        """Measured minus baseline, turned by the sign, rad."""
+        """Measured minus baseline, times the sign, rad."""
         return np.asarray(self.sign * (self.angle - self.baseline_angle))
 
     @property
     def response_torque(self) -> np.ndarray:
-        """Measured minus baseline, turned by the sign, N*m."""
+        """Measured minus baseline, times the sign, N*m."""
         return np.asarray(self.sign * (self.torque - self.baseline_torque))
 
     @property
@@ -87,8 +87,8 @@ class Window:
         """Response of this pulse minus the fit to the average of all."""
         if self.fitted is None:
             return None
-        own = self.response_angle if self.fits == "angle" else self.response_torque
-        return np.asarray(own - self.fitted)
+        response = self.response_angle if self.fits == "angle" else self.response_torque
+        return np.asarray(response - self.fitted)
 
     @property
     def misfit(self) -> float | None:
@@ -101,14 +101,13 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseTrace:
-    """What is known of one pulse."""
+    """Signals of one pulse."""
 
-    time_s: np.ndarray  # from the commanded onset, with a stretch before and after the window
-    angle: np.ndarray  # as recorded; NaN where it is missing
+    time_s: np.ndarray  # from the commanded onset, longer than the window
+    angle: np.ndarray  # as recorded; NaN if missing
     torque: np.ndarray
-    # method -> what it makes of the pulse; without those that make nothing of it
-    windows: Mapping[str, Window]
-    if_restored: bool  # whether the user left it out, and windows show what restoring it would give
+    windows: Mapping[str, Window]  # by method, of methods that use the pulse
+    if_restored: bool  # whether the user excluded it, and windows show it as if restored
 
 
 def pulse_traces(
@@ -117,7 +116,7 @@ def pulse_traces(
     settings: ParticipantSettings,
     result: ParticipantResult,
 ) -> dict[PulseKey, PulseTrace]:
-    """Return what every pulse of a participant was estimated from."""
+    """Return the signals that every pulse of a participant was estimated from."""
     traces: dict[PulseKey, PulseTrace] = {}
     for unit, group in recording_groups(recordings, walking=settings.walking):
         if unit is not None:
@@ -126,13 +125,13 @@ def pulse_traces(
 
 
 def _part(result: ParticipantResult, unit: Unit) -> ParticipantResult:
-    """Return what came out for a session and side."""
+    """Return the result for a session and side."""
 
-    def own(rows: Sequence[Any]) -> tuple[Any, ...]:
+    def part(rows: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(row for row in rows if (row.session, row.side) == unit)
 
-    cells = {method: own(cells) for method, cells in result.cells.items()}
-    return replace(result, cells=cells, pulses=own(result.pulses), evidence=own(result.evidence))
+    cells = {method: part(cells) for method, cells in result.cells.items()}
+    return replace(result, cells=cells, pulses=part(result.pulses), evidence=part(result.evidence))
 
 
 def _group_traces(
@@ -141,34 +140,34 @@ def _group_traces(
     settings: ParticipantSettings,
     result: ParticipantResult,
 ) -> dict[PulseKey, PulseTrace]:
-    lifted = _without_user(settings, result.pulses)
+    lifted = _without_exclusions(settings, result.pulses)
     sources = prepare_sources(recordings, lifted)
     windows: dict[PulseKey, dict[str, Window]] = {PulseKey.of(p): {} for p in result.pulses}
     for method in settings.methods:
         if method == FULL_RECORD:
-            continue  # has no windows: it explains whole trials
+            continue  # it fits whole trials and has no windows
         cells = {cell.timing_point: cell for cell in result.cells[method]}
-        found = (
+        windows_of_method = (
             _predicted(participant, recordings, sources, (settings, lifted), result)
             if method == RECOMMENDED
             else _filtered(participant, method, sources, lifted)
         )
-        for key, label, window in found:
+        for key, label, window in windows_of_method:
             windows[key][method] = _with_fit(window, cells.get(label))
     return _with_surroundings(result.pulses, sources, windows)
 
 
-def _without_user(
+def _without_exclusions(
     settings: ParticipantSettings, pulses: Sequence[PulseRecord]
 ) -> ParticipantSettings:
-    """Return settings that leave out no pulse; strides that the user left out stay out."""
+    """Return settings that exclude no pulse; excluded strides stay excluded."""
     kept = tuple(
         line for line in settings.user_exclusions if not any(is_about(line, p) for p in pulses)
     )
     return replace(settings, user_exclusions=kept)
 
 
-_Found = Iterator[tuple[PulseKey, str, Window]]
+_Windows = Iterator[tuple[PulseKey, str, Window]]
 
 
 def _predicted(
@@ -177,29 +176,29 @@ def _predicted(
     sources: Sequence[Source],
     settings: tuple[ParticipantSettings, ParticipantSettings],
     result: ParticipantResult,
-) -> _Found:
-    """Yield the windows of the recommended method; those left out as if they were not."""
-    given, lifted = settings
+) -> _Windows:
+    """Yield the windows of the recommended method; of excluded pulses as if restored."""
+    original, lifted = settings
     rate = common_rate_hz(sources)
     signals = [raw_signals(source, target_hz=rate) for source in sources]
     excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
-    if excluded and lifted.user_exclusions != given.user_exclusions:
-        alone = replace(lifted, methods=(RECOMMENDED,))
-        again = analyze_participant(participant, recordings, alone)
-        yield from (w for w in _of_evidence(again.evidence, signals) if w[0] in excluded)
+    if excluded and lifted.user_exclusions != original.user_exclusions:
+        single = replace(lifted, methods=(RECOMMENDED,))
+        restored = analyze_participant(participant, recordings, single)
+        yield from (w for w in _of_evidence(restored.evidence, signals) if w[0] in excluded)
     yield from (w for w in _of_evidence(result.evidence, signals) if w[0] not in excluded)
 
 
-def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -> _Found:
-    found = (zip(one.cells, one.responses, strict=True) for one in evidence)
-    for cell, average in chain.from_iterable(found):
-        fine = [
+def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -> _Windows:
+    pairs = (zip(part.cells, part.responses, strict=True) for part in evidence)
+    for cell, average in chain.from_iterable(pairs):
+        usable = [
             c for c, code in zip(cell.candidates, cell.predicted.codes, strict=True) if not code
         ]
         n = average.angle.size
         responses = cell.predicted.responses[:, :, :n]
         time_s = (np.arange(n) - LEAD_SAMPLES) * cell.period_s
-        for candidate, response in zip(fine, responses, strict=True):
+        for candidate, response in zip(usable, responses, strict=True):
             begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * cell.period_s])
             cut, _ = signals[candidate.source].cut(begin, before_s=0.0, after_s=n * cell.period_s)
             angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
@@ -219,12 +218,12 @@ def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -
 
 def _filtered(
     participant: str, method: str, sources: Sequence[Source], settings: ParticipantSettings
-) -> _Found:
-    """Yield the filtered windows of a method and what it subtracts."""
-    own = METHODS[method].baseline_for(walking=settings.walking)
-    baseline = settings.perturbations.baseline or own
-    every = assign_pulses(participant, sources, settings, baseline=baseline, alone=True)
-    usable = [c for c in every if not c.record.code and np.isfinite(c.elapsed_s)]
+) -> _Windows:
+    """Yield the filtered windows of a method and its baseline."""
+    default = METHODS[method].baseline_for(walking=settings.walking)
+    baseline = settings.perturbations.baseline or default
+    candidates = assign_pulses(participant, sources, settings, baseline=baseline, alone=True)
+    usable = [c for c in candidates if not c.record.code and np.isfinite(c.elapsed_s)]
     if not usable:
         return
     window_s = settings.perturbations.window_s
@@ -241,7 +240,7 @@ def _filtered_window(
     candidate: Candidate, window: np.ndarray, mean: np.ndarray, sources: Sequence[Source]
 ) -> tuple[PulseKey, str, Window]:
     rate_hz = sources[candidate.source].signals.rate_hz
-    found = Window(
+    filtered = Window(
         time_s=np.arange(window.shape[1]) / rate_hz,
         angle=window[ANGLE],
         torque=window[TORQUE],
@@ -251,11 +250,11 @@ def _filtered_window(
         fitted=None,
         fits="torque",
     )
-    return PulseKey.of(candidate.record), candidate.record.timing_point, found
+    return PulseKey.of(candidate.record), candidate.record.timing_point, filtered
 
 
 def _with_fit(window: Window, cell: CellEstimate | None) -> Window:
-    """Add what the model says of the average of the timing point, where it says anything."""
+    """Add the fit to the average of the timing point, if there is one."""
     if cell is None or cell.response is None:
         return window
     response = cell.response
@@ -270,7 +269,7 @@ def _with_surroundings(
     sources: Sequence[Source],
     windows: Mapping[PulseKey, Mapping[str, Window]],
 ) -> dict[PulseKey, PulseTrace]:
-    """Add the recording around each pulse, as it stands in the file."""
+    """Add the recording around each pulse, as in its file."""
     files: dict[str, list[Source]] = {}
     for source in sources:
         files.setdefault(source.given.file, []).append(source)
@@ -289,11 +288,10 @@ def _around(onset_s: float, pieces: Sequence[Source]) -> tuple[np.ndarray, np.nd
         first, last = np.searchsorted(time, [onset_s - _BEFORE_S, onset_s + _AFTER_S])
         if last > first:
             part = slice(int(first), int(last))
-            torque = recording["torque"].to_numpy()[part] if "torque" in recording else None
             angle = recording["angle"].to_numpy()[part]
-            return (
-                time[part] - onset_s,
-                angle,
-                np.full(angle.size, np.nan) if torque is None else torque,
+            has_torque = "torque" in recording
+            torque = (
+                recording["torque"].to_numpy()[part] if has_torque else np.full_like(angle, np.nan)
             )
+            return time[part] - onset_s, angle, torque
     return np.empty(0), np.empty(0), np.empty(0)

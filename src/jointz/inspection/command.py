@@ -1,4 +1,4 @@
-"""``jointz inspect``: what is in a file, and a study to start from."""
+"""``jointz inspect``: content of a file, and a study to start from."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -30,11 +30,12 @@ def inspect(
     figure: Figure = None,
     delimiter: Delimiter = None,
     decimal: Annotated[
-        Decimal | None, typer.Option("--decimal", help="Sign in numbers; found out by default.")
+        Decimal | None,
+        typer.Option("--decimal", help="Decimal sign in numbers; detected by default."),
     ] = None,
     skip_rows: Annotated[
         int | None,
-        typer.Option("--skip-rows", min=0, help="Rows before the table; found out by default."),
+        typer.Option("--skip-rows", min=0, help="Rows before the table; detected by default."),
     ] = None,
     no_header: Annotated[
         bool, typer.Option("--no-header", help="The columns of a text file have no names.")
@@ -43,10 +44,10 @@ def inspect(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Show what is in a file and propose a study.toml for it.
+    """Show the content of a file and propose a study.toml for it.
 
-    Prints channels, units, rates, gaps, ranges, thumbnails, what stands in the way of an
-    analysis, and a study.toml in which every guess is marked. The file is never changed.
+    Prints channels, units, rates, gaps, ranges, thumbnails, obstacles to an analysis, and a
+    study.toml in which every guess is marked. The file is never changed.
 
     Example: jointz inspect S01_walking.csv --toml study.toml
     """
@@ -82,11 +83,11 @@ def _target(toml: Path) -> Path:
 
 
 def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
-    """Refuse to replace what must be kept: the recording in any case."""
+    """Refuse to replace existing files without --overwrite, and the recording in any case."""
     if not target.exists():
         return
     if file.exists() and target.samefile(file):
-        raise OutputError(f"{target}: is the file to be looked at. Name another file.")
+        raise OutputError(f"{target}: is the file to inspect. Name another file.")
     if not overwrite:
         raise OutputError(
             f"{target}: exists and is kept. Name another file, or add --overwrite to replace it."
@@ -103,8 +104,8 @@ def _layout(
         "decimal": decimal.value if decimal else None,
         "skip_rows": skip_rows,
     }
-    given = {name: value for name, value in known.items() if value is not None}
-    return given | ({"header": False} if no_header else {})
+    assigned = {name: value for name, value in known.items() if value is not None}
+    return assigned | ({"header": False} if no_header else {})
 
 
 def _draw(found: "Inspection", figure: Path) -> None:
@@ -122,4 +123,4 @@ def _print(found: "Inspection", target: Path | None) -> None:
         emit("\nA study.toml to start from (--toml FILE writes it):\n")
         emit(found.toml.rstrip("\n"))
     else:
-        emit(f"\nWrote {target}: {found.n_guesses} guesses to look at.")
+        emit(f"\nWrote {target}: {found.n_guesses} guesses to check.")

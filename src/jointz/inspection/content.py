@@ -1,4 +1,4 @@
-"""All columns of a file of any format, for looking at them."""
+"""All columns of a file of any format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,22 +19,21 @@ from jointz.io.text.delimited import as_written_with_point
 from jointz.io.text.text_layout import TextLayout, find_layout
 from jointz.io.text.vendor_logs import with_vendor_units
 
-_MOSTLY = 0.5
+_LEAST_SHARE = 0.5
 _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """A column as it stands in a file."""
+    """A column of a file."""
 
     group: str  # signals that were sampled together; "" for the only group
-    key: str | int  # what a study calls it: a name, or a number from 1
-    title: str  # what the file calls it, "" where it does not
+    key: str | int  # name in a study, or number from 1
+    title: str  # name in the file, "" if there is none
     values: np.ndarray  # float64, or str objects
     unit: str = ""  # as the file states it
-    # why a study would refuse the column: a cell that is no number; "" where none is
-    stray: str = ""
-    unit_why: str = ""  # where the unit comes from if not from the file, "" if it does
+    stray: str = ""  # message about a cell that is not a number, "" if there is none
+    unit_why: str = ""  # source of the unit, "" if the file states it
 
     @property
     def is_text(self) -> bool:
@@ -44,35 +43,33 @@ class Column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupClock:
-    """The clock that a file itself states for a group."""
+    """The clock that a file states for a group."""
 
-    group: str  # whose
+    group: str
     n: int  # samples
     rate_hz: float | None = None  # of a uniform clock
     start_s: float = 0.0  # time of the first sample on a uniform clock
     time_s: np.ndarray | None = None  # stamps
-    unit_stated: bool = True  # whether the file says the unit of the stamps
+    unit_stated: bool = True  # whether the file states the unit of the stamps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Content:
-    """What a file holds."""
+    """Content of a file."""
 
     columns: tuple[Column, ...]  # in the order of the file
     clocks: tuple[GroupClock, ...]  # one a group
     n_events: int = 0
     files: FilesSpec | None = None  # layout of a text file
-    notes: tuple[str, ...] = ()  # what had to be decided
+    notes: tuple[str, ...] = ()  # decisions of the reader
 
 
-def read_content(path: Path, given: Mapping[str, Any] | None = None) -> Content:
-    """Read all columns of a file; the layout of a text file is found out."""
+def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content:
+    """Read all columns of a file; unknown parts of a text file's layout are detected."""
     if not path.is_file():
-        raise DataError(
-            f"{path}: no such file. Correct the name or bring the file.", path=str(path)
-        )
+        raise DataError(f"{path}: no such file. Correct the name.", path=str(path))
     if path.name.lower().endswith(_TEXT):
-        return _text_content(path, find_layout(path, given))
+        return _text_content(path, find_layout(path, layout))
     return _content(path, read_acquisition(path))
 
 
@@ -96,8 +93,8 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     clock = GroupClock("", len(columns[0].values) if columns else 0, layout.rate_hz)
     strays = [c.stray for c in columns if c.stray]
     more = [f"({len(strays)} columns hold such cells.)"] if len(strays) > 1 else []
-    told = f"taken for a log of {log}: units that it does not state are by its documentation."
-    notes = (*layout.notes, told if log else "", " ".join([*strays[:1], *more]))
+    text = f"taken for a log of {log}: units that it does not state are by its documentation."
+    notes = (*layout.notes, text if log else "", " ".join([*strays[:1], *more]))
     return Content(columns, (clock,), files=layout.files, notes=tuple(n for n in notes if n))
 
 
@@ -110,7 +107,7 @@ def _text_column(key: str | int, title: str, signal: Signal, refused: str) -> Co
 def _read(
     path: Path, keys: list[str | int], files: FilesSpec
 ) -> tuple[RawTable, dict[str | int, str]]:
-    """Read every column, as text where a cell is no number; with what was said of that cell."""
+    """Read all columns, as text if a cell is no number; return messages about such cells, too."""
     refused: dict[str | int, str] = {}
     while True:
         numbers = [k for k in keys if k not in refused]
@@ -124,20 +121,20 @@ def _read(
 
 
 def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:
-    """Return text that is mostly numbers as numbers, NaN for the cells that are none."""
+    """Return text that is mostly numbers as numbers, NaN for other cells."""
     if cells.dtype.kind != "O":
         return cells
     points = [as_written_with_point(str(cell), decimal) for cell in cells]
     numbers = pd.to_numeric(pd.Series(points, dtype=object), errors="coerce")
-    there = int(sum(bool(cell) for cell in cells))
-    few = int(numbers.notna().sum()) <= _MOSTLY * there
-    return cells if not there or few else numbers.to_numpy(dtype=float)
+    n_filled = int(sum(bool(cell) for cell in cells))
+    few = int(numbers.notna().sum()) <= _LEAST_SHARE * n_filled
+    return cells if not n_filled or few else numbers.to_numpy(dtype=float)
 
 
 def _content(path: Path, content: Acquisition) -> Content:
     names = study_columns(content) if isinstance(format_of(path), GroupFormat) else None
     columns = tuple(c for group in content.groups for c in _columns(group, content.metadata, names))
-    # A unit that nobody states is not taken for seconds here: the stamps tell it.
+    # The unit of stamps without a stated unit is guessed later, not taken for seconds.
     left = {time_unit_key(group.name) for group in content.groups}
     notes = tuple(
         text
@@ -154,7 +151,7 @@ def _content(path: Path, content: Acquisition) -> Content:
 def _columns(
     group: SignalGroup, metadata: Mapping[str, str], names: Mapping[tuple[str, str], str] | None
 ) -> list[Column]:
-    """Return the columns of a group under the keys by which a study reads them."""
+    """Return the columns of a group under their keys in a study."""
     keys = [
         s.column or s.name if names is None else names.get((group.name, s.name), s.name)
         for s in group.signals
@@ -165,7 +162,7 @@ def _columns(
     ]
     times = group.times_s()
     if times is None or (group.time_s is None and not group.start_s):
-        return columns  # a clock that starts at 0 is told by its rate
+        return columns  # the rate describes a clock that starts at 0
     title = metadata.get(time_column_key(group.name), CLOCK_COLUMN)
     own = group.time_column or title
     key = own if names is None else names.get((group.name, TIME), TIME)

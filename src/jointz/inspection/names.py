@@ -1,4 +1,4 @@
-"""What the names of columns say: words, units, joints, sides, and the channel of a study."""
+"""Meaning of column names: words, units, joints, sides, and channels of a study."""
 
 import re
 from collections.abc import Mapping
@@ -20,13 +20,13 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-#: Last parts of names that are axes, counters or words, whatever unit they spell too.
-_NO_UNIT = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
-_NO_UNITS = word_set(
+#: Last parts of names that are axes, counters or words, although they also spell a unit.
+_NO_UNIT_TEXTS = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
+_NO_UNIT_WORDS = word_set(
     "x y z in t h g k j w c l r rev max min mean out id no m a n",
 )
-#: Units that people write in small letters in names of columns.
-_SMALL: Mapping[str, str] = {
+#: Common spellings of units in column names.
+_SPELLINGS: Mapping[str, str] = {
     "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
     "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
     "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg",
@@ -34,9 +34,9 @@ _SMALL: Mapping[str, str] = {
 
 JOINTS = ("knee", "ankle", "hip", "elbow", "wrist", "shoulder")
 SIDES: Mapping[str, str] = {"right": "right", "left": "left", "r": "right", "l": "left"}
-#: Words of movement that name the direction counted positive.
+#: Words that name the positive direction.
 DIRECTIONS = ("plantarflexion", "dorsiflexion", "flexion", "extension")
-#: What walking leaves in names.
+#: Words of names in recordings of walking.
 GAIT_WORDS = word_set(
     "grf gait stride treadmill footswitch contact heel foot walk walking belt cop fsr stance"
 )
@@ -44,19 +44,17 @@ GAIT_WORDS = word_set(
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What a name is made of."""
+    """Words of a name, and their meaning; "" for none."""
 
     found: frozenset[str] = field(default_factory=frozenset)  # its words, in small letters
-    joint: str = ""  # what they say, "" for nothing
+    joint: str = ""
     side: str = ""
     direction: str = ""
-    unit: str = (
-        ""  # the unit that the name states, as :mod:`jointz.io.text.units` reads it; "" for none
-    )
+    unit: str = ""  # as :mod:`jointz.io.text.units` reads it
 
 
 def words_of(name: str) -> Words:
-    """Take a name apart."""
+    """Split a name into words."""
     parts = [word.casefold() for word in _WORD.findall(name)]
     found = frozenset([*parts, *(a + b for a, b in pairwise(parts))])
     return Words(
@@ -74,16 +72,16 @@ def _unit_of(name: str) -> str:
     if bracketed:
         return readable_unit(bracketed[1])
     tail = _TAIL.search(name.replace("_per_", "/").replace(" per ", "/"))
-    if tail is None or tail[1].casefold() in _NO_UNITS:
+    if tail is None or tail[1].casefold() in _NO_UNIT_WORDS:
         camel = _WORD.findall(name)[-1:] or [""]
         last = camel[0].casefold()
-        return _SMALL.get(last, last) if last in ("deg", "rad", "degrees", "radians") else ""
+        return _SPELLINGS.get(last, last) if last in ("deg", "rad", "degrees", "radians") else ""
     return readable_unit(tail[1])
 
 
 def readable_unit(text: str) -> str:
-    """Return a unit as it can be read, "" where it cannot."""
-    plain = _SMALL.get(text.strip().casefold(), text.strip()) if text.strip() != "N" else "N"
+    """Return a unit in readable spelling, "" if it is unknown."""
+    plain = _SPELLINGS.get(text.strip().casefold(), text.strip()) if text.strip() != "N" else "N"
     if not plain or plain in ("1", "-") or plain.isdecimal():
         return ""
     try:
@@ -94,21 +92,21 @@ def readable_unit(text: str) -> str:
 
 
 def unreadable_unit(name: str, stated: str) -> str:
-    """Return the unit that a column states and nobody can read, "" where there is none."""
+    """Return the unit of a column that cannot be read, "" if there is none."""
     unit = (stated or unit_in_name(name)).strip()
-    if unit.casefold() in _NO_UNIT or unit.isdecimal():
+    if unit.casefold() in _NO_UNIT_TEXTS or unit.isdecimal():
         return ""
     return "" if readable_unit(unit) else unit
 
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
-    """Names that are taken for a channel: any of some words, and none of others."""
+    """Names of a channel: they have any of some words, and none of others."""
 
     channel: str
     any_of: frozenset[str]
     none_of: frozenset[str] = frozenset()
-    and_of: frozenset[str] = frozenset()  # one of these, too
+    and_of: frozenset[str] = frozenset()  # also one of these
     score: int = 2
 
     def fits(self, words: frozenset[str]) -> bool:
@@ -122,7 +120,7 @@ class _Rule:
 _AXES = word_set("posx posy posz x y z com cop")
 _TORQUES = word_set("torque moment tau trq drehmoment couple")
 _ANGLES = word_set("angle ang position pos theta winkel goniometer gonio encoder enc flexion q")
-_ASKED = word_set("command cmd commanded desired setpoint target demand")
+_COMMANDED = word_set("command cmd commanded desired setpoint target demand")
 _MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
 _RULES = (
     _Rule("time", word_set("time t timestamp zeit tijd temps sec seconds clock s"),
@@ -134,37 +132,37 @@ _RULES = (
     _Rule("contact", word_set("contact footswitch fsr heelswitch stance switch"), score=3),
     _Rule("ground_reaction_force", word_set("grf vgrf fz fory forz groundreaction loadcellz"),
           _TORQUES, score=3),
-    _Rule("command", _ASKED | word_set("perturbation pert"), _ANGLES | word_set("current response"),
-          _TORQUES, 4),
+    _Rule("command", _COMMANDED | word_set("perturbation pert"),
+          _ANGLES | word_set("current response"), _TORQUES, 4),
     _Rule("command", word_set("command cmd commanded"),
           _ANGLES | word_set("current speed velocity")),
-    _Rule("reference", word_set("reference ref") | _ASKED, word_set("current"), _ANGLES, 4),
-    _Rule("current", word_set("current curr amps strom iq"), _ASKED, score=3),
-    _Rule("motor_velocity", _MOTOR, _TORQUES | _ASKED,
+    _Rule("reference", word_set("reference ref") | _COMMANDED, word_set("current"), _ANGLES, 4),
+    _Rule("current", word_set("current curr amps strom iq"), _COMMANDED, score=3),
+    _Rule("motor_velocity", _MOTOR, _TORQUES | _COMMANDED,
           word_set("speed velocity vel omega"), 4),
-    _Rule("motor_acceleration", _MOTOR, _TORQUES | _ASKED,
+    _Rule("motor_acceleration", _MOTOR, _TORQUES | _COMMANDED,
           word_set("acceleration acc accel"), 4),
-    _Rule("motor_angle", _MOTOR, _TORQUES | _ASKED, _ANGLES, 4),
-    _Rule("torque", _TORQUES, _ASKED | _AXES | word_set("momx momy momz motor"), score=3),
+    _Rule("motor_angle", _MOTOR, _TORQUES | _COMMANDED, _ANGLES, 4),
+    _Rule("torque", _TORQUES, _COMMANDED | _AXES | word_set("momx momy momz motor"), score=3),
     _Rule("velocity", word_set("velocity vel omega angularvelocity"),
           word_set("belt treadmill motor com walking gait") | _AXES),
-    _Rule("angle", _ANGLES, _TORQUES | _ASKED | _AXES | word_set("motor scheduling reference ref "
-          "velocity vel speed rate acceleration sd toe"), score=3),
+    _Rule("angle", _ANGLES, _TORQUES | _COMMANDED | _AXES | word_set("motor scheduling reference "
+          "ref velocity vel speed rate acceleration sd toe"), score=3),
 )  # fmt: skip
-#: Words of what a unit alone must not make a channel of the joint.
+#: Words of columns that are no channel of the joint, whatever their unit.
 _NOT_JOINT = _MOTOR | word_set("scheduling reference ref sd std error")
-_SOLE = word_set("heel foot toe insole sole")
-#: Words that make one column rather than another the channel.
-_BETTER = word_set("measured sensor adc loadcell joint exo actual knee filtered")
-_WORSE = word_set("raw estimated model calc calculated error sd std var perkg")
+_INSOLE = word_set("heel foot toe insole sole")
+#: Words that raise or lower the score of a column.
+_PREFERRED = word_set("measured sensor adc loadcell joint exo actual knee filtered")
+_AVOIDED = word_set("raw estimated model calc calculated error sd std var perkg")
 
 
 def channel_scores(words: Words) -> dict[str, int]:
-    """Return the channels of a study that a name speaks for, with how clearly."""
+    """Return the channels of a study that fit a name, with scores."""
     scores: dict[str, int] = {}
     for rule in _RULES:
         if rule.fits(words.found):
-            more = bool(words.found & _BETTER) - bool(words.found & _WORSE)
+            more = bool(words.found & _PREFERRED) - bool(words.found & _AVOIDED)
             scores[rule.channel] = max(scores.get(rule.channel, 0), 2 * rule.score + more)
     for channel in _by_unit(words):
         scores.setdefault(channel, 1)
@@ -172,17 +170,17 @@ def channel_scores(words: Words) -> dict[str, int]:
 
 
 def _by_unit(words: Words) -> list[str]:
-    """Return the channels that a unit speaks for, where words do not: ``Knee_deg``, ``M_Nm``."""
-    if words.found & (_ASKED | _AXES | _NOT_JOINT):
+    """Return the channels that fit a unit, if no words do: ``Knee_deg``, ``M_Nm``."""
+    if words.found & (_COMMANDED | _AXES | _NOT_JOINT):
         return []
     si_unit = si_unit_of(words.unit)[0] if words.unit else ""
     found = ["angle"] if si_unit == "rad" and words.joint else []
     found += ["torque"] if si_unit == "N*m" else []
-    return found + (["contact"] if words.found & _SOLE else [])
+    return found + (["contact"] if words.found & _INSOLE else [])
 
 
 def _unit_allows(channel: str, unit: str) -> bool:
-    """Whether the unit of a name measures what the channel holds, per body mass or not."""
+    """Tell whether a unit fits a channel, per body mass or not."""
     if not unit or channel not in CHANNEL_UNITS:
         return True
     si_unit = si_unit_of(unit)[0]

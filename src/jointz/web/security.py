@@ -1,8 +1,8 @@
-"""Access control of the web pages: token and cookie, name of the host, site that asks.
+"""Access control of the web pages: token and cookie, host name, origin of a request.
 
-Every request, of files and sockets too, passes :class:`Guard` first. It needs the token that is
-printed with the address, on a loopback address as well, which every user of the machine reaches.
-The name of the host (DNS rebinding) and the site that asks (cross-site requests) are checked, too.
+Every request, also of files and sockets, passes :class:`Guard` first. It needs the token of the
+printed address, even on a loopback address, which every user of the machine can reach. The host
+name (DNS rebinding) and the origin (cross-site requests) are checked, too.
 """
 
 import asyncio
@@ -20,15 +20,15 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
-#: Address and port of the other end, as uvicorn names it.
+#: Address and port of the client, as given by uvicorn.
 Client = tuple[str, int] | None
-#: What was asked for in lower case -> what was given, once an occurrence.
+#: Name in lower case -> all values.
 Headers = dict[str, list[str]]
 
 _READING = frozenset({"GET", "HEAD"})
 _ITSELF = frozenset({"same-origin", "none"})
 _POLICY_VIOLATION = 1008
-#: Connections that have not shown the token; a browser opens about six at a time.
+#: Most connections without the token; a browser opens about six at a time.
 _MOST_STRANGERS = 64
 _REFUSAL = """<!doctype html><html lang="en"><meta charset="utf-8"><title>jointz: refused</title>
 <meta name="viewport" content="width=device-width">
@@ -36,7 +36,7 @@ _REFUSAL = """<!doctype html><html lang="en"><meta charset="utf-8"><title>jointz
 max-width: 34em; margin: 12vh auto; padding: 0 20px }}</style>
 <h1>Refused</h1><p>{}</p></html>
 """
-#: Nothing comes from elsewhere, and nobody frames the page to steal its clicks.
+#: No content from other sites, and no frames around the page (clickjacking).
 _HEADERS = [
     (b"x-frame-options", b"DENY"),
     (b"x-content-type-options", b"nosniff"),
@@ -50,7 +50,7 @@ _HEADERS = [
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address or name is of this machine alone."""
+    """Tell whether an address or name is reachable from this machine only."""
     if host == "localhost":
         return True
     try:
@@ -60,7 +60,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Access:
-    """Whom a page answers."""
+    """Rules of access to a page."""
 
     def __init__(self, host: str, port: int) -> None:
         self._loopback = is_loopback(host)
@@ -70,7 +70,7 @@ class Access:
         self.cookie = f"jointz_{port}"
 
     def refusal(self, method: str, headers: Headers, *, socket: bool) -> str:
-        """Return why a request is refused, whoever makes it; empty where it is not."""
+        """Return why a request is refused from any client; empty if it is not."""
         hosts = headers.get("host", [])
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return "not the name of this page"
@@ -84,9 +84,9 @@ class Access:
         return ""
 
     def is_known(self, headers: Headers) -> bool:
-        """Tell whether the browser has shown the token."""
+        """Tell whether the browser has presented the token before."""
         shown = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
-        return any(compare_digest(one.encode(), self._secret.encode()) for one in shown)
+        return any(compare_digest(cookie.encode(), self._secret.encode()) for cookie in shown)
 
     def introduces(self, query: bytes) -> bool:
         """Tell whether an address holds the token."""
@@ -94,11 +94,11 @@ class Access:
         return compare_digest(shown.encode(), self.token.encode())
 
     def set_cookie(self) -> str:
-        """Return the header that lets a browser in from now on."""
+        """Return the header that admits a browser from now on."""
         return f"{self.cookie}={self._secret}; Path=/; HttpOnly; SameSite=Strict"
 
     def _is_ours(self, netloc: str) -> bool:
-        """Tell whether a name stands for us; an address cannot be rebound, a name can."""
+        """Tell whether a name is ours; an address cannot be rebound, a name can."""
         try:
             name = (urlsplit(f"//{netloc}").hostname or "").lower()
         except ValueError:
@@ -109,28 +109,28 @@ class Access:
 
 
 class Strangers:
-    """Connections that have not shown the token; of too many the oldest is closed.
+    """Connections without the token; if there are too many, the oldest is closed.
 
-    Idle connections thus never use up what the operator's own need.
+    Idle connections thus never use up those that the operator needs.
     """
 
     def __init__(self) -> None:
         self._transports: dict[Client, asyncio.Transport] = {}
 
     def add(self, client: Client, transport: asyncio.Transport) -> None:
-        """Take note of a new connection."""
+        """Register a new connection."""
         self.forget(client)
         if len(self._transports) >= _MOST_STRANGERS:
             self._transports.pop(next(iter(self._transports))).abort()
         self._transports[client] = transport
 
     def forget(self, client: Client) -> None:
-        """Take note that a connection has shown the token, or is gone."""
+        """Remove a connection that has presented the token, or is gone."""
         self._transports.pop(client, None)
 
 
 class Guard:
-    """Lets through to an application what :class:`Access` allows, and nothing else."""
+    """Passes requests that :class:`Access` allows to an application."""
 
     def __init__(self, app: Application, access: Access, strangers: Strangers) -> None:
         self.app = app
@@ -202,8 +202,8 @@ def _hardened(send: Send) -> Send:
 
 async def _answer(send: Send, status: int, headers: list[tuple[str, str]], text: str = "") -> None:
     body = text.encode()
-    told = [*headers, ("content-length", str(len(body))), ("cache-control", "no-store")]
-    raw = [(name.encode(), value.encode()) for name, value in told]
+    lines = [*headers, ("content-length", str(len(body))), ("cache-control", "no-store")]
+    raw = [(name.encode(), value.encode()) for name, value in lines]
     start = {"type": "http.response.start", "status": status, "headers": raw + _HEADERS}
     await send(start)
     await send({"type": "http.response.body", "body": body})

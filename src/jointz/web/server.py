@@ -1,4 +1,4 @@
-"""Serves one page, by NiceGUI: what the console and the explorer have in common."""
+"""Server of one NiceGUI page, for the console and the explorer."""
 
 import asyncio
 import socket
@@ -12,7 +12,7 @@ from jointz.web.security import Access, Guard, Strangers
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-#: Longer messages of a browser are none of ours.
+#: Longer messages of a browser are refused.
 _LONGEST_MESSAGE_BYTES = 1_000_000
 _PATIENCE_S = 2
 
@@ -26,7 +26,7 @@ def serve(
     routes: "Callable[[FastAPI], None] | None" = None,
     announce: Callable[[str], None],
 ) -> None:
-    """Serve a page until the process is told to end."""
+    """Serve a page until the process ends."""
     require_app()
     import uvicorn
     from fastapi import FastAPI
@@ -52,7 +52,7 @@ def serve(
             super().connection_lost(exc)
 
     config = uvicorn.Config(
-        # Outermost: nothing of any library sees what is refused.
+        # Outermost: no library sees a refused request.
         Guard(app, access, strangers),
         http=Protocol,
         log_level="warning",
@@ -70,7 +70,7 @@ def serve(
                 announce(_address(host, port, access.token))
 
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-            # Once: at a second Ctrl-C uvicorn leaves its tasks to be torn down, with a traceback.
+            # Once: at a second Ctrl-C uvicorn abandons its tasks, with a traceback.
             if not self.should_exit:
                 super().handle_exit(sig, frame)
 
@@ -79,9 +79,9 @@ def serve(
 
 
 def require_app() -> None:
-    """See that what pages need is installed."""
+    """Check that NiceGUI is installed."""
     try:
-        import nicegui  # noqa: F401 - only whether it is there
+        import nicegui  # noqa: F401 - only to check that it is installed
     except ImportError as exc:
         raise DataError(
             'pages need NiceGUI, which is not installed. Install it: pip install "jointz[app]".'

@@ -1,6 +1,7 @@
 """The page of a collection: self-contained, true to its tables, nothing passed over."""
 
 import re
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -8,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.collections.coverage_page import CoverageTables, render_coverage
+from jointz.collections.coverage_page import render_coverage
+from jointz.collections.pool_result import CollectionPool
 
 BY = ("joint", "timing_point", "condition", "speed")
 CITATIONS = [
@@ -52,7 +54,7 @@ NONE = dict.fromkeys(["prediction_low", "prediction_high", "tau", "i2_pct", "q",
 
 
 @pytest.fixture
-def tables() -> CoverageTables:
+def tables() -> CollectionPool:
     alone = NONE | {"status": "one_study", "n_studies": 1, "n_people": 9}
     pooled = [
         pooled_row(),
@@ -68,26 +70,27 @@ def tables() -> CoverageTables:
                   weight_pct=np.nan, status="one_person"),
     ]  # fmt: skip
     printed = [study_row("thesis", 58.0, values="printed", weight_pct=np.nan)]
-    return CoverageTables(pd.DataFrame(pooled), pd.DataFrame(studies), pd.DataFrame(printed), by=BY)
+    return CollectionPool(pd.DataFrame(pooled), pd.DataFrame(studies), pd.DataFrame(printed), by=BY)
 
 
-def page_of(tables: CoverageTables, **told: Any) -> str:
+def page_of(pool: CollectionPool, **changes: Any) -> str:
     """Return the page."""
-    return render_coverage(tables, citations=CITATIONS, rules=["A person is one value."], **told)
+    provenance = {"catalog": "abc"}
+    return render_coverage(replace(pool, **changes), citations=CITATIONS, provenance=provenance)
 
 
-def test_it_needs_nothing_else_and_names_are_text(tables: CoverageTables) -> None:
-    page = page_of(tables, notes=["<b>mixed</b>"], provenance={"catalog": "abc"})
+def test_it_needs_nothing_else_and_names_are_text(tables: CollectionPool) -> None:
+    page = page_of(tables, notes=("<b>mixed</b>",))
     assert not re.search(r"(?:src|href)=\"(?!#)|https?:|<script|@import|url\(", page)
     assert "prefers-color-scheme: dark" in page
     assert "&lt;b&gt;mixed&lt;/b&gt;" in page
     assert "lab-c &amp; sons" in page
     assert "Fictional Lab A &lt;2026&gt; (CC-BY-4.0; consent: research)" in page
     assert "Fictional Lab B (2026) (CC0-1.0; consent: public)" in page
-    assert "The people of lab-a agreed to research only" in page
+    assert "The people of lab-a consented to research only" in page
 
 
-def test_every_place_of_the_map_says_how_well_it_is_known(tables: CoverageTables) -> None:
+def test_every_place_of_the_map_says_how_well_it_is_known(tables: CollectionPool) -> None:
     page = page_of(tables)
     cells = re.findall(r'<td class="([a-z ]+)" title="([^"]*)"><b>([^<]*)</b>(.*?)</td>', page)
     told = [
@@ -110,52 +113,54 @@ def test_every_place_of_the_map_says_how_well_it_is_known(tables: CoverageTables
     ],
 )
 def test_why_a_place_is_not_known_is_what_its_studies_say(
-    tables: CoverageTables, status: str, counts: dict[str, int], told: list[str]
+    tables: CollectionPool, status: str, counts: dict[str, int], told: list[str]
 ) -> None:
     nothing = NONE | {"value": np.nan, "ci_low": np.nan, "ci_high": np.nan}
     row = pooled_row(status="failed:too_few_studies", n_studies=0, n_people=0, **nothing, **counts)
     study = study_row("lab-a", np.nan, weight_pct=np.nan, status=status)
     elsewhere = study_row("lab-b", 60.0, method="dissertation", status="one_person")
-    page = page_of(CoverageTables(
+    page = page_of(CollectionPool(
         pd.DataFrame([row]), pd.DataFrame([study, elsewhere]), tables.printed.iloc[:0], by=BY
     ))  # fmt: skip
     (cell,) = re.findall(r'<td class="none".*?</td>', page)
     assert re.findall("<span>([^<]+)<", cell) == told
 
 
-def test_what_was_asked_for_stands_on_the_page(tables: CoverageTables) -> None:
+def test_what_was_asked_for_stands_on_the_page(tables: CollectionPool) -> None:
     asked = {"joint": ["knee"], "phase_pct": [90.0, 10.0], "with_printed": True,
              "reanalyse": "recommended", "by": ["joint", "timing_point"]}  # fmt: skip
     page = page_of(tables, asked=asked)
-    assert "Only this was looked at: joint knee; phase 90 to 10 %. The collection" in page
-    assert "<h2>What is missing of what was asked for</h2>" in page
     assert (
-        "Asked for: joint knee; phase 90 to 10 %; with printed; reanalyse recommended; "
+        "Only a part of the collection was pooled: joint knee; phase 90 to 10 %. &ldquo;Not" in page
+    )
+    assert "<h2>What is missing in this part</h2>" in page
+    assert (
+        "Settings: joint knee; phase 90 to 10 %; with printed; reanalyse recommended; "
         "by joint, timing_point." in page
     )
     everything = page_of(tables, asked={"by": ["joint"]})
     assert "<h2>What is missing</h2>" in everything
-    assert "Only this was looked at" not in everything
+    assert "Only a part of the collection" not in everything
 
 
-def test_a_method_whose_name_holds_a_comma_is_one_method(tables: CoverageTables) -> None:
+def test_a_method_whose_name_holds_a_comma_is_one_method(tables: CollectionPool) -> None:
     name = "ours, second edition"
-    pooled = tables.pooled.assign(methods=name)
+    pooled = tables.table.assign(methods=name)
     studies = tables.studies.assign(method=name)
     other = studies.assign(method="ours", study=["lab-y", "lab-z", "lab-x"])
-    both = CoverageTables(pooled, pd.concat([studies, other]), tables.printed, by=BY)
+    both = CollectionPool(pooled, pd.concat([studies, other]), tables.printed, by=BY)
     (svg,) = re.findall(r"<svg.*?</svg>", page_of(both), re.DOTALL)
     assert svg.count('class="study"') == 2
     assert "lab-a" in svg
     assert "lab-y" not in svg
 
 
-def test_an_activity_has_its_own_places_along_the_cycle(tables: CoverageTables) -> None:
+def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) -> None:
     seated = pooled_row(joint="elbow", activity="seated", timing_point="rest")
-    pooled = pd.DataFrame([*tables.pooled.assign(activity="walking").to_dict("records"), seated])
+    pooled = pd.DataFrame([*tables.table.assign(activity="walking").to_dict("records"), seated])
     by = ("joint", "timing_point", "activity")
     studies, printed = (t.assign(activity="walking") for t in (tables.studies, tables.printed))
-    page = page_of(CoverageTables(pooled.assign(status="one_study"), studies, printed, by))
+    page = page_of(CollectionPool(pooled.assign(status="one_study"), studies, printed, by))
     heads = re.findall(r"<thead><tr>(.*?)</tr>", page)
     columns = [re.findall(r'<th class="at">([^<]*)<', head) for head in heads]
     assert ["rest"] in columns
@@ -165,7 +170,7 @@ def test_an_activity_has_its_own_places_along_the_cycle(tables: CoverageTables) 
     assert "elbow, seated: nothing" not in page
 
 
-def test_what_is_missing_is_said_by_joint_and_speed(tables: CoverageTables) -> None:
+def test_what_is_missing_is_said_by_joint_and_speed(tables: CollectionPool) -> None:
     page = page_of(tables)
     assert "knee, level, 1.1 to 1.3 m/s: nothing at TST." in page
     assert "knee, level, 0.7 to 0.9 m/s: nothing anywhere." in page
@@ -173,7 +178,7 @@ def test_what_is_missing_is_said_by_joint_and_speed(tables: CoverageTables) -> N
     assert "knee, of 2 values: known from one study: 1; not known within 35 %: 1." in page
 
 
-def test_a_forest_is_to_scale_and_stays_inside(tables: CoverageTables) -> None:
+def test_a_forest_is_to_scale_and_stays_inside(tables: CollectionPool) -> None:
     (text,) = re.findall(r"<svg.*?</svg>", page_of(tables), re.DOTALL)
     svg = ET.fromstring(text)
     lines = [line for line in svg.iter("line") if line.get("class") == "ci"]
@@ -191,7 +196,7 @@ def test_a_forest_is_to_scale_and_stays_inside(tables: CoverageTables) -> None:
     assert sum(path.get("class") == "cut" for path in svg.iter("path")) == 2
 
 
-def test_printed_and_left_out_studies_have_tables_of_their_own(tables: CoverageTables) -> None:
+def test_printed_and_left_out_studies_have_tables_of_their_own(tables: CollectionPool) -> None:
     page = page_of(tables)
     printed = page[page.index('<section id="printed">') : page.index('<section id="left-out">')]
     assert "thesis" in printed
@@ -201,26 +206,24 @@ def test_printed_and_left_out_studies_have_tables_of_their_own(tables: CoverageT
     assert "lab-b" not in left
 
 
-def test_printed_values_that_were_pooled_are_drawn_open_and_named(tables: CoverageTables) -> None:
-    pooled = tables.pooled.assign(printed=["thesis", "", "", ""])
+def test_printed_values_that_were_pooled_are_drawn_open_and_named(tables: CollectionPool) -> None:
+    pooled = tables.table.assign(printed=["thesis", "", "", ""])
     printed = tables.printed.assign(weight_pct=10.0)
-    page = page_of(CoverageTables(pooled, tables.studies, printed, by=BY))
+    page = page_of(CollectionPool(pooled, tables.studies, printed, by=BY))
     assert "thesis (10), printed" in page
     assert 'class="study printed"' in page
     assert "printed: thesis" in page
 
 
-def test_an_empty_collection_is_a_page_too(tables: CoverageTables) -> None:
-    nothing = CoverageTables(
-        tables.pooled.iloc[:0], tables.studies.iloc[:0], tables.printed.iloc[:0], by=BY
+def test_an_empty_collection_is_a_page_too(tables: CollectionPool) -> None:
+    nothing = CollectionPool(
+        tables.table.iloc[:0], tables.studies.iloc[:0], tables.printed.iloc[:0], by=BY
     )
     page = page_of(nothing)
     assert "<svg" not in page
     assert "values pooled over studies" in page
 
 
-def test_places_need_no_timing_point(tables: CoverageTables) -> None:
-    page = page_of(
-        CoverageTables(tables.pooled.head(1), tables.studies, tables.printed, ("joint",))
-    )
+def test_places_need_no_timing_point(tables: CollectionPool) -> None:
+    page = page_of(CollectionPool(tables.table.head(1), tables.studies, tables.printed, ("joint",)))
     assert "± 10 %" in page

@@ -79,8 +79,8 @@ def test_people_are_averaged_to_studies_and_studies_pooled() -> None:
     assert pool.studies["weight_pct"].tolist() == pytest.approx((100 * fit.weights).tolist())
     assert pool.stands
     assert pool.notes == (
-        "Places are told apart by joint, timing point, activity, speed, slope: 1 values over "
-        "studies, 0 of one study, 0 without an error.",
+        "Places are distinguished by joint, timing point, activity, speed, slope: 1 values over "
+        "studies, 0 of one study, 0 without a standard error.",
     )
 
 
@@ -142,7 +142,7 @@ def test_methods_are_not_mixed_unless_asked() -> None:
     assert apart.table.set_index("methods")["n_studies"].to_dict() == {
         "recommended": 3, "dissertation": 1,
     }  # fmt: skip
-    assert apart.notes[1].startswith("Methods stand in rows of their own, not pooled together")
+    assert apart.notes[1].startswith("Methods are in rows of their own, not pooled together")
     mixed = pool_catalog(table, mix_methods=True)
     assert (only(mixed)["methods"], only(mixed)["n_studies"]) == ("dissertation, recommended", 4)
     assert mixed.notes[1] == "Methods are mixed: dissertation, recommended."
@@ -203,13 +203,8 @@ def test_what_is_not_stated_and_what_is_not_in_gait_are_told_apart() -> None:
 def test_unlike_things_at_one_place_are_named() -> None:
     table = pd.concat([catalog(), rows("lab-h", [99.0, 88.0], joint="hip", group="patients")])
     notes = pool_catalog(table.reset_index(drop=True), by=("timing_point",)).notes
-    assert (
-        "Not told apart by joint (--by joint would), and pooled at one place: hip, knee." in notes
-    )
-    assert (
-        "Not told apart by group (--by group would), and pooled at one place: not stated, patients."
-        in notes
-    )
+    assert "Pooled at one place, because --by joint was not given: hip, knee." in notes
+    assert "Pooled at one place, because --by group was not given: not stated, patients." in notes
 
 
 @pytest.mark.parametrize(
@@ -226,7 +221,7 @@ def test_unlike_things_that_are_not_pooled_together_are_not_named(
 ) -> None:
     other = rows("lab-h", [99.0, 88.0], joint="hip", **told)
     table = pd.concat([catalog(), other], ignore_index=True)
-    note = "Not told apart by joint (--by joint would), and pooled at one place: hip, knee."
+    note = "Pooled at one place, because --by joint was not given: hip, knee."
     assert note not in pool_catalog(table, by=("timing_point",)).notes
     if pooled:
         assert note in pool_catalog(table, by=("timing_point",), **pooled).notes
@@ -286,12 +281,12 @@ def test_what_becomes_of_conditions_that_every_lab_names_for_itself_is_said() ->
     together = pool_catalog(table)
     assert only(together)["n_studies"] == 3
     assert together.notes[1:] == (
-        "Not told apart by condition (--by condition would), and pooled at one place: lab-a level, "
-        "lab-b level, lab-c level.",
+        "Pooled at one place, because --by condition was not given: lab-a level, lab-b level, "
+        "lab-c level.",
     )
     apart = pool_catalog(table, by=(*DEFAULT_BY, "condition"))
     assert set(apart.table["status"]) == {"one_study"}
-    assert apart.notes[1].startswith("At no place are there two studies.")
+    assert apart.notes[1].startswith("No place has two studies.")
 
 
 def simulated(labs: int, people: int, seed: int, spread: float = 1.0) -> pd.DataFrame:
@@ -331,7 +326,10 @@ def test_parameters_are_pooled_together_where_studies_have_enough_people() -> No
     ("change", "message"),
     [
         (lambda t: t.drop(columns="method"), r"missing: \['method'\]"),
-        (lambda t: t.assign(version=["1"] * 11 + ["2"]), "lab-c: stands in .* several versions"),
+        (
+            lambda t: t.assign(version=["1"] * 11 + ["2"]),
+            "lab-c: the collection has several versions",
+        ),
     ],
 )
 def test_rows_that_cannot_be_pooled_are_refused(change: Any, message: str) -> None:
@@ -444,10 +442,10 @@ def test_raw_data_are_analysed_again_by_one_method(
     assert notes == (
         "lab-a: left out P1, P3: not in its raw data.",
         "lab-b: left out, it has no raw data to analyse by dissertation.",
-        "lab-c: left out, raw data of several conditions cannot be told apart.",
+        "lab-c: left out, its raw data do not show which recording is of which condition.",
         "lab-e: left out, its raw data cannot be analysed: gone/study.toml: is not there.",
-        "lab-f: left out, its raw data cannot be analysed: study.toml is not the one that the "
-        "entry vouches for: expected SHA-256 cdcdcdcdcdcd..., found abababababab...",
+        "lab-f: left out, its raw data cannot be analysed: study.toml is not the one of the entry: "
+        "expected SHA-256 cdcdcdcdcdcd..., found abababababab...",
         "lab-g: left out, its raw data cannot be analysed: method: dissertation is for another "
         "study.",
     )
@@ -463,8 +461,8 @@ def test_an_entry_whose_people_the_raw_data_do_not_hold_is_named(
     assert len(analysed) == 1
     assert made.empty
     assert notes == (
-        "lab-a: left out, its raw data hold none of the entry's people. Give them the ids that "
-        "they have in study.toml.",
+        "lab-a: left out, its raw data hold none of the entry's people. Give these the ids of "
+        "study.toml.",
     )
 
 
@@ -482,7 +480,8 @@ def test_new_estimates_are_of_the_phases_that_are_asked_for(
     )
     assert made["participant"].tolist() == people
     assert notes == (
-        "--phase leaves out 1 row without an onset: failures, and what timing points share.",
+        "--phase leaves out 1 row without an onset: failures, and values that all timing points "
+        "share.",
     )
 
 
@@ -528,11 +527,13 @@ def test_an_entry_of_several_conditions_stays_so_whatever_is_asked_for(
     file = out / "catalog.parquet"
     assert build_catalog(root, out=file).skipped == ()
     where = CatalogFilter(speed_m_s=(1.1, 1.3), parameter=("stiffness",))
-    with pytest.raises(DataError, match="lab-b: left out, raw data of several conditions"):
+    with pytest.raises(
+        DataError, match="lab-b: left out, its raw data do not show which recording"
+    ):
         pool_collection(
             file, where=replace(where, entry=("lab-b",)), rules=PoolRules(reanalyse="dissertation")
         )
-    with pytest.raises(DataError, match="nothing is left to pool"):  # these people are others
+    with pytest.raises(DataError, match="no row is left to pool"):  # these people are others
         pool_collection(file, where=where, rules=PoolRules(reanalyse="dissertation"))
     assert [path.resolve() for path, *_ in analysed] == [tmp_path / "raw"]
 
@@ -569,7 +570,7 @@ def test_a_study_is_opened_and_analysed_again_where_it_is_the_one_vouched_for(
 
     with (study / "study.toml").open("a") as stream:
         stream.write("# another study by now\n")
-    with pytest.raises(DataError, match="not the one that the entry vouches for"):
+    with pytest.raises(DataError, match="not the one of the entry"):
         pool_collection(tmp_path / "catalog.parquet", where=where, rules=rules)
 
 
@@ -587,7 +588,7 @@ def test_what_was_asked_for_and_who_agreed_to_what_stand_in_the_folder(tmp_path:
     assert told["asked"] == {
         "parameter": ["stiffness"], "phase_pct": [0.0, 50.0], "by": ["joint"], "mix_methods": True,
     }  # fmt: skip
-    assert "Only this was looked at: parameter stiffness; phase 0 to 50 %." in page
+    assert "Only a part of the collection was pooled: parameter stiffness; phase 0 to 50 %." in page
     assert page.count("consent: public") == 2
 
 
@@ -604,7 +605,10 @@ def test_rows_that_phases_leave_out_are_counted(tmp_path: Path) -> None:
     for k in range(2):
         write_entry(tmp_path / f"lab-{k}", seed=k, people=3, change=shared)
     build_catalog(tmp_path)
-    note = "--phase leaves out 6 rows without an onset: failures, and what timing points share."
+    note = (
+        "--phase leaves out 6 rows without an onset: failures, and values that all timing points "
+        "share."
+    )
     phases = CatalogFilter(phase_pct=(0.0, 99.9))
     pool = pool_collection(tmp_path, where=phases, rules=PoolRules())
     assert note in pool.notes

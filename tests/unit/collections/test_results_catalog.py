@@ -105,8 +105,8 @@ def test_a_folder_that_lost_its_estimates_and_one_that_cannot_be_read_are_named(
 
     assert made.entries == ("fine",)
     assert set(made.skipped_entries) == {"locked", "lost", "nowhere"}
-    assert "locked: .: expected a folder to look into; found Permission denied" in made.summary()
-    assert "nowhere: .: expected a folder to look into; found No such file" in made.summary()
+    assert "locked: .: expected a readable folder; found Permission denied" in made.summary()
+    assert "nowhere: .: expected a readable folder; found No such file" in made.summary()
 
 
 def test_a_covariance_twice_and_an_infinite_number_are_named_and_skipped(results, tmp_path):
@@ -126,7 +126,7 @@ def test_a_covariance_twice_and_an_infinite_number_are_named_and_skipped(results
 
 
 def test_nothing_that_is_no_result_makes_a_catalog(results, tmp_path):
-    with pytest.raises(DataError, match="no results folder of jointz analyze"):
+    with pytest.raises(DataError, match="expected results folders of jointz analyze"):
         build_results_catalog([tmp_path, tmp_path / "nowhere"], out=tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -135,5 +135,5 @@ def test_it_is_not_pooled(results, tmp_path):
     file = tmp_path / "own.parquet"
     build_results_catalog([results / "deep" / "ours"], out=file)
 
-    with pytest.raises(DataError, match="make an entry of each"):
+    with pytest.raises(DataError, match="Make an entry of each"):
         pool_collection(file, where=CatalogFilter(), rules=PoolRules())

@@ -78,7 +78,7 @@ def test_no_recording_of_a_study_is_replaced(tmp_path, small_study):
     outside.write_bytes(before["S01_perturbed.csv"])
 
     for source in (small_study.root, small_study.root / "study.toml"):
-        with pytest.raises(OutputError, match=r"more\.mat: is a file of the folder"):
+        with pytest.raises(OutputError, match=r"more\.mat: is in the folder to be read"):
             convert(source, inside, overwrite=True)
     (tmp_path / "a.mat").unlink()
     scipy.io.savemat(tmp_path / "a.mat", {name: np.zeros(3) for name in COLUMNS})

@@ -1,4 +1,4 @@
-"""What the explorer's pages share: one state, work beside it, and figures of it."""
+"""State that the pages of the explorer share, work beside it, and figures."""
 
 import asyncio
 import json
@@ -40,15 +40,15 @@ async def settled(explorer):
 
 def test_traces_come_and_the_numbers_stay(explorer):
     async def work():
-        explorer.want(explorer.found.people[0])
+        explorer.request(explorer.results.people[0])
         assert explorer.working
         await settled(explorer)
 
     asyncio.run(work())
 
-    assert explorer.traces(explorer.found.people[0])
-    assert explorer.traces(explorer.found.people[1]) is None
-    assert explorer.analysis == explorer.found.analysed
+    assert explorer.traces(explorer.results.people[0])
+    assert explorer.traces(explorer.results.people[1]) is None
+    assert explorer.analysis == explorer.results.analysed
     assert explorer.problem == ""
 
 
@@ -81,7 +81,7 @@ def test_two_exclusions_at_once_both_stand(explorer):
             explorer.decide(second, "exclude", reason="two"),
         )
         await settled(explorer)
-        explorer.want(view.person)  # as the page does whenever something has changed
+        explorer.request(view.person)  # as the page does whenever something has changed
         await settled(explorer)
 
     asyncio.run(work())
@@ -94,10 +94,10 @@ def test_lines_written_elsewhere_are_followed(explorer):
     view = View(explorer)
 
     async def work():
-        decide(explorer.found.study, view.pulse(), "exclude", reason="by another page")
-        await explorer.look()
+        decide(explorer.results.study, view.pulse(), "exclude", reason="by another page")
+        await explorer.check_study()
         assert explorer.waiting(view.person)
-        explorer.want(view.person)
+        explorer.request(view.person)
         await settled(explorer)
 
     asyncio.run(work())
@@ -106,22 +106,22 @@ def test_lines_written_elsewhere_are_followed(explorer):
 
 
 def test_what_goes_wrong_is_told_and_not_tried_without_end(explorer, made, monkeypatch):
-    person = explorer.found.people[0]
+    person = explorer.results.people[0]
 
     def fail(*_):
         raise RuntimeError("no luck")
 
-    monkeypatch.setattr("jointz.explorer.explorer_app.estimate_again", fail)
+    monkeypatch.setattr("jointz.explorer.explorer_app.reestimate", fail)
 
     async def work():
-        explorer.want(person)
+        explorer.request(person)
         await settled(explorer)
         version = explorer.version
-        explorer.want(person)
+        explorer.request(person)
         assert explorer.version == version
         explorer.dismiss()
         monkeypatch.undo()
-        explorer.want(person)
+        explorer.request(person)
         await settled(explorer)
 
     asyncio.run(work())
@@ -177,7 +177,7 @@ def test_figures_are_plain_json(explorer):
 
 
 async def _traced(explorer):
-    explorer.want(explorer.found.people[0])
+    explorer.request(explorer.results.people[0])
     await settled(explorer)
 
 

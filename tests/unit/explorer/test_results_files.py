@@ -23,7 +23,7 @@ from jointz.explorer.downloads import (
 )
 from jointz.explorer.exclusions import FILE, decide, is_excluded
 from jointz.explorer.literature_curves import reference_curves
-from jointz.explorer.reestimation import Wanted, estimate_again, estimate_otherwise
+from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
 from jointz.explorer.results_files import cell_of, open_results, pulses_of
 from jointz.explorer.traces import PulseKey
 from jointz.io.study_reader import open_study
@@ -51,7 +51,7 @@ def opened(made, tmp_path):
 @pytest.fixture(scope="module")
 def again(made):
     found = open_results(made / "results")
-    return found, estimate_again(found.study, found.people[0], Wanted.of(found.analysed))
+    return found, reestimate(found.study, found.people[0], EstimationRequest.of(found.analysed))
 
 
 def first_pulse(found, k=0):
@@ -61,7 +61,7 @@ def first_pulse(found, k=0):
 
 
 def renewed(found, person):
-    made = estimate_again(found.study, person, Wanted.of(found.analysed))
+    made = reestimate(found.study, person, EstimationRequest.of(found.analysed))
     return found.with_result(person, made.result), made
 
 
@@ -89,12 +89,12 @@ def test_another_study_is_refused(opened, tmp_path):
     toml.write_text(toml.read_text() + "\n# changed\n")
 
     assert open_results(tmp_path / "results").study is None
-    with pytest.raises(DataError, match=r"expected the study that .* was made from"):
+    with pytest.raises(DataError, match=r"expected the study that was analysed for"):
         open_results(tmp_path / "results", study=tmp_path / "study")
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(DataError, match="expected a folder that jointz analyze made"):
+    with pytest.raises(DataError, match="expected a results folder of jointz analyze"):
         open_results(tmp_path)
 
 
@@ -220,8 +220,8 @@ def test_changed_recordings_are_refused(opened):
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join(lines[:-5]))
 
-    with pytest.raises(DataError, match="expected what was analysed, found another content"):
-        estimate_again(opened.study, person, Wanted.of(opened.analysed))
+    with pytest.raises(DataError, match="expected the content that was analysed"):
+        reestimate(opened.study, person, EstimationRequest.of(opened.analysed))
 
 
 def test_one_more_method_is_what_the_method_gives(opened):
@@ -229,7 +229,9 @@ def test_one_more_method_is_what_the_method_gives(opened):
     assert "pre_pulse" in opened.more_methods()
     assert "full_record" not in opened.more_methods()
 
-    cells = estimate_otherwise(opened.study, person, Wanted.of(opened.analysed), method="pre_pulse")
+    cells = estimate_by_method(
+        opened.study, person, EstimationRequest.of(opened.analysed), method="pre_pulse"
+    )
     found = opened.with_other("pre_pulse", person, cells)
 
     chosen = analyze(opened.study, method="pre_pulse", resamples=RESAMPLES, seed=3)

@@ -70,8 +70,8 @@ def test_a_figure_is_written(recording, jointz, tmp_path):
     [
         (("--toml", "S01.csv"), "ends in .toml"),
         (("--toml", "S02.csv"), "ends in .toml"),
-        (("--toml", "S01.toml"), "is the file to be looked at"),
-        (("--figure", "S01.png"), "is the file to be looked at"),
+        (("--toml", "S01.toml"), "is the file to inspect"),
+        (("--figure", "S01.png"), "is the file to inspect"),
     ],
 )
 def test_a_recording_is_never_replaced(options, said, recording, jointz, monkeypatch):

@@ -114,7 +114,7 @@ def test_a_column_of_conditions_gives_its_levels_a_meaning(tmp_path):
 def test_rounding_is_no_jitter():
     clock = SeenClock("", "t", 10, 500.0, 0.0, 1.0, jitter_ms=3.5e-12, gaps=((0.1, 0.9),))
 
-    assert clock.told() == (
+    assert clock.text() == (
         "10 samples, 500 Hz evenly, 0 to 1 s, 1 gap(s), the longest 800 ms at 0.1 s"
     )
 
@@ -176,7 +176,7 @@ def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(
     found = inspected(tmp_path, walking().drop(columns="Time (s)"))
 
     (reason,) = found.obstacles
-    assert reason.endswith("give the one that you know as sample_rate_hz.")
+    assert reason.endswith("give it as sample_rate_hz.")
     guess = "# sample_rate_hz = 200.0  # guess: by its strides: 200 Hz (strides of 1.00 s)"
     (line,) = (n for n, text in enumerate(found.toml.splitlines(), 1) if text.startswith(guess))
     with pytest.raises(StudyError, match=f"correct line {line} and take its '#' away"):

@@ -1,11 +1,11 @@
-"""What ``collect check`` looks at in covariances of stiffness, damping and inertia."""
+"""Checks of the covariances of stiffness, damping and inertia."""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 
-from jointz.collections.checking.entry_checks import Found
+from jointz.collections.checking.entry_checks import Violation
 from jointz.collections.entry_reader import ConditionTables
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.results.estimates import REACH_95
@@ -21,7 +21,7 @@ _SMALLEST = 1e-9
 _MEDIAN_FACTOR, _SINGLE_FACTOR = 1.6, 5.0
 
 
-def covariance_findings(tables: ConditionTables, method: str) -> Iterator[Found]:
+def covariance_violations(tables: ConditionTables, method: str) -> Iterator[Violation]:
     """Yield what is wrong with the covariances of a condition."""
     covariance, file = tables.covariance, str(tables.condition.covariance)
     if covariance is None or covariance.empty:
@@ -29,24 +29,24 @@ def covariance_findings(tables: ConditionTables, method: str) -> Iterator[Found]
     values = tables.rows
     if "method" in values:  # a publication has one
         values = values[values["method"] == method]
-    strange = ~covariance["parameter"].isin(PARAMETERS) | ~_known(covariance, values)
-    if strange.any() or covariance.duplicated([*_KEYS, "parameter"]).any():
+    wrong = ~covariance["parameter"].isin(PARAMETERS) | ~_has_estimate(covariance, values)
+    wrong |= covariance.duplicated([*_KEYS, "parameter"])
+    if wrong.any():
         expected = "one row for an estimate of stiffness, damping or inertia, and no other"
-        wrong = strange | covariance.duplicated([*_KEYS, "parameter"])
-        yield "covariance_row", file, expected, _shown(covariance, wrong)
+        yield "covariance_row", file, expected, _who(covariance, wrong, "parameter")
         return
-    cells, matrices, there = _matrices(covariance)
-    if (asymmetric := _asymmetric(matrices, there)).any():
-        yield "covariance_asymmetric", file, "the same both ways", _who(cells, asymmetric)
-    if (not_positive := _not_positive(matrices, there)).any():
-        expected = "positive definite, without gaps"
+    cells, matrices, present = _matrices(covariance)
+    if (asymmetric := _asymmetric(matrices, present)).any():
+        yield "covariance_asymmetric", file, "a symmetric matrix", _who(cells, asymmetric)
+    if (not_positive := _not_positive(matrices, present)).any():
+        expected = "a positive definite matrix without gaps"
         yield "covariance_not_positive_definite", file, expected, _who(cells, not_positive)
         return
     if "ci_low" in values:  # printed values have none
         yield from _intervals(file, values[values["status"] == "ok"], covariance)
 
 
-def _known(covariance: pd.DataFrame, values: pd.DataFrame) -> pd.Series:
+def _has_estimate(covariance: pd.DataFrame, values: pd.DataFrame) -> pd.Series:
     """Tell which rows belong to an estimate; one inertia may serve all timing points."""
     places = pd.MultiIndex.from_frame(values[[*_KEYS, "parameter"]])
     own = pd.MultiIndex.from_frame(covariance[[*_KEYS, "parameter"]]).isin(places)
@@ -61,27 +61,27 @@ def _matrices(covariance: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray, np.nd
     row = covariance["parameter"].map({name: k for k, name in enumerate(PARAMETERS)}).to_numpy()
     matrices = np.full((len(cells), 3, 3), np.nan)
     matrices[code, row] = covariance[list(COLUMNS)].to_numpy(float)
-    there = np.zeros((len(cells), 3), dtype=bool)
-    there[code, row] = True
-    return pd.DataFrame(list(cells), columns=_KEYS), matrices, there
+    present = np.zeros((len(cells), 3), dtype=bool)
+    present[code, row] = True
+    return pd.DataFrame(list(cells), columns=_KEYS), matrices, present
 
 
-def _inside(there: np.ndarray) -> np.ndarray:
-    both: np.ndarray = there[:, :, None] & there[:, None, :]
-    return both
+def _inside(present: np.ndarray) -> np.ndarray:
+    pairs: np.ndarray = present[:, :, None] & present[:, None, :]
+    return pairs
 
 
-def _asymmetric(matrices: np.ndarray, there: np.ndarray) -> np.ndarray:
+def _asymmetric(matrices: np.ndarray, present: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.abs(np.einsum("nii->ni", matrices)))
     apart = np.abs(matrices - matrices.transpose(0, 2, 1))
     wrong = apart > _ROUNDING * size[:, :, None] * size[:, None, :]
-    found: np.ndarray = (wrong & _inside(there)).any(axis=(1, 2))
-    return found
+    asymmetric: np.ndarray = (wrong & _inside(present)).any(axis=(1, 2))
+    return asymmetric
 
 
-def _not_positive(matrices: np.ndarray, there: np.ndarray) -> np.ndarray:
+def _not_positive(matrices: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Tell which matrices, of the parameters they hold, are not positive definite."""
-    inside = _inside(there)
+    inside = _inside(present)
     whole = np.where(inside, matrices, np.eye(3))
     finite = np.isfinite(whole).all(axis=(1, 2))
     variances = np.einsum("nii->ni", whole)
@@ -90,18 +90,18 @@ def _not_positive(matrices: np.ndarray, there: np.ndarray) -> np.ndarray:
     sd = np.sqrt(np.einsum("nii->ni", matrices))
     scaled = matrices / (sd[:, :, None] * sd[:, None, :])
     smallest = np.linalg.eigvalsh((scaled + scaled.transpose(0, 2, 1)) / 2)[:, 0]
-    found: np.ndarray = ~finite | (smallest < _SMALLEST)
-    return found
+    not_positive: np.ndarray = ~finite | (smallest < _SMALLEST)
+    return not_positive
 
 
-def _intervals(file: str, values: pd.DataFrame, covariance: pd.DataFrame) -> Iterator[Found]:
-    """Compare variances with the intervals of values that stand free of a bound."""
+def _intervals(file: str, values: pd.DataFrame, covariance: pd.DataFrame) -> Iterator[Violation]:
+    """Compare variances with the intervals of values that are not at a bound."""
     variance = np.select(
         [covariance["parameter"] == name for name in PARAMETERS],
         [covariance[column] for column in COLUMNS],
     )
-    told = covariance[[*_KEYS, "parameter"]].assign(sd=np.sqrt(variance))
-    pairs = told.merge(values, on=[*_KEYS, "parameter"])
+    sds = covariance[[*_KEYS, "parameter"]].assign(sd=np.sqrt(variance))
+    pairs = sds.merge(values, on=[*_KEYS, "parameter"])
     if pairs.empty:
         return
     half = (pairs["ci_high"] - pairs["ci_low"]) / 2
@@ -109,23 +109,18 @@ def _intervals(file: str, values: pd.DataFrame, covariance: pd.DataFrame) -> Ite
     for parameter, group in factor.groupby(pairs["parameter"]):
         median = float(group.median())
         if not 1 / _MEDIAN_FACTOR <= median <= _MEDIAN_FACTOR:
-            expected = "standard deviations that fit the intervals"
+            expected = "standard deviations that agree with the intervals"
             found = f"1.96 sd are {median:.3g} times half an interval, at the median"
             yield "covariance_interval", f"{file}, {parameter}", expected, found
     far = ~factor.between(1 / _SINGLE_FACTOR, _SINGLE_FACTOR)
     if far.any():
-        found = f"{factor[far].iloc[0]:.3g} times ({_who(pairs, far.to_numpy())})"
+        found = f"{factor[far].iloc[0]:.3g} times ({_who(pairs, far)})"
         expected = "1.96 sd near half the interval"
         yield "covariance_interval", file, expected, found
 
 
-def _shown(table: pd.DataFrame, wrong: pd.Series) -> str:
-    first = table[wrong].iloc[0]
-    more = f", and {wrong.sum() - 1} more" if wrong.sum() > 1 else ""
-    return f"{first['participant']} {first['timing_point']} {first['parameter']}{more}"
-
-
-def _who(cells: pd.DataFrame, wrong: np.ndarray) -> str:
-    first = cells.iloc[int(np.flatnonzero(wrong)[0])]
-    more = f", and {int(wrong.sum()) - 1} more" if wrong.sum() > 1 else ""
-    return f"{first['participant']} {first['timing_point']}{more}"
+def _who(table: pd.DataFrame, wrong: pd.Series | np.ndarray, *columns: str) -> str:
+    """Name the first row that is wrong, and count the others."""
+    first, n = table[wrong].iloc[0], int(wrong.sum())
+    name = " ".join(str(first[key]) for key in ("participant", "timing_point", *columns))
+    return f"{name}, and {n - 1} more" if n > 1 else name

@@ -1,4 +1,4 @@
-"""What ``jointz collect check`` finds in entries, and what ``build`` leaves out because of it."""
+"""Findings about entries of a collection, and the results that list them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that ``collect check`` found."""
+    """A problem that ``collect check`` found."""
 
     entry: str  # folder of the entry
     code: str  # stable; docs/collections.md lists them
     where: str  # key of ``entry.toml``, or file and column
-    expected: str  # what there should be, and what there is; ``found`` is empty where nothing is
+    expected: str  # what there should be, and what there is; ``found`` is empty if nothing is
     found: str = ""
 
     def __str__(self) -> str:
@@ -32,24 +32,23 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CollectionCheck(Result):
-    """What ``collect check`` found in a collection."""
+    """All findings about a collection."""
 
     SCHEMA: ClassVar[str] = "jointz.CollectionCheck/1"
 
-    entries: tuple[str, ...]  # folders that were looked at
-    findings: tuple[Finding, ...]  # everything found, by entry
-    # on plausibility, and accepted by the entry itself with a reason
-    accepted: tuple[Finding, ...] = ()
-    # entries with the joint and parameters whose size nobody looked at, for want of a range
+    entries: tuple[str, ...]  # folders that were checked
+    findings: tuple[Finding, ...]  # by entry
+    accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
+    # entries with the joint and parameters whose size could not be checked: no range is known
     not_sized: tuple[str, ...] = ()
 
     @property
     def clean(self) -> bool:
-        """Whether nothing was found."""
+        """Whether there is no finding."""
         return not self.findings
 
     def of(self, entry: str) -> tuple[Finding, ...]:
-        """Return what was found in an entry."""
+        """Return the findings about an entry."""
         return tuple(finding for finding in self.findings if finding.entry == entry)
 
     def to_frame(self) -> pd.DataFrame:
@@ -58,15 +57,15 @@ class CollectionCheck(Result):
         return pd.DataFrame(rows, columns=list(Finding.__dataclass_fields__), dtype=object)
 
     def summary(self) -> str:
-        """Return a line for each finding, one of them all, and what was not looked at."""
+        """Return the number of problems, a line for each finding, and what was not checked."""
         broken = len({finding.entry for finding in self.findings})
-        told = f"{_counted(len(self.findings), 'problem')} in {broken} of them."
-        head = f"{_counted(len(self.entries), 'entry')}: {told if broken else 'no problems.'}"
-        unseen = [f"  size not looked at: {told}" for told in self.not_sized]
-        return "\n".join([head, *_lines(self.findings, self.accepted), *unseen])
+        problems = f"{_counted(len(self.findings), 'problem')} in {broken} of them."
+        head = f"{_counted(len(self.entries), 'entry')}: {problems if broken else 'no problems.'}"
+        not_sized = [f"  size not checked, no range is known: {text}" for text in self.not_sized]
+        return "\n".join([head, *_lines(self.findings, self.accepted), *not_sized])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw how many problems each entry has."""
+        """Draw the number of problems of each entry."""
         return _drawn({name: len(self.of(name)) for name in self.entries}, ax)
 
 
@@ -82,8 +81,7 @@ class CatalogBuild(Result):
     skipped: tuple[Finding, ...]  # why other entries are not in it
     rows: int  # estimates and printed values; participants of all entries
     people: int
-    # on plausibility, and accepted by the entry itself with a reason
-    accepted: tuple[Finding, ...] = ()
+    accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
 
     @property
     def skipped_entries(self) -> tuple[str, ...]:
@@ -102,9 +100,9 @@ class CatalogBuild(Result):
         return pd.DataFrame(rows, columns=["entry", "in_catalog", "problems"])
 
     def summary(self) -> str:
-        """Return what is in the catalog, and every entry that is not, with the reasons."""
+        """Return the size of the catalog, and the entries that were skipped with the reasons."""
         if not self.entries:
-            head = f"{self.catalog}: not written, no entry stands"
+            head = f"{self.catalog}: not written, no entry is without problems"
         else:
             head = f"{self.catalog}: {_counted(len(self.entries), 'entry')}, {self.people} people, "
             head += f"{self.rows} rows"
@@ -112,7 +110,7 @@ class CatalogBuild(Result):
         return "\n".join([head, *_lines(self.skipped, self.accepted)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw how many problems each entry has: those with some are not in the catalog."""
+        """Draw the number of problems of each entry; entries with problems are skipped."""
         return _drawn(self._problems(), ax)
 
 
@@ -123,8 +121,8 @@ def _counted(n: int, noun: str) -> str:
 
 
 def _lines(findings: tuple[Finding, ...], accepted: tuple[Finding, ...]) -> list[str]:
-    told = [f"  {finding}" for finding in findings]
-    return told + [f"  accepted by the entry: {finding}" for finding in accepted]
+    lines = [f"  {finding}" for finding in findings]
+    return lines + [f"  accepted by the entry: {finding}" for finding in accepted]
 
 
 def _drawn(problems: Mapping[str, int], ax: "Axes | None") -> "Axes":

@@ -1,4 +1,4 @@
-"""What an entry may hold: joints, directions, licences, and the sizes that impedance has.
+"""Limits of an entry: joints, directions, licences, and sizes of impedance.
 
 The ranges are for medians over a condition's people and timing points, not for single values. Each
 spans a factor of less than 57, so that no median stays inside when degrees are taken for radians.
@@ -41,47 +41,24 @@ JOINT_DIRECTIONS: Mapping[str, frozenset[str]] = MappingProxyType(
     }
 )
 
-#: Joint -> parameter -> range of the median over a condition, SI; joints without are not checked.
-MEDIAN_RANGES: Mapping[str, Mapping[str, Range]] = MappingProxyType(
-    {
-        "ankle": {
-            "stiffness": (9.0, 500.0),
-            "stiffness_per_mass": (0.12, 6.8),
-            "damping": (0.15, 8.5),
-            "damping_per_mass": (0.002, 0.11),
-            "inertia": (0.003, 0.17),
-        },
-        "knee": {
-            "stiffness": (5.0, 280.0),
-            "stiffness_per_mass": (0.07, 3.9),
-            "damping": (0.3, 17.0),
-            "damping_per_mass": (0.004, 0.22),
-            "inertia": (0.015, 0.84),
-        },
-        "hip": {
-            "stiffness": (12.0, 670.0),
-            "stiffness_per_mass": (0.16, 9.0),
-            "damping": (0.5, 28.0),
-            "damping_per_mass": (0.007, 0.39),
-            "inertia": (0.1, 5.6),
-        },
-        "shoulder": {
-            "stiffness": (3.0, 170.0),
-            "damping": (0.2, 11.0),
-            "inertia": (0.05, 2.8),
-        },
-        "elbow": {
-            "stiffness": (1.0, 56.0),
-            "damping": (0.06, 3.3),
-            "inertia": (0.01, 0.56),
-        },
-        "wrist": {
-            "stiffness": (0.25, 14.0),
-            "damping": (0.003, 0.17),
-            "inertia": (0.0006, 0.034),
-        },
-    }
-)
+#: Joint -> parameter -> range of the median over a condition, SI; others are not checked.
+MEDIAN_RANGES: Mapping[str, Mapping[str, Range]] = MappingProxyType({
+    "ankle": {
+        "stiffness": (9.0, 500.0), "damping": (0.15, 8.5), "inertia": (0.003, 0.17),
+        "stiffness_per_mass": (0.12, 6.8), "damping_per_mass": (0.002, 0.11),
+    },
+    "knee": {
+        "stiffness": (5.0, 280.0), "damping": (0.3, 17.0), "inertia": (0.015, 0.84),
+        "stiffness_per_mass": (0.07, 3.9), "damping_per_mass": (0.004, 0.22),
+    },
+    "hip": {
+        "stiffness": (12.0, 670.0), "damping": (0.5, 28.0), "inertia": (0.1, 5.6),
+        "stiffness_per_mass": (0.16, 9.0), "damping_per_mass": (0.007, 0.39),
+    },
+    "shoulder": {"stiffness": (3.0, 170.0), "damping": (0.2, 11.0), "inertia": (0.05, 2.8)},
+    "elbow": {"stiffness": (1.0, 56.0), "damping": (0.06, 3.3), "inertia": (0.01, 0.56)},
+    "wrist": {"stiffness": (0.25, 14.0), "damping": (0.003, 0.17), "inertia": (0.0006, 0.034)},
+})  # fmt: skip
 
 #: Of people, kg and m: below and above are other units, or other species.
 MASS_KG: Range = (8.0, 300.0)
@@ -89,7 +66,7 @@ HEIGHT_M: Range = (0.6, 2.4)
 #: Where people run, m/s.
 RUNNING_M_S: Range = (1.2, 8.0)
 STEEPEST_DEG = 35.0
-#: Narrower bands of age would point at people, years.
+#: Narrower bands of age could identify people, years.
 NARROWEST_BAND_YEARS = 5
 
 #: SPDX identifiers of licences that let values go into a table with others.
@@ -102,5 +79,5 @@ LICENCES = frozenset(
         "etalab-2.0", "MIT", "ODbL-1.0", "ODC-By-1.0", "OGL-UK-3.0", "PDDL-1.0",
     }
 )  # fmt: skip
-#: Prefix of a licence that SPDX has not; its text then stands in the entry's folder.
+#: Prefix of a licence that SPDX does not list; its text is then in the entry's folder.
 OWN_LICENCE = "LicenseRef-"

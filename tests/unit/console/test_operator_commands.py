@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from jointz.console import desk
-from jointz.console.desk import Beat, Desk
+from jointz.console import operator_commands
+from jointz.console.operator_commands import Heartbeat, OperatorCommands
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import ControlBox, Order
 from jointz.experiment.files.journal import Journal
@@ -31,7 +31,7 @@ class Process:
 
 
 class Room:
-    """A desk, with the box that a session reads."""
+    """Commands of an operator, with the box that a session reads."""
 
     def __init__(self, study):
         self.folder = study / "sessions" / "S01"
@@ -44,7 +44,7 @@ class Room:
             "participant": "S01",
             "reason": "",
         }
-        self.desk = Desk(study, self.process, lambda: dict(self.status))
+        self.desk = OperatorCommands(study, self.process, lambda: dict(self.status))
 
     def ask(self, **message):
         self.desk.ask(json.dumps(message).encode())
@@ -169,7 +169,7 @@ def test_a_session_that_is_over_receives_no_stop_while_the_next_is_loaded(room):
 
 
 def test_a_stop_without_a_session_does_nothing(tmp_path):
-    assert Desk(tmp_path, Process(), dict).stop() == 0
+    assert OperatorCommands(tmp_path, Process(), dict).stop() == 0
 
 
 def test_a_new_box_of_the_same_name_is_the_one_that_is_stopped(room):
@@ -219,7 +219,7 @@ def leaving(room, *events, own=True):
         for event in events:
             journal.write(event, condition="perturbed", time_ns=1)
     room.process = OwnProcess(room.box) if own else Process()
-    return Desk(room.folder.parents[1], room.process, lambda: dict(room.status)).leave()
+    return OperatorCommands(room.folder.parents[1], room.process, lambda: dict(room.status)).leave()
 
 
 @pytest.mark.parametrize("events", [(), ("prompted",), ("prompted", "stop_asked", "prompted")])
@@ -232,7 +232,7 @@ def test_a_session_that_nobody_started_ends_with_its_page(room, events):
 
 def test_a_start_that_came_with_the_stop_is_not_said_to_go_on(room, monkeypatch):
     looks = iter([False])
-    monkeypatch.setattr(Desk, "_was_started", lambda _: next(looks, True))
+    monkeypatch.setattr(OperatorCommands, "_was_started", lambda _: next(looks, True))
     assert leaving(room, "prompted", "started") == "The page is closed. No session runs."
     assert room.box.stop_asked
 
@@ -258,7 +258,7 @@ def test_a_session_that_stops_without_its_page_is_not_said_to_go_on(room):
 
 
 def test_a_session_that_does_not_end_is_told(room, monkeypatch):
-    monkeypatch.setattr(desk, "_PATIENCE_S", 0.1)
+    monkeypatch.setattr(operator_commands, "_PATIENCE_S", 0.1)
     room.process.is_own = True
     assert "goes on (process 4711)" in room.desk.leave()
 
@@ -276,7 +276,7 @@ class Followed:
 
 
 def test_signs_of_life_follow_a_session_that_goes_on(room):
-    beat = Beat(Followed(room.folder), lambda: True)
+    beat = Heartbeat(Followed(room.folder), lambda: True)
     beat.beat()
     assert room.box.beat_ns > 0
     with ControlBox(room.folder / "control") as newer:
@@ -286,5 +286,5 @@ def test_signs_of_life_follow_a_session_that_goes_on(room):
 
 
 def test_without_a_session_there_is_nobody_to_beat_for(tmp_path):
-    Beat(Followed(None), lambda: True).beat()
-    Beat(Followed(tmp_path), lambda: True).beat()
+    Heartbeat(Followed(None), lambda: True).beat()
+    Heartbeat(Followed(tmp_path), lambda: True).beat()
