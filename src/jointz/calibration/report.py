@@ -1,4 +1,4 @@
-"""What a calibration step found of everybody, and where it was written."""
+"""Result of a calibration step: all participants, and the files written."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,13 +25,13 @@ class Calibration(Result):
     step : str
         One of :data:`~jointz.results.bench.calibration_fit.STEPS`.
     fits : mapping of str to CalibrationFit
-        Participant -> what was found.
+        Participant -> fit of the step.
     study : str
         The folder that was read.
     written : tuple of str
         Files that were written.
     notes : tuple of str
-        What a reader must know about these files.
+        Notes about these files.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Calibration/1"

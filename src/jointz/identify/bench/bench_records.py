@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 
 #: Fewest samples of a record that a fit can use.
@@ -109,9 +108,8 @@ def _checked(trial: BenchTrial, where: str) -> BenchTrial:
     _check_time(time, where)
     for name, values in (("angle", angle), ("torque", torque)):
         if np.ptp(values) == 0.0:
-            code = Failure.CONSTANT_ANGLE if name == "angle" else Failure.CONSTANT_TORQUE
             raise EstimationError(
-                code,
+                f"constant_{name}",
                 f"{where}: the {name} is {values[0]:g} throughout. Look for a dead sensor, a "
                 "locked output or a missing perturbation.",
             )

@@ -1,4 +1,4 @@
-"""By how much one of two runs along the same reference began later than the other."""
+"""Time shift between two runs along the same reference."""
 
 import numpy as np
 

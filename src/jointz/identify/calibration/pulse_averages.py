@@ -1,11 +1,14 @@
-"""Responses to pulses from rest, both signs turned to one and averaged."""
+"""Responses to pulses from rest, averaged over both signs."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    checked_channels,
+)
 from jointz.results.bench.calibration_failure import CalibrationFailure
 
 #: Rest before a pulse, s: its mean is the zero of a response.
@@ -38,7 +41,7 @@ class PulsedRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseAverage:
-    """The pulses of a record, those of negative sign turned, what was before them taken off."""
+    """Responses to the pulses of a record: negative ones turned, the level before subtracted."""
 
     time_s: np.ndarray  # from the onset
     angle: np.ndarray  # a row a pulse
@@ -56,6 +59,13 @@ class PulseAverage:
     def period_s(self) -> float:
         """Between samples, s."""
         return float(self.time_s[1] - self.time_s[0])
+
+
+def left_out_notes(*averages: PulseAverage) -> tuple[str, ...]:
+    """Return a note of the pulses that were left out."""
+    count = sum(average.n_left_out for average in averages)
+    note = f"{count} pulses left out: not from rest, or at the record's ends."
+    return (note,) if count else ()
 
 
 def average_pulses(
