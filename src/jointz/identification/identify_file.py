@@ -59,7 +59,7 @@ def _read(
 
 @contextmanager
 def _located_errors(file: Path, columns: Mapping[str, Column]) -> Iterator[None]:
-    """Say in which file, and in which of its columns, the samples cannot be trusted."""
+    """Name the file and the column in errors of the samples."""
     try:
         yield
     except DataError as exc:

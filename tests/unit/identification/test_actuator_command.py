@@ -1,4 +1,4 @@
-"""``jointz identify actuator`` and ``bandwidth``, and the response models of ``joint``."""
+"""``jointz identify actuator`` and ``bandwidth``."""
 
 import numpy as np
 import pandas as pd
@@ -7,14 +7,11 @@ from scipy.signal import butter, lfilter
 
 
 @pytest.fixture
-def bench(tmp_path):
-    t = np.arange(10_000) / 500.0
-    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
-    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
-    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
-    torque += 0.1 * np.random.default_rng(0).standard_normal(t.size)
+def bench(tmp_path, actuator_table):
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(actuator_table))
     path = tmp_path / "bench.csv"
-    pd.DataFrame({"t": t, "i": current, "w": velocity, "tau": -torque}).to_csv(path, index=False)
+    table = actuator_table[["t", "i", "w"]].assign(tau=-(actuator_table["torque"] + noise))
+    table.to_csv(path, index=False)
     return path
 
 
@@ -163,35 +160,6 @@ def test_a_window_that_cannot_resolve_the_bandwidth_exits_1(jointz, loop):
     outcome = jointz("identify", "bandwidth", loop, *LOOP, *options)
     assert outcome.code == 1
     assert outcome.json["status"] == "failed:below_resolution"
-
-
-# --- response models of joint --------------------------------------------------------------------
-
-
-@pytest.fixture
-def knee(tmp_path):
-    t = np.arange(8000) / 500.0
-    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
-    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
-    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
-    torque = 0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0)
-    path = tmp_path / "r.csv"
-    pd.DataFrame({"knee": 0.01 * s.sum(axis=0), "tau": torque}).to_csv(path, index=False)
-    return path
-
-
-@pytest.mark.parametrize("model", ["irf", "frf"])
-def test_a_response_model_gives_the_second_order_joint_and_a_figure(jointz, knee, tmp_path, model):
-    figure = tmp_path / f"{model}.svg"
-    columns = ("--angle", "knee", "--torque", "tau", "--input", "angle", "--rate", 500)
-    options = ("--model", model, "--figure", figure)
-    outcome = jointz("identify", "joint", knee, *columns, *options, "--json")
-
-    assert outcome.code == 0
-    assert outcome.json["model"] == model
-    assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(80.0, rel=0.02)
-    assert {"vaf_pct", "status"} <= set(outcome.json)
-    assert figure.stat().st_size > 1000
 
 
 # --- what a user may get wrong -------------------------------------------------------------------

@@ -37,17 +37,10 @@ def test_a_unit_of_something_else_is_refused_with_the_option(unit):
 
 
 @pytest.fixture
-def file(tmp_path):
-    t = np.arange(8000) / 500.0
-    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
-    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
-    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
-    angle = 0.01 * s.sum(axis=0)
-    torque = 0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0)
+def file(tmp_path, knee_table):
     path = tmp_path / "r.csv"
-    pd.DataFrame({"ms": 1e3 * t, "deg": np.rad2deg(angle), "mNm": 1e3 * torque}).to_csv(
-        path, index=False
-    )
+    columns = {"ms": 1e3 * knee_table["t"], "deg": np.rad2deg(knee_table["angle"])}
+    pd.DataFrame(columns | {"mNm": 1e3 * knee_table["torque"]}).to_csv(path, index=False)
     return path
 
 
@@ -104,23 +97,17 @@ def test_a_quantity_that_cannot_be_read_is_refused_with_the_option(text, message
 
 
 @pytest.fixture
-def bench_file(tmp_path):
-    t = np.arange(10_000) / 500.0
-    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
-    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
-    acceleration = 3.0 * 2 * np.pi * 0.77 * np.cos(2 * np.pi * 0.77 * t)
-    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
-    torque -= 0.0092 * acceleration
+def bench_file(tmp_path, actuator_table):
+    table = actuator_table
+    columns = {
+        "t": table["t"],
+        "mA": 1e3 * table["i"],
+        "rpm": table["w"] * 30 / np.pi,
+        "deg_s2": np.rad2deg(table["a"]),
+        "tau": 0.0092 * table["a"] - table["torque"],
+    }
     path = tmp_path / "bench.csv"
-    pd.DataFrame(
-        {
-            "t": t,
-            "mA": 1e3 * current,
-            "rpm": velocity * 30 / np.pi,
-            "deg_s2": np.rad2deg(acceleration),
-            "tau": -torque,
-        }
-    ).to_csv(path, index=False)
+    pd.DataFrame(columns).to_csv(path, index=False)
     return path
 
 

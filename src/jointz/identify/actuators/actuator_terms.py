@@ -1,4 +1,4 @@
-"""Terms of the torque models 3.1 to 3.3, and which of them a record can tell apart."""
+"""Terms of the torque models 3.1 to 3.3, and those that a record can tell apart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -164,6 +164,7 @@ def _confounded(column: np.ndarray, kept: Mapping[str, np.ndarray]) -> str:
         return ""
     rival = list(others)[int(np.argmax(np.abs(weights)))]
     return (
-        f"it cannot be told from {rival}, which then holds both: only {100 * own_share:.2g} % of its "
-        "regressor's variance is its own. Vary torque and speed independently, in both directions"
+        f"it cannot be told from {rival}, which then holds both: only {100 * own_share:.2g} % of "
+        "its regressor's variance is its own. Vary torque and speed independently, in both "
+        "directions"
     )

@@ -226,7 +226,7 @@ def _smoothing_bias_hz(
     window_s: float,
     drop_db: float,
 ) -> float:
-    """Return by how much smoothing moves the reading, from what half the window does."""
+    """Return the bias by smoothing, from the reading with half the window."""
     # What moves a reading that is resolved so well is noise.
     resolved = crossing.hz >= _RESOLVED * spectra.resolution_hz
     half = _spectra(record, method, window_s / 2.0)

@@ -69,7 +69,7 @@ def excited_bins(spectra: CrossSpectra) -> np.ndarray:
 
 
 def check_coherent(spectra: CrossSpectra) -> None:
-    """Refuse a pair of records of which nothing, or hardly anything, belongs together."""
+    """Refuse a pair of records that are hardly coherent."""
     excited = excited_bins(spectra)
     needed = coherence_threshold(spectra.n_averages)
     share = float(np.mean(spectra.coherence[excited] > needed))

@@ -52,7 +52,7 @@ class InjectedResponse:
 def injected_response(
     torque: np.ndarray, joint: InjectedJoint, *, period_s: float, window_s: float
 ) -> InjectedResponse:
-    """Return how a joint at rest answers a torque, and what K and B it then has on average.
+    """Return the response of a joint at rest to a torque, and its mean K and B.
 
     The means are those of SCIENCE, trap 10: a change of K at one moment moves the angle from
     then on, and counts by what least squares on the angle would make of it.

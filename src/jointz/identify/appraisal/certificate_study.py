@@ -56,5 +56,5 @@ def assembled(
 
 
 def replicates_for(participants: int, *, virtual: int = VIRTUAL_PARTICIPANTS) -> int:
-    """Return how many injections a participant tell the RMSE of a study to 10 %."""
+    """Return the injections a participant that estimate the RMSE of a study to 10 %."""
     return math.ceil(virtual / max(participants, 1))

@@ -69,7 +69,7 @@ def _advanced(candidate: Candidate, lead_s: float) -> Candidate:
 def _matched_misses(
     cutter: WindowCutter, used: Sequence[Candidate], sources: Sequence[Source]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what matched strides miss at virtual onsets, and the strides of these."""
+    """Return the misses of matched strides at virtual onsets, and their strides."""
     first = used[0]
     source = sources[first.source]
     if source.strides is None:

@@ -27,7 +27,7 @@ _FREE: dict[LagKind, tuple[str, ...]] = {
 _REFUSED = 2.5
 #: Above this the regressors are one motion, and what the filter leaves decides.
 LARGEST_CONDITION = 300.0
-#: A lag that this far from the best one is not refused is not told by the records, s.
+#: The records do not decide the lag if one this far from the best is not refused, s.
 _FAR_LAG_S = 0.002
 _PROFILE_STEP_S = 0.001
 #: Torque that neither model nor white noise explains may hide in the estimates: the best
@@ -85,7 +85,7 @@ def _choice(kind: LagKind, model: LoadModel, fit: LoadRegression) -> LagChoice:
 
 
 def _noise_weight(fit: LoadRegression, step_s: float) -> float:
-    """Return the residual's spectral density: variance over what is independent of it."""
+    """Return the residual's spectral density: its variance per independent sample."""
     correlated = correlation_time(fit.residual, rate_hz=1.0 / step_s)
     return float(np.mean(fit.residual**2)) * max(1.0, 2.0 * correlated / step_s)
 
@@ -106,7 +106,7 @@ def _tested(model: LoadModel) -> LagChoice:
 
 
 def _accepted(mixed: LagChoice) -> list[LagKind]:
-    """Return which simple kinds of lag the free spread does not refuse."""
+    """Return the simple kinds of lag that the free spread does not refuse."""
     if mixed.n_blocks == 0 or mixed.regression.condition_number > LARGEST_CONDITION:
         return ["delay"]
     total, spread = mixed.regression.lag.total_s, mixed.regression.lag.spread_s2

@@ -110,7 +110,7 @@ class LoadRegression:
 
 @dataclass(frozen=True, slots=True)
 class LoadModel:
-    """Records of one load, and what is fitted to them."""
+    """Model of one load, and the records that it is fitted to."""
 
     records: Sequence[BandRecord]
     friction: bool  # whether friction is fitted
@@ -219,7 +219,7 @@ class LoadModel:
     def _columns(
         self, lag: Lag, values: np.ndarray, free: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return regressors, torque, and what angle noise adds to the sums of squares."""
+        """Return regressors, torque, and the part of angle noise in the sums of squares."""
         parts = [_record_columns(record, lag, values, free) for record in self.records]
         X, y, noise = zip(*parts, strict=True)
         return np.concatenate(X), np.concatenate(y), np.sum(noise, axis=0)

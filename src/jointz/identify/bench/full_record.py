@@ -212,7 +212,7 @@ def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float]
 
 
 def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.ndarray:
-    """Return the covariance of the parameters that are told; infinite for those that are not."""
+    """Return the covariance of the decided parameters; infinite for the others."""
     out = np.full((count, count), np.inf)
     decided = chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION
     if decided:
@@ -245,7 +245,7 @@ def _calibrated(
     intrinsic: Impedance | None,
     gain_sd: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Subtract the intrinsic impedance; add what calibration does not know to the covariance.
+    """Subtract the intrinsic impedance; add the error of the calibration to the covariance.
 
     Rows beyond the values' belong to the lag; the first of them is its total where that is
     free.

@@ -22,7 +22,7 @@ _WHERE = "identify_paired_runs"
 _FEWEST_PULSES = 2
 _DUST_RAD = 1e-9
 _DUST_NM = 1e-9
-#: Share of the acceleration that may be noise before it is told.
+#: Share of noise in the acceleration above which a warning is given.
 _TOLD_NOISE_SHARE = 0.002
 
 
@@ -45,7 +45,7 @@ def identify_paired_runs(
     cutoff_hz: float = 20.0,
     ci_level: float = 0.95,
 ) -> PairedRunsFit:
-    """Fit K, B and J to what perturbations add to runs along one reference.
+    """Fit K, B and J to the differences of perturbed and unperturbed runs along one reference.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _singles(
 
 
 def _noise_share(pairs: Sequence[PairResponses], responses: _Responses) -> float:
-    """Return which share of the responses' acceleration is noise of the angle."""
+    """Return the share of noise in the power of the responses' acceleration."""
     noise = sum(len(pair.pulses) * pair.acceleration_noise_sd**2 for pair in pairs)
     return float(noise / len(responses.pulses) / np.mean(responses.windows[:, ACCELERATION] ** 2))
 

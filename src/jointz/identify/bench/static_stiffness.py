@@ -19,7 +19,7 @@ from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 _WHERE = "identify_static_stiffness"
 #: What the low-pass spoils at both ends of a record, in periods of its cut-off.
 _EDGE_PERIODS = 4.5
-#: Share of the angle's variance that may be noise: told above the first, refused above the second.
+#: Share of noise in the angle's variance: noted above the first, refused above the second.
 _TOLD_NOISE_SHARE = 1e-3
 _MOST_NOISE_SHARE = 0.05
 _FEWEST_OF_A_DIRECTION = 0.05
@@ -183,7 +183,7 @@ def _spoilt_samples(record: JointRecord, cutoff_hz: float) -> int:
 def _prepared(
     record: JointRecord, cutoff_hz: float | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return angle, torque and the sign of the direction, low-passed where that is asked for.
+    """Return angle, torque and the sign of the direction, low-passed if requested.
 
     Samples where the angle stands are left out: friction may be anything there.
     """
@@ -207,7 +207,7 @@ def _prepared(
 def _noise_share(
     record: JointRecord, fit: BlockRegression, deflection: np.ndarray, cutoff_hz: float | None
 ) -> float:
-    """Return which share of the angle's variance is noise; refuse where it is much of it.
+    """Return the share of noise in the angle's variance; refuse a large one.
 
     Steps from level to level read as noise too, but noise would be seen in the residual.
     """

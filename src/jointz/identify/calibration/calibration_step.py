@@ -22,7 +22,7 @@ P = ParamSpec("P")
 
 
 class RefusedError(Exception):
-    """A record without a result: the code and what was found."""
+    """A record that gives no result: the code and the detail."""
 
     def __init__(self, code: CalibrationFailure, detail: str) -> None:
         super().__init__(detail)

@@ -102,9 +102,9 @@ def _regressed(torque: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.n
 def _with_prior(
     values: np.ndarray, covariance: np.ndarray, prior: Calibrated
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return values and covariance with the gain of friction drawn to what is known of it.
+    """Return values and covariance with the gain of friction drawn to its prior.
 
-    The third is the part of the covariance that the prior's sd makes.
+    The third is the part of the covariance due to the prior's sd.
     """
     variance = prior.sd**2
     gain = covariance[:, 3] / (covariance[3, 3] + variance)

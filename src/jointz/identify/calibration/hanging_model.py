@@ -170,7 +170,7 @@ class HangingModel:
         return float(K), float(B), float(J)
 
     def respond(self, values: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the sensor shows and how the joint moves, rad, at the samples."""
+        """Return the angle that the sensor shows and that of the joint, rad, at the samples."""
         cell = self._cells[i]
         K, B, J = self.joint(values, i)
         substeps = max(1, round(cell.period_s / _SUBSTEP_S))

@@ -27,8 +27,8 @@ from jointz.kernels.joint_response import sensed
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 
-#: Shares of the filter that are tried, first over all, then where the weight is: steps wider than
-#: what the data tell apart would put the gain beside the truth, by more than its sd.
+#: Candidate shares of the filter, first from 0 to 1, then where the weight is: steps too wide
+#: for the data would bias the gain by more than its sd.
 _SHARES = 11
 _FINER = 2
 _NO_WEIGHT = 1e-4
@@ -59,7 +59,7 @@ _METHOD = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Swing:
-    """A record, and which of its samples count."""
+    """A record, and the samples that enter the fit."""
 
     time: np.ndarray
     angle: np.ndarray
@@ -134,7 +134,7 @@ def fit_hinge(time: np.ndarray, angle: np.ndarray, motor_angle: np.ndarray) -> C
 
 
 def _settled(time: np.ndarray) -> np.ndarray:
-    """Return which samples a filter shows without what came before the record or a hole."""
+    """Return the samples that a filter shows free of the time before the record or a gap."""
     counts = time >= time[0] + _SETTLED_S
     for _, after in find_gaps(time):
         counts &= (time < after) | (time >= after + _SETTLED_S)

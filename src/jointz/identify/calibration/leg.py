@@ -190,7 +190,7 @@ def _cell(average: PulseAverage, known: CalibrationSpec) -> HangingCell:
 
 
 def _model_error(time_s: np.ndarray, largest: float) -> np.ndarray:
-    """Return the covariance of what a linear model misses: friction at turns, gravity's sine."""
+    """Return the covariance of the linear model's error: friction at turns, gravity's sine."""
     alike = np.exp(-np.abs(time_s[:, None] - time_s) / _MODEL_TIME_S)
     half = 0.5 * (alike + np.eye(time_s.size))
     return np.asarray((_MODEL_SHARE * largest) ** 2 * half)
@@ -248,7 +248,7 @@ def _torque_gain(
 
 
 def _tissue(sensors: _Sensors) -> tuple[CalibrationEntry, ...]:
-    """Return resonance and damping of the tissue, undecided where nothing tells of them."""
+    """Return resonance and damping of the tissue, undecided without evidence of tissue."""
     names = ("tissue_hz", "tissue_damping")
     chance = float(sensors.weights[1])
     if chance < _DECIDED:

@@ -106,7 +106,7 @@ def average_pulses(
 
 
 def _states(encoder: np.ndarray, signs: np.ndarray, since: np.ndarray) -> np.ndarray:
-    """Return angle and velocity at the onsets, by a line through what comes before, (m, 2)."""
+    """Return angle and velocity at the onsets, (m, 2), by a line through the samples before."""
     if not len(encoder):
         return np.zeros((0, 2))
     last = (since >= -_STATE_S) & (since <= 0.0)
@@ -144,7 +144,7 @@ def _share_of_friction(encoder: np.ndarray, period_s: float) -> np.ndarray:
 
 
 def _at_rest(encoder: np.ndarray, since: np.ndarray, name: str) -> np.ndarray:
-    """Return which pulses begin at rest."""
+    """Return a mask of the pulses that begin at rest."""
     if not len(encoder):
         return np.zeros(0, dtype=bool)
     before = since < 0.0

@@ -53,7 +53,7 @@ _METHOD = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pull:
-    """A record: torque of the spring and of the current, what drives and holds."""
+    """A record: torque of the spring and of the current, velocity and friction."""
 
     time: np.ndarray
     spring: np.ndarray

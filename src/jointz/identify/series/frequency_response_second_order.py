@@ -54,7 +54,7 @@ _CHANNELS = ("angle", "torque")
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """K, B, J of one record with what must be said about them."""
+    """K, B, J of one record, their test and warnings."""
 
     request: JointRequest
     spectra: ImpedanceSpectra
@@ -252,7 +252,7 @@ class _Directions:
         return 2.0 * _white_noise(self.transform, name) / self.transform.window_power
 
     def signal_share(self, name: str, density: np.ndarray) -> np.ndarray:
-        """Return which share of a channel's density is not its white noise, (f,)."""
+        """Return the share of a channel's density that is not its white noise, (f,)."""
         noise = self.noise_density(name) / self.spectra.record.rate_hz
         return np.asarray(np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6))
 
@@ -277,7 +277,7 @@ class _Directions:
 
 
 def _direction_warnings(directions: _Directions) -> list[str]:
-    """Say when the record speaks for the other input, or when the choice decides the stiffness."""
+    """Return a warning if the other input fits better, or gives another stiffness."""
     spectra, perturbed = directions.spectra, directions.spectra.perturbed
     other = "angle" if perturbed == "torque" else "torque"
     values = directions.fit.values

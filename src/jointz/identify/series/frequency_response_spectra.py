@@ -1,4 +1,4 @@
-"""The impedance of one record over frequency, and the band in which it can be known."""
+"""Impedance of one record over frequency, and the band in which it can be estimated."""
 
 from dataclasses import dataclass, replace
 
@@ -62,7 +62,7 @@ def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointReco
 
 
 def impedance_spectra(request: JointRequest) -> ImpedanceSpectra:
-    """Return the impedance over frequency and the band in which it can be known."""
+    """Return the impedance over frequency and the band in which it can be estimated."""
     record = prepare_record(request.record, request.torque_acts_on)
     half, cutoff_hz = record.rate_hz / 2.0, request.cutoff_hz
     if cutoff_hz is not None and not 0.0 < cutoff_hz < half:
@@ -134,7 +134,7 @@ def _inverse(response: np.ndarray) -> np.ndarray:
 
 
 def _coherent_to_hz(spectra: ImpedanceSpectra) -> float:
-    """Return the highest frequency at which output and input still belong together."""
+    """Return the highest frequency at which output and input are coherent."""
     f = spectra.spectra.frequency_hz
     neighbours = np.lib.stride_tricks.sliding_window_view(
         np.pad(spectra.coherence, _MEDIAN_WIDTH // 2, mode="edge"), _MEDIAN_WIDTH

@@ -237,7 +237,7 @@ def _solved_through(Z: np.ndarray, X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
-    """Say why the instruments are weak, ``""`` where they are not.
+    """Say why the instruments are weak; empty if they are not.
 
     The smallest canonical correlation of instruments and regressors makes the
     first-stage F of the worst direction; samples are counted as independent
@@ -277,7 +277,7 @@ def _admittance_start(
 def _simulate(
     values: np.ndarray, drive: np.ndarray, signals: JointSignals
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angle error and the basis (n, 3) of what was projected out."""
+    """Return the angle error and the basis (n, 3) of the nuisance projected out."""
     to_angle, _, denominator = _discrete_joint(values, signals.rate_hz)
     forced = lfilter(to_angle, denominator, drive)
     basis = np.column_stack([_free_responses(denominator, drive.size), np.ones(drive.size)])

@@ -105,7 +105,7 @@ def gather_record(
     where: str,
     required: tuple[str, ...] = ("angle", "torque"),
 ) -> JointRecord:
-    """Read channels out of whatever was given and put them on a uniform grid."""
+    """Check the channels of a recording, or the arrays, and put them on a uniform grid."""
     present = {name: values for name, values in arrays.items() if values is not None}
     first_row, sha256 = 1, ""
     if recording is not None:
@@ -223,7 +223,7 @@ def _check_one_rate(time: np.ndarray) -> None:
 
 
 def refuse_constant(record: JointRecord, names: tuple[str, ...] = ("angle", "torque")) -> None:
-    """Refuse a record of which a channel never changes."""
+    """Refuse a record with a constant channel."""
     for name in names:
         values = record.channels[name]
         if np.ptp(values) <= 1e-12 * np.abs(values).max():

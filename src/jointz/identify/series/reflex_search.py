@@ -86,7 +86,7 @@ class ReflexEstimate:
 
 
 def prepare(request: JointRequest, cutoff_hz: float) -> ReflexSignals:
-    """Low-pass, differentiate, thin and take off what is slow."""
+    """Low-pass, differentiate and thin the signals, and subtract slow drift."""
     record, rate = request.record, request.record.rate_hz
     _check(record, cutoff_hz)
     step = max(1, int(rate / (_SAMPLES_PER_PERIOD * cutoff_hz)))

@@ -91,7 +91,7 @@ def _check(equations: "_Equations", cutoff_hz: float, reach: np.ndarray) -> Seco
 
 
 def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
-    """Return the signals with the torque so much earlier, without what has no torque then."""
+    """Return the signals with the torque shifted to earlier times, edges without torque cut off."""
     edge = int(np.ceil(abs(lag_s) * signals.rate_hz)) + 1
     torque = CubicSpline(signals.time, signals.torque)(signals.time + lag_s)
     shifted = replace(signals, torque=torque, command=None)
@@ -102,7 +102,7 @@ def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
 def withhold_parameters(
     parameters: Sequence[ParameterEstimate], check: SecondOrderCheck, model: str
 ) -> tuple[tuple[ParameterEstimate, ...], str]:
-    """Return K, B, J without values, which stay as ``unbounded``, and the note that says why."""
+    """Return K, B, J without values (kept as ``unbounded``), and a note of the reason."""
     withheld = {"value": None, "ci_low": None, "ci_high": None}
     kept = tuple(
         replace(

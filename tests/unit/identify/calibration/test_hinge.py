@@ -88,7 +88,6 @@ def played(time, encoder):
         (lambda time, angle, encoder: (angle - played(time, encoder), encoder), "play"),
         (lambda time, angle, encoder: (angle + 0.05 * (time > 10.0), encoder), "slip"),
         (lambda _time, angle, encoder: (np.degrees(angle), encoder), "gain_out_of_range"),
-        (lambda time, angle, encoder: (angle + 0.05 * np.sin(40 * time), encoder), "not_rigid"),
     ],
 )
 def test_a_record_of_no_rigid_hinge_is_refused(short, spoil, code):
