@@ -170,12 +170,14 @@ def _leg(data: StepData) -> CalibrationFit:
 
 def _torsion(data: StepData) -> CalibrationFit:
     recording = data.recordings["locked"].recording
+    time, angle = data.channels("locked", "angle")
     if "torque" in recording:
         torque = recording["torque"].to_numpy()
     else:
         torque = np.subtract(*data.torque_and_friction("locked"))
     return fit_torsion(
-        *data.channels("locked", "angle"),
+        time,
+        angle,
         torque,
         motor_angle=recording["motor_angle"].to_numpy() if "motor_angle" in recording else None,
         torque_gain=data.known("locked").torque_gain or _UNIT_GAIN,

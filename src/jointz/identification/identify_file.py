@@ -64,8 +64,8 @@ def _located_errors(file: Path, columns: Mapping[str, Column]) -> Iterator[None]
         yield
     except DataError as exc:
         where, channel = file.name, exc.channel
-        if channel in columns:
-            channel = columns[channel].name
+        if (column := columns.get(channel or "")) is not None:
+            channel = column.name
             where += f", column '{channel}'"
         raise DataError(f"{where}: {exc}", path=str(file), channel=channel, row=exc.row) from exc
 

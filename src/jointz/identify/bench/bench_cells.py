@@ -192,7 +192,7 @@ def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
 
 
 def _intrinsic(known: CalibrationSpec) -> Impedance:
-    values = {}
+    values: dict[str, float] = {}
     for name in PARAMETERS:
         if (entry := getattr(known, f"intrinsic_{name}")) is not None:
             values |= {name: entry.value, f"{name}_sd": entry.sd}

@@ -110,8 +110,8 @@ def step_series(
     x: np.ndarray, measured: np.ndarray, modelled: np.ndarray, *, x_label: str, y_label: str
 ) -> CalibrationSeries:
     """Return the samples of a step's figure, thinned."""
-    thinned = (
-        tuple(float(v) for v in values[:: max(1, -(-values.size // _SERIES_POINTS))])
-        for values in (x, measured, modelled)
-    )
-    return CalibrationSeries(*thinned, x_label=x_label, y_label=y_label)
+
+    def thinned(values: np.ndarray) -> tuple[float, ...]:
+        return tuple(float(v) for v in values[:: max(1, -(-values.size // _SERIES_POINTS))])
+
+    return CalibrationSeries(thinned(x), thinned(measured), thinned(modelled), x_label, y_label)

@@ -103,11 +103,12 @@ def withhold_parameters(
     parameters: Sequence[ParameterEstimate], check: SecondOrderCheck, model: str
 ) -> tuple[tuple[ParameterEstimate, ...], str]:
     """Return K, B, J without values (kept as ``unbounded``), and a note of the reason."""
-    withheld = {"value": None, "ci_low": None, "ci_high": None}
     kept = tuple(
         replace(
             p,
-            **withheld,
+            value=None,
+            ci_low=None,
+            ci_high=None,
             status="undecided",
             ci_method="none",
             unbounded=p.value if p.unbounded is None else p.unbounded,
