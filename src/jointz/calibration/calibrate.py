@@ -1,11 +1,10 @@
-"""Calibrate the instruments of a study: one step, everybody."""
+"""Calibration of a study's instruments: one step, all participants."""
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import floor, log10
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -30,7 +29,7 @@ from jointz.results.bench.calibration_fit import STEPS
 from jointz.session.run_settings import SESSIONS
 
 _SD_DIGITS = 4
-#: One of them alone says nothing.
+#: Entries that are only useful together.
 _PAIR = {"contact_threshold_v", "contact_release_v"}
 
 
@@ -43,7 +42,7 @@ def calibrate(
     out: str | os.PathLike[str] | None = None,
     into: str | os.PathLike[str] | None = None,
 ) -> Calibration:
-    """Find what a calibration study tells of the instruments.
+    """Estimate the instruments of a calibration study.
 
     Parameters
     ----------
@@ -82,34 +81,35 @@ def calibrate(
 
     Notes
     -----
-    Only entries that stand are written, rounded to four digits of their sd. Where one replaces
-    another of the same name that was known better, the notes say so: two steps may tell the
-    same, and the last one holds. What the calibration study says of the instruments
-    itself is used where a step needs it: the angle's gain in ``leg``, the torque's in
-    ``torsion``.
+    Only entries that stand are written, rounded to four digits of their sd. Two steps may
+    estimate the same entry; the last one replaces the other, and a note says where the other
+    had the smaller sd. The calibration study's own entries are used where a step needs them:
+    the angle's gain in ``leg``, the torque's in ``torsion``.
     """
     if step not in STEPS:
         raise DataError(f"calibrate: expected a step out of {', '.join(STEPS)}; got {step!r}.")
     chosen = _chosen(step, entries)
     opened = study if isinstance(study, Study) else open_study(study)
-    found = _estimated(opened, step, protocol)
-    calibrations = _to_write(found, chosen)
+    calibration = _estimated(opened, step, protocol)
+    specifications = _to_write(calibration, chosen)
+    target = open_study(into) if into is not None else None
+    if not specifications:
+        to_write = out is not None or into is not None
+        note = "no entry stands: nothing was written"
+        return replace(calibration, notes=(note,) if to_write else ())
     written: list[str] = []
     notes: list[str] = []
-    target = open_study(into) if into is not None else None
-    if calibrations and out is not None:
-        text, notes = _file_with(Path(out), calibrations)
-    if calibrations and target is not None:
-        mine, told = _of_study(target, calibrations)
-        kept = write_into_study(target.root, mine)
+    if out is not None:
+        text, notes = _file_with(Path(out), specifications)
+    if target is not None:
+        own, notes_of_study = _of_study(target, specifications)
+        backup = write_into_study(target.root, own)
         written.append(str(target.root / "study.toml"))
-        notes += [*told, f"{kept.name} keeps what study.toml held before"]
-    if calibrations and out is not None:
+        notes += [*notes_of_study, f"{backup.name} keeps what study.toml held before"]
+    if out is not None:
         write_text(Path(out), text)
         written.append(str(out))
-    if (out is not None or into is not None) and not calibrations:
-        notes.append("no entry stands: nothing was written")
-    return replace(found, written=tuple(written), notes=tuple(dict.fromkeys(notes)))
+    return replace(calibration, written=tuple(written), notes=tuple(dict.fromkeys(notes)))
 
 
 def _chosen(step: str, entries: Sequence[str] | None) -> frozenset[str]:
@@ -126,14 +126,14 @@ def _chosen(step: str, entries: Sequence[str] | None) -> frozenset[str]:
     return frozenset(entries) | pair
 
 
-def _to_write(found: Calibration, chosen: frozenset[str]) -> dict[str, CalibrationSpec]:
-    """Return everybody's entries that stand and were asked for, as files have them."""
-    calibrations = {}
-    for participant, known in found.specifications().items():
-        given = {n: _digits(getattr(known, n)) for n in known.model_fields_set if n in chosen}
-        if given:
-            calibrations[participant] = CalibrationSpec(**given)
-    return calibrations
+def _to_write(calibration: Calibration, chosen: frozenset[str]) -> dict[str, CalibrationSpec]:
+    """Return the chosen entries that stand, participant by participant, rounded."""
+    specifications = {}
+    for participant, known in calibration.specifications().items():
+        entries = {n: _rounded(getattr(known, n)) for n in known.model_fields_set if n in chosen}
+        if entries:
+            specifications[participant] = CalibrationSpec(**entries)
+    return specifications
 
 
 def _estimated(
@@ -167,31 +167,28 @@ def _loads(
     file = study.root / SESSIONS / participant / "session.json"
     if not file.is_file():
         return {}
+    protocol_run = read_twice(file)[0].get("protocol")
+    loads = protocol_run.get("loads") if isinstance(protocol_run, Mapping) else None
     try:
-        loads = [LoadSpec.model_validate(_strict(load)) for load in _run_loads(file)]
+        # JSON has null where a load states nothing.
+        checked = [
+            LoadSpec.model_validate(
+                {k: v for k, v in load.items() if v is not None}
+                if isinstance(load, Mapping)
+                else load
+            )
+            for load in (loads if isinstance(loads, list) else [])
+        ]
     except ValidationError as exc:
         raise DataError(
             f"{file}: damaged, its loads cannot be read. Restore it from a copy, or give the "
             "protocol (--protocol).",
             path=str(file),
         ) from exc
-    return {load.name: load for load in loads}
+    return {load.name: load for load in checked}
 
 
-def _run_loads(file: Path) -> list[Any]:
-    protocol = read_twice(file)[0].get("protocol")
-    loads = protocol.get("loads") if isinstance(protocol, Mapping) else None
-    return loads if isinstance(loads, list) else []
-
-
-def _strict(load: Any) -> Any:
-    """Leave out what was not given: JSON has it as null."""
-    if not isinstance(load, Mapping):
-        return load
-    return {name: value for name, value in load.items() if value is not None}
-
-
-def _digits(entry: Calibrated) -> Calibrated:
+def _rounded(entry: Calibrated) -> Calibrated:
     """Return an entry to four digits of its sd."""
     if entry.sd == 0.0:
         return entry
@@ -200,7 +197,7 @@ def _digits(entry: Calibrated) -> Calibrated:
 
 
 def _file_with(file: Path, calibrations: Mapping[str, CalibrationSpec]) -> tuple[str, list[str]]:
-    """Return what a calibration file is to hold, and what a reader must know."""
+    """Return the text of a calibration file with more entries, and notes."""
     if not file.exists():
         return calibration_toml(calibrations), []
     notes = _less_precise(read_calibration(file).participants, calibrations, str(file))
@@ -210,7 +207,7 @@ def _file_with(file: Path, calibrations: Mapping[str, CalibrationSpec]) -> tuple
 def _less_precise(
     before: Mapping[str, CalibrationSpec | None], now: Mapping[str, CalibrationSpec], where: str
 ) -> list[str]:
-    """Tell of entries that give way to others of a larger sd."""
+    """Return notes of entries that are replaced by others of a larger sd."""
     notes = []
     for participant, known in now.items():
         for name in sorted(known.model_fields_set):
@@ -226,7 +223,7 @@ def _less_precise(
 def _of_study(
     study: Study, calibrations: Mapping[str, CalibrationSpec]
 ) -> tuple[dict[str, CalibrationSpec], list[str]]:
-    """Return the entries of a study's own participants, and what a reader must know."""
+    """Return the entries of a study's own participants, and notes."""
     ids = [person.id for person in study.spec.participants]
     mine = {name: known for name, known in calibrations.items() if name in ids}
     if not mine:

@@ -1,4 +1,4 @@
-"""``jointz calibrate``: what a calibration study tells of the instruments."""
+"""``jointz calibrate``: estimates instruments from a calibration study."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -80,35 +80,35 @@ def calibrate(
     check_figure(figure)
     from jointz.calibration.calibrate import calibrate as calibrate_study
 
-    found = calibrate_study(
+    calibration = calibrate_study(
         study, step=step.value, protocol=protocol, entries=entry or None, out=out, into=into
     )
     if figure is not None:
-        _save(found, figure)
+        _save(calibration, figure)
     if as_json:
-        emit_json(_without_series(found))
+        emit_json(_without_series(calibration))
     elif not quiet:
-        _print(found)
-    raise typer.Exit(EXIT_OK if found.standing else EXIT_NOTHING_STANDS)
+        _print(calibration)
+    raise typer.Exit(EXIT_OK if calibration.standing else EXIT_NOTHING_STANDS)
 
 
-def _without_series(found: "Calibration") -> dict[str, object]:
-    content = found.to_dict()
+def _without_series(calibration: "Calibration") -> dict[str, object]:
+    content = calibration.to_dict()
     for fit in content["fits"].values():
         del fit["series"]
-    return {"status": "ok" if found.standing else "nothing_stands", **content}
+    return {"status": "ok" if calibration.standing else "nothing_stands", **content}
 
 
-def _print(found: "Calibration") -> None:
-    table = found.to_frame()
+def _print(calibration: "Calibration") -> None:
+    table = calibration.to_frame()
     for used, title in ((True, "[calibration]"), (False, "beside")):
         rows = _rows(table[table["used"] == used])
         if rows:
             emit_table(rows, _HEADER, title=title)
-    told = {note for fit in found.fits.values() for note in fit.notes}
-    for note in [*sorted(told), *found.notes]:
+    notes = {note for fit in calibration.fits.values() for note in fit.notes}
+    for note in [*sorted(notes), *calibration.notes]:
         emit(f"Note: {note}")
-    for file in found.written:
+    for file in calibration.written:
         emit(f"Written: {file}")
 
 
@@ -130,11 +130,11 @@ def _rows(table: "pd.DataFrame") -> list[list[str]]:
     ]
 
 
-def _save(found: "Calibration", figure: Path) -> None:
+def _save(calibration: "Calibration", figure: Path) -> None:
     """Write a figure with a panel for each of the first participants."""
     from matplotlib.figure import Figure as Canvas
 
-    shown = list(found.fits.items())[:_MOST_PANELS]
+    shown = list(calibration.fits.items())[:_MOST_PANELS]
     canvas = Canvas(figsize=(_PANEL[0], _PANEL[1] * max(1, len(shown))), layout="constrained")
     panels = canvas.subplots(max(1, len(shown)), squeeze=False)[:, 0]
     for axes, (participant, fit) in zip(panels, shown, strict=False):

@@ -1,4 +1,4 @@
-"""What a calibration step found of everybody, and where it was written."""
+"""Result of a calibration step: all participants, and the files written."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,13 +25,13 @@ class Calibration(Result):
     step : str
         One of :data:`~jointz.results.bench.calibration_fit.STEPS`.
     fits : mapping of str to CalibrationFit
-        Participant -> what was found.
+        Participant -> fit of the step.
     study : str
         The folder that was read.
     written : tuple of str
         Files that were written.
     notes : tuple of str
-        What a reader must know about these files.
+        Notes about these files.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Calibration/1"
@@ -48,9 +48,9 @@ class Calibration(Result):
         return sum(entry.stands for fit in self.fits.values() for entry in fit.entries)
 
     def specifications(self) -> dict[str, CalibrationSpec]:
-        """Return, for everybody who has some, the entries that stand, as a study has them."""
-        found = {name: fit.specification() for name, fit in self.fits.items()}
-        return {name: known for name, known in found.items() if known.model_fields_set}
+        """Return the entries that stand, for all participants with some."""
+        entries = {name: fit.specification() for name, fit in self.fits.items()}
+        return {name: entry for name, entry in entries.items() if entry.model_fields_set}
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a participant and value; ``used``: it is an entry of a study."""
@@ -70,7 +70,7 @@ class Calibration(Result):
         return "\n".join([head, *lines, *(f"Note: {note}" for note in self.notes)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw what was measured of everybody, and what the models make of it, in one.
+        """Draw measured and modelled samples of all participants in one figure.
 
         Parameters
         ----------

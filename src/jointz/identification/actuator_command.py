@@ -98,25 +98,28 @@ def actuator(
     Example: jointz identify actuator bench.csv --current i --velocity w --torque tau --gear-ratio 9
     """
     del debug
-    from jointz.identification.identify_file import identify_actuator_file
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.actuators.actuator import identify_actuator
     from jointz.io.text.column_arguments import parse_quantity
 
     output = Output(model.value, figure, as_json, quiet, (7.1, 4.6))
-    given = given_columns(
+    columns = given_columns(
         current=current, velocity=velocity, torque=torque, acceleration=acceleration, time=time
     )
     inertia = None if rotor_inertia is None else parse_quantity(rotor_inertia, "rotor-inertia")
     smooth = None if smooth_velocity is None else parse_quantity(smooth_velocity, "smooth-velocity")
     with output.failures():
-        fit, columns = identify_actuator_file(
+        fit, parsed = identify_file(
+            identify_actuator,
             file,
-            given,
+            columns,
             files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
             rate_hz=rate,
+            needs_clock=False,
             gear_ratio=gear_ratio,
             model=model.value,
             torque_sign=float(torque_sign.value),
             rotor_inertia=inertia,
             smooth_velocity_rad_s=smooth,
         )
-    output.report(fit, columns, file=file)
+    output.report(fit, parsed, file=file)

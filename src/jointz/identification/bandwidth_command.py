@@ -71,14 +71,16 @@ def bandwidth(
     Example: jointz identify bandwidth bench.csv --command cmd:Nm --torque tau:Nm --rate 1000
     """
     del debug
-    from jointz.identification.identify_file import identify_bandwidth_file
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.actuators.bandwidth import identify_bandwidth
 
     if not 0.0 < drop_db < float("inf"):
         raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
     output = Output("bandwidth", figure, as_json, quiet, (7.1, 4.0))
     files = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
-    with output.failures(), _other_command(file, command, files):
-        fit, columns = identify_bandwidth_file(
+    with output.failures(), _reference_advised(file, command, files):
+        fit, columns = identify_file(
+            identify_bandwidth,
             file,
             given_columns(command=command, torque=torque, time=time),
             files=files,
@@ -87,15 +89,19 @@ def bandwidth(
             window_s=window_s,
             drop_db=drop_db,
         )
-    interval = [fit.ci_low_hz, fit.ci_high_hz]
-    estimate = {"value": fit.bandwidth_hz, "unit": "Hz", "ci": interval, "status": fit.status}
-    more = {"model": "bandwidth", "status": fit.status, "parameters": {"bandwidth_hz": estimate}}
-    output.report(fit, columns, file=file, more=more)
+    estimate = {
+        "value": fit.bandwidth_hz,
+        "unit": "Hz",
+        "ci": [fit.ci_low_hz, fit.ci_high_hz],
+        "status": fit.status,
+    }
+    content = {"model": "bandwidth", "status": fit.status, "parameters": {"bandwidth_hz": estimate}}
+    output.report(fit, columns, file=file, more=content)
 
 
 @contextmanager
-def _other_command(file: Path, command: str, files: Mapping[str, Any]) -> Iterator[None]:
-    """Name the column of a jointz recording that holds the whole commanded torque."""
+def _reference_advised(file: Path, command: str, files: Mapping[str, Any]) -> Iterator[None]:
+    """Advise the column of a jointz recording that holds the whole commanded torque."""
     try:
         yield
     except EstimationError as exc:
@@ -104,8 +110,8 @@ def _other_command(file: Path, command: str, files: Mapping[str, Any]) -> Iterat
         from jointz.core.study import FilesSpec
         from jointz.io.formats.registry import list_columns
 
-        there = list_columns(file, FilesSpec.model_validate(files)) or []
-        if "reference" not in there or command.partition(":")[0] == "reference":
+        names = list_columns(file, FilesSpec.model_validate(files)) or []
+        if "reference" not in names or command.partition(":")[0] == "reference":
             raise
         raise EstimationError(
             exc.code,

@@ -128,11 +128,13 @@ def joint(
     Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
     del debug
-    from jointz.identification.identify_file import identify_joint_file
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.series.joint import identify_joint
 
     output = Output(model.value, figure, as_json, quiet, _SIZES[model])
     with output.failures():
-        fit, columns = identify_joint_file(
+        fit, columns = identify_file(
+            identify_joint,
             file,
             given_columns(angle=angle, torque=torque, time=time, command=command),
             files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),

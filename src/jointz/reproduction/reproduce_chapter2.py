@@ -14,8 +14,9 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.bench.bench_records import BenchTrial
 from jointz.identify.bench.full_record import fit_full_record
-from jointz.identify.series.frequency_response import identify_frequency_response
+from jointz.identify.series.frequency_response import fit_frequency_response
 from jointz.identify.series.joint import identify_joint
+from jointz.identify.series.joint_record import JointRequest
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
@@ -215,7 +216,7 @@ def _response(
     trial: Mapping[str, np.ndarray], impedance: Sequence[float], lag_s: float
 ) -> dict[str, Any]:
     """Return measured and modelled frequency response of the impedance, the lag in both."""
-    response = identify_frequency_response(trial, input="angle").response
+    response = fit_frequency_response(JointRequest.of(trial, input="angle")).response
     frequency = np.array(response.frequency_hz)
     shown = (frequency > 0) & (frequency <= 0.5 * _SHOWN_HZ)
     s = 2j * np.pi * frequency[shown]

@@ -1,7 +1,6 @@
 """Calibration studies from file to entries: a lab's own csv, known loads, files written."""
 
 import json
-import tomllib
 
 import numpy as np
 import pandas as pd
@@ -9,7 +8,6 @@ import pytest
 
 from jointz.calibration.calibrate import calibrate
 from jointz.core.errors import DataError, StudyError
-from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.io.calibration_file import read_calibration
 from jointz.io.study_reader import open_study
 from jointz.session.run import run
@@ -141,14 +139,16 @@ def test_entries_of_several_steps_meet_in_one_file(hinge_study, tmp_path):
     kept = read.of("S02").angle_gain
     assert kept.value == pytest.approx(found.value, abs=1e-3 * found.sd)
     assert kept.sd == pytest.approx(found.sd, rel=1e-3)
+    digits = f"{kept.sd:.12e}".split("e")[0].replace(".", "").rstrip("0")
+    assert len(digits) <= 4
 
 
-def test_entries_go_into_a_study_and_those_of_strangers_are_told(hinge_study, tmp_path):
+def test_entries_go_into_a_study_and_what_they_do_not_reach_is_told(hinge_study, tmp_path):
     own = "calibration = { angle_gain = { value = 1.0, sd = 0.1 } }\n"
-    records = {(p, "straight"): still(0) for p in ("S02", "S03")}
+    records = {(p, "straight"): still(0) for p in ("S03", "S02")}
     target = write_study(tmp_path / "walking", records, calibration="# ours\n")
     file = target / "study.toml"
-    file.write_text(file.read_text() + own)  # of the last recording: S03's
+    file.write_text(file.read_text() + own)  # of the last recording: S02's
     before = file.read_text()
 
     found = calibrate(hinge_study, step="hinge", into=target)
@@ -158,18 +158,8 @@ def test_entries_go_into_a_study_and_those_of_strangers_are_told(hinge_study, tm
     assert people["S03"] is None
     assert (target / "study.toml.before-calibration").read_text() == before
     assert any("S01: not in" in note for note in found.notes)
-    assert "# ours" in file.read_text()
-
-
-def test_an_entry_that_a_recording_has_of_its_own_is_told(hinge_study, tmp_path):
-    target = write_study(tmp_path / "walking", {("S02", "straight"): still(0)})
-    file = target / "study.toml"
-    own = "calibration = { angle_gain = { value = 1.0, sd = 0.1 } }\n"
-    file.write_text(file.read_text() + own)
-
-    found = calibrate(hinge_study, step="hinge", into=target)
-
     assert "S02_straight.csv has angle_gain of its own, which holds" in found.notes
+    assert "# ours" in file.read_text()
 
 
 def test_nothing_is_written_where_nobody_is_there_or_nothing_stands(hinge_study, tmp_path):
@@ -263,15 +253,6 @@ def test_what_the_study_knows_already_is_used(tmp_path):
         found.append(calibrate(folder, step="torsion").fits["S01"].entry("angle_per_torque"))
     assert abs(found[0].value - 6e-4) < 4.0 * found[0].sd
     assert found[1].value == pytest.approx(2.0 * found[0].value, rel=1e-6)
-
-
-def test_written_entries_are_valid_toml_with_few_digits(hinge_study, tmp_path):
-    out = tmp_path / "c.toml"
-    calibrate(hinge_study, step="hinge", out=out)
-    people = tomllib.loads(out.read_text())["participants"]
-    entry = people[0]["calibration"]["angle_lag_s"]
-    assert len(repr(entry["sd"]).lstrip("0.").split("e")[0].replace(".", "")) <= 5
-    assert CalibrationSpec(angle_lag_s=Calibrated(**entry))
 
 
 def test_only_what_was_asked_for_is_written_and_a_worse_value_is_told(hinge_study, tmp_path):

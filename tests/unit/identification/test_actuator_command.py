@@ -1,4 +1,4 @@
-"""``jointz identify actuator`` and ``bandwidth``, and the response models of ``joint``."""
+"""``jointz identify actuator`` and ``bandwidth``."""
 
 import numpy as np
 import pandas as pd
@@ -7,14 +7,11 @@ from scipy.signal import butter, lfilter
 
 
 @pytest.fixture
-def bench(tmp_path):
-    t = np.arange(10_000) / 500.0
-    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
-    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
-    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
-    torque += 0.1 * np.random.default_rng(0).standard_normal(t.size)
+def bench(tmp_path, actuator_table):
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(actuator_table))
     path = tmp_path / "bench.csv"
-    pd.DataFrame({"t": t, "i": current, "w": velocity, "tau": -torque}).to_csv(path, index=False)
+    table = actuator_table[["t", "i", "w"]].assign(tau=-(actuator_table["torque"] + noise))
+    table.to_csv(path, index=False)
     return path
 
 
@@ -23,9 +20,11 @@ TURNED = ("--torque-sign", "-1")
 
 
 def test_json_holds_the_parameters_of_design_and_the_error(jointz, bench):
-    outcome = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, "--json")
+    figure = bench.with_name("fit.svg")
+    outcome = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, "--json", "--figure", figure)
 
     assert outcome.code == 0
+    assert figure.stat().st_size > 1000
     found = outcome.json
     assert found["model"] == "friction"
     assert found["rms_error_nm"] == pytest.approx(0.1, rel=0.05)
@@ -59,20 +58,6 @@ def test_inertia_and_smooth_sign_are_read_with_their_units(jointz, bench):
     found = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, *options, "--json").json
     assert found["parameters"]["rotor_inertia"]["value"] == pytest.approx(0.0092)
     assert found["settings"]["smooth_velocity_rad_s"] == pytest.approx(np.deg2rad(6))
-
-
-def test_a_figure_of_the_actuator_is_written(jointz, bench, tmp_path):
-    figure = tmp_path / "fit.svg"
-    options = (*COLUMNS, *TURNED, "--figure", figure, "--quiet")
-    assert jointz("identify", "actuator", bench, *options).code == 0
-    assert figure.stat().st_size > 1000
-
-
-def test_a_constant_current_exits_1_with_its_code(jointz, bench):
-    pd.read_csv(bench).assign(i=2.0).to_csv(bench, index=False)
-    outcome = jointz("identify", "actuator", bench, *COLUMNS, "--json")
-    assert outcome.code == 1
-    assert outcome.json["status"] == "failed:constant_current"
 
 
 @pytest.mark.parametrize(
@@ -177,71 +162,7 @@ def test_a_window_that_cannot_resolve_the_bandwidth_exits_1(jointz, loop):
     assert outcome.json["status"] == "failed:below_resolution"
 
 
-def test_a_gain_that_is_no_loss_exits_2(jointz, loop):
-    assert jointz("identify", "bandwidth", loop, *LOOP, "--drop-db", 0).code == 2
-
-
-# --- response models of joint --------------------------------------------------------------------
-
-
-@pytest.fixture
-def knee(tmp_path):
-    t = np.arange(8000) / 500.0
-    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
-    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
-    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
-    torque = 0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0)
-    path = tmp_path / "r.csv"
-    pd.DataFrame({"knee": 0.01 * s.sum(axis=0), "tau": torque}).to_csv(path, index=False)
-    return path
-
-
-@pytest.mark.parametrize("model", ["irf", "frf"])
-def test_a_response_model_gives_the_second_order_joint_and_a_figure(jointz, knee, tmp_path, model):
-    figure = tmp_path / f"{model}.svg"
-    columns = ("--angle", "knee", "--torque", "tau", "--input", "angle", "--rate", 500)
-    options = ("--model", model, "--figure", figure)
-    outcome = jointz("identify", "joint", knee, *columns, *options, "--json")
-
-    assert outcome.code == 0
-    assert outcome.json["model"] == model
-    assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(80.0, rel=0.02)
-    assert {"vaf_pct", "status"} <= set(outcome.json)
-    assert figure.stat().st_size > 1000
-
-
 # --- what a user may get wrong -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("value", ["nan", "0", "inf"])
-def test_a_loss_that_is_none_is_refused_as_usage(jointz, loop, value):
-    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--drop-db", value)
-
-    assert outcome.code == 2
-    assert "--drop-db" in outcome.err
-
-
-@pytest.mark.parametrize("value", ["nan", "-1"])
-def test_a_window_that_is_none_is_refused(jointz, loop, value):
-    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--window-s", value)
-
-    assert outcome.code == 2
-    assert "window_s: expected > 0 s" in outcome.err
-
-
-def test_an_empty_delimiter_is_refused_in_words(jointz, loop):
-    outcome = jointz("identify", "bandwidth", loop, *LOOP, "--delimiter", "")
-
-    assert outcome.code == 2
-    assert "--delimiter '': expected a character" in outcome.err
-    assert "pydantic" not in outcome.err
-
-
-def test_a_folder_is_no_recording(jointz, tmp_path):
-    outcome = jointz("identify", "actuator", tmp_path, *COLUMNS)
-
-    assert outcome.code == 2
-    assert "is a directory" in outcome.err
 
 
 def test_two_rows_are_too_few_not_a_crash(jointz, tmp_path):
@@ -283,3 +204,33 @@ def test_messages_about_the_layout_name_the_option(jointz, tmp_path, text, optio
 
     assert outcome.code == 2
     assert option in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--drop-db", "nan", "--drop-db"),
+        ("--drop-db", "0", "--drop-db"),
+        ("--drop-db", "inf", "--drop-db"),
+        ("--window-s", "nan", "window_s: expected > 0 s"),
+        ("--window-s", "-1", "window_s: expected > 0 s"),
+        ("--delimiter", "", "--delimiter '': expected a character"),
+    ],
+)
+def test_options_that_make_no_sense_exit_2_with_their_name(jointz, loop, option, value, message):
+    outcome = jointz("identify", "bandwidth", loop, *LOOP, option, value)
+
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert "pydantic" not in outcome.err
+
+
+def test_a_folder_is_no_recording_and_a_constant_current_has_its_code(jointz, bench, tmp_path):
+    folder = jointz("identify", "actuator", tmp_path, *COLUMNS)
+    pd.read_csv(bench).assign(i=2.0).to_csv(bench, index=False)
+    constant = jointz("identify", "actuator", bench, *COLUMNS, "--json")
+
+    assert folder.code == 2
+    assert "is a directory" in folder.err
+    assert constant.code == 1
+    assert constant.json["status"] == "failed:constant_current"

@@ -9,20 +9,10 @@ import pytest
 
 
 @pytest.fixture
-def file(tmp_path):
-    t = np.arange(8000) / 500.0
-    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
-    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
-    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
-    table = pd.DataFrame(
-        {
-            "t": t,
-            "knee": np.rad2deg(0.01 * s.sum(axis=0)),
-            "tau": -0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0),
-        }
-    )
+def file(tmp_path, knee_table):
     path = tmp_path / "r.csv"
-    table.to_csv(path, index=False)
+    columns = {"t": knee_table["t"], "knee": np.rad2deg(knee_table["angle"])}
+    pd.DataFrame(columns | {"tau": -knee_table["torque"]}).to_csv(path, index=False)
     return path
 
 
@@ -70,11 +60,18 @@ def test_a_person_reads_a_table_and_quiet_prints_nothing(jointz, file):
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
 
 
-@pytest.mark.parametrize("suffix", ["svg", "png"])
-def test_a_figure_is_written(jointz, file, tmp_path, suffix):
+@pytest.mark.parametrize(("model", "suffix"), [("kbj", "svg"), ("irf", "png"), ("frf", "svg")])
+def test_every_model_gives_the_second_order_joint_and_a_figure(
+    jointz, file, tmp_path, model, suffix
+):
     figure = tmp_path / f"fit.{suffix}"
-    arguments = ("--time", "t", "--estimator", "least_squares", "--figure", figure, "--quiet")
-    assert jointz("identify", "joint", file, *ARGUMENTS, *FLIPPED, *arguments).code == 0
+    options = ("--time", "t", "--model", model, "--figure", figure, "--json")
+    outcome = jointz("identify", "joint", file, *ARGUMENTS, *FLIPPED, *options)
+
+    assert outcome.code == 0
+    assert outcome.json["model"] == model
+    assert outcome.json["parameters"]["stiffness"]["value"] == pytest.approx(80.0, rel=0.02)
+    assert {"vaf_pct", "status"} <= set(outcome.json)
     assert figure.stat().st_size > 1000
 
 

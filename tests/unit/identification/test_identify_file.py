@@ -1,15 +1,15 @@
 """One file with one time series: columns, units, refusals."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, UnitError
-from jointz.identification.identify_file import (
-    identify_actuator_file,
-    identify_bandwidth_file,
-    identify_joint_file,
-)
+from jointz.identification.identify_file import identify_file
+from jointz.identify.actuators.actuator import identify_actuator
+from jointz.identify.series.joint import identify_joint
 from jointz.io.text.column_arguments import Column, parse_column, parse_quantity
 
 
@@ -37,30 +37,23 @@ def test_a_unit_of_something_else_is_refused_with_the_option(unit):
 
 
 @pytest.fixture
-def file(tmp_path):
-    t = np.arange(8000) / 500.0
-    w = 2 * np.pi * np.linspace(0.3, 9.0, 20)[:, None]
-    phase = np.random.default_rng(1).uniform(0, 6.28, 20)[:, None]
-    s, c = np.sin(w * t + phase), np.cos(w * t + phase)
-    angle = 0.01 * s.sum(axis=0)
-    torque = 0.01 * ((80.0 - 0.02 * w**2) * s + 1.2 * w * c).sum(axis=0)
+def file(tmp_path, knee_table):
     path = tmp_path / "r.csv"
-    pd.DataFrame({"ms": 1e3 * t, "deg": np.rad2deg(angle), "mNm": 1e3 * torque}).to_csv(
-        path, index=False
-    )
+    columns = {"ms": 1e3 * knee_table["t"], "deg": np.rad2deg(knee_table["angle"])}
+    pd.DataFrame(columns | {"mNm": 1e3 * knee_table["torque"]}).to_csv(path, index=False)
     return path
 
 
 def test_units_of_the_file_are_converted(file):
     columns = {"angle": "deg:deg", "torque": "mNm:mN*m", "time": "ms:ms"}
-    fit, echoed = identify_joint_file(file, columns, input="angle")
+    fit, echoed = identify_file(identify_joint, file, columns, input="angle")
 
     found = [fit.parameter(n).value for n in ("stiffness", "damping", "inertia")]
     np.testing.assert_allclose(found, (80.0, 1.2, 0.02), rtol=1e-3)
     assert echoed["angle"] == Column("deg", "deg")
 
     del columns["time"]
-    by_rate, _ = identify_joint_file(file, columns, rate_hz=500.0, input="angle")
+    by_rate, _ = identify_file(identify_joint, file, columns, rate_hz=500.0, input="angle")
     assert by_rate.parameter("stiffness").value == pytest.approx(80.0, rel=1e-3)
 
 
@@ -68,21 +61,15 @@ def test_units_of_the_file_are_converted(file):
 def test_time_or_rate_is_given_and_not_both(file, time, rate_hz):
     columns = {"angle": "deg:deg", "torque": "mNm:mN*m", **time}
     with pytest.raises(DataError, match=r"--time COL.* or --rate HZ, one of them"):
-        identify_joint_file(file, columns, rate_hz=rate_hz)
+        identify_file(identify_joint, file, columns, rate_hz=rate_hz)
 
 
 def test_a_column_by_number_may_be_written_with_a_zero_before_it(file):
     pd.read_csv(file).to_csv(file, index=False, header=False)
     columns = {"time": "01:ms", "angle": "02:deg", "torque": "03:mN*m"}
-    fit, _ = identify_joint_file(file, columns, input="angle", files={"header": False})
+    fit, _ = identify_file(identify_joint, file, columns, input="angle", files={"header": False})
 
     assert fit.parameter("stiffness").value == pytest.approx(80.0, rel=1e-3)
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    columns = {"angle": "a", "torque": "b"}
-    with pytest.raises(DataError, match="no such file"):
-        identify_joint_file(tmp_path / "x.csv", columns, rate_hz=100.0)
 
 
 # --- actuators and bandwidths ---------------------------------------------------------------------
@@ -110,32 +97,27 @@ def test_a_quantity_that_cannot_be_read_is_refused_with_the_option(text, message
 
 
 @pytest.fixture
-def bench_file(tmp_path):
-    t = np.arange(10_000) / 500.0
-    current = 5.0 * np.sign(np.sin(2 * np.pi * 0.31 * t)) + np.sin(2 * np.pi * 0.05 * t)
-    velocity = 3.0 * np.sin(2 * np.pi * 0.77 * t)
-    acceleration = 3.0 * 2 * np.pi * 0.77 * np.cos(2 * np.pi * 0.77 * t)
-    torque = 0.2 + 0.9 * current - (0.38 + 0.09 * np.abs(current)) * np.sign(velocity)
-    torque -= 0.0092 * acceleration
+def bench_file(tmp_path, actuator_table):
+    table = actuator_table
+    columns = {
+        "t": table["t"],
+        "mA": 1e3 * table["i"],
+        "rpm": table["w"] * 30 / np.pi,
+        "deg_s2": np.rad2deg(table["a"]),
+        "tau": 0.0092 * table["a"] - table["torque"],
+    }
     path = tmp_path / "bench.csv"
-    pd.DataFrame(
-        {
-            "t": t,
-            "mA": 1e3 * current,
-            "rpm": velocity * 30 / np.pi,
-            "deg_s2": np.rad2deg(acceleration),
-            "tau": -torque,
-        }
-    ).to_csv(path, index=False)
+    pd.DataFrame(columns).to_csv(path, index=False)
     return path
 
 
+identify_bench = partial(identify_file, identify_actuator, needs_clock=False, gear_ratio=9)
 BENCH = {"current": "mA:mA", "velocity": "rpm:rpm", "torque": "tau:Nm"}
 
 
 def test_units_of_a_bench_file_are_converted(bench_file):
     columns = BENCH | {"acceleration": "deg_s2:deg/s^2"}
-    fit, echoed = identify_actuator_file(bench_file, columns, gear_ratio=9, torque_sign=-1)
+    fit, echoed = identify_bench(bench_file, columns, torque_sign=-1)
 
     expected = {
         "bias": 0.2,
@@ -150,14 +132,12 @@ def test_units_of_a_bench_file_are_converted(bench_file):
 
 
 def test_a_bench_file_needs_neither_time_nor_rate_and_takes_not_both(bench_file):
-    fit, _ = identify_actuator_file(bench_file, BENCH, gear_ratio=9, torque_sign=-1)
+    fit, _ = identify_bench(bench_file, BENCH, torque_sign=-1)
     assert fit.rate_hz is None
-    by_time, _ = identify_actuator_file(
-        bench_file, BENCH | {"time": "t"}, gear_ratio=9, torque_sign=-1
-    )
+    by_time, _ = identify_bench(bench_file, BENCH | {"time": "t"}, torque_sign=-1)
     assert by_time.parameter("rotor_inertia").value == pytest.approx(0.0092, rel=0.01)
     with pytest.raises(DataError, match="or neither, not both"):
-        identify_actuator_file(bench_file, BENCH | {"time": "t"}, rate_hz=500.0, gear_ratio=9)
+        identify_bench(bench_file, BENCH | {"time": "t"}, rate_hz=500.0)
 
 
 def test_an_overflow_is_refused_with_file_row_and_column(bench_file):
@@ -166,7 +146,7 @@ def test_an_overflow_is_refused_with_file_row_and_column(bench_file):
     table.to_csv(bench_file, index=False)
     message = r"bench\.csv, column 'mA': row 100: current is -53823 A"
     with pytest.raises(DataError, match=message) as caught:
-        identify_actuator_file(bench_file, BENCH, gear_ratio=9)
+        identify_bench(bench_file, BENCH)
     assert (caught.value.channel, caught.value.row) == ("mA", 100)
 
 
@@ -176,35 +156,4 @@ def test_a_row_of_a_joint_file_counts_header_and_skipped_rows(file):
     file.write_text("a title\n" + table.to_csv(index=False))
     columns = {"angle": "deg:deg", "torque": "mNm:mN*m"}
     with pytest.raises(DataError, match=r"r\.csv: .*'angle' has 1 sample.*row 13"):
-        identify_joint_file(file, columns, rate_hz=500.0, files={"skip_rows": 1})
-
-
-def test_a_bandwidth_is_found_in_a_file(tmp_path):
-    from scipy.signal import butter, lfilter
-
-    command = 10.0 * np.random.default_rng(0).standard_normal(30_000)
-    b, a = butter(1, 10.0, fs=1000.0)
-    path = tmp_path / "loop.csv"
-    pd.DataFrame({"cmd": 1e3 * command, "tau": lfilter(b, a, command)}).to_csv(path, index=False)
-    columns = {"command": "cmd:mN*m", "torque": "tau"}
-
-    fit, echoed = identify_bandwidth_file(path, columns, rate_hz=1000.0)
-    assert fit.bandwidth_hz == pytest.approx(10.0, abs=0.3)
-    assert fit.reference_gain == pytest.approx(1.0, abs=0.05)
-    assert echoed["command"] == Column("cmd", "mN*m")
-    with pytest.raises(DataError, match="either --time"):
-        identify_bandwidth_file(path, columns)
-
-
-@pytest.mark.parametrize("model", ["irf", "frf"])
-def test_a_model_of_the_response_is_reached_by_its_name(file, model):
-    columns = {"angle": "deg:deg", "torque": "mNm:mN*m"}
-    fit, _ = identify_joint_file(file, columns, rate_hz=500.0, input="angle", model=model)
-
-    assert fit.model == model
-    found = [fit.parameter(n).value for n in ("stiffness", "damping", "inertia")]
-    np.testing.assert_allclose(found, (80.0, 1.2, 0.02), rtol=0.02)
-    with pytest.raises(DataError, match="has no choice of estimator"):
-        identify_joint_file(
-            file, columns, rate_hz=500.0, input="angle", model=model, estimator="admittance"
-        )
+        identify_file(identify_joint, file, columns, rate_hz=500.0, files={"skip_rows": 1})

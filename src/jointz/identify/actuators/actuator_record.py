@@ -45,21 +45,21 @@ class ActuatorRecord:
 
 def gather_actuator(
     recording: Samples | None,
-    given: Mapping[str, npt.ArrayLike | None],
+    arrays: Mapping[str, npt.ArrayLike | None],
     *,
     rate_hz: float | None,
     needs_velocity: bool,
     torque_sign: float,
 ) -> ActuatorRecord:
     """Check the samples and find the acceleration."""
-    source = recording if recording is not None else given
+    source = recording if recording is not None else arrays
     has_time = "time" in source and source["time"] is not None
     if rate_hz is not None and has_time:
         raise DataError("identify_actuator: expected time stamps or rate_hz, got both. Drop one.")
     timed = has_time or rate_hz is not None
     record = gather_record(
         recording,
-        given,
+        arrays,
         rate_hz=None if has_time else (1.0 if rate_hz is None else rate_hz),
         where="identify_actuator",
         required=("current", "torque", *(("velocity",) if needs_velocity else ())),
@@ -120,7 +120,7 @@ def velocity_noise(velocity: np.ndarray) -> float:
 
 
 def _noise_share(velocity: np.ndarray, acceleration: np.ndarray, rate_hz: float) -> float:
-    """Return which share of the differenced velocity's variance is noise, 0..1."""
+    """Return the share of noise in the variance of the differenced velocity, 0..1."""
     power = float(np.var(acceleration))
     noise = velocity_noise(velocity) ** 2
     return min(0.5 * noise * rate_hz**2 / power, 1.0) if power > 0.0 else 1.0

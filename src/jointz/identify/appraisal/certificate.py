@@ -46,15 +46,15 @@ def virtual_estimates(
 def _estimated(
     evidence: Evidence, truth: Truth, replicate: int, rng: np.random.Generator
 ) -> list[VirtualEstimate]:
-    cells, injected = [], []
-    for i, cell in enumerate(evidence.cells):
-        response = _injected(evidence, truth, i)
-        cells.append(virtual_cell(cell, response.shown, rng))
-        injected.append(response)
+    injected = [_injected(evidence, truth, i) for i in range(len(evidence.cells))]
+    cells = [
+        virtual_cell(cell, response.shown, rng)
+        for cell, response in zip(evidence.cells, injected, strict=True)
+    ]
     posterior, responses = explain_responses(
         cells, priors_of(evidence.known), window_s=evidence.window_s
     )
-    found = _rows(evidence, posterior, responses)
+    estimates = _rows(evidence, posterior, responses)
     return [
         VirtualEstimate(
             participant=evidence.participant,
@@ -69,20 +69,20 @@ def _estimated(
             session=evidence.session,
             side=evidence.side,
         )
-        for i, (label, rows) in enumerate(found.items())
+        for i, (label, rows) in enumerate(estimates.items())
         for row in rows
     ]
 
 
 def own_estimates(evidence: Evidence) -> dict[str, tuple[ParameterEstimate, ...]]:
-    """Return K, B and J of every timing point, as the study's own pulses tell them."""
+    """Return K, B and J of every timing point, estimated from the study's own pulses."""
     return _rows(evidence, evidence.posterior, evidence.responses)
 
 
 def _rows(
     evidence: Evidence, posterior: JointPosterior, responses: Sequence[CellResponse]
 ) -> dict[str, tuple[ParameterEstimate, ...]]:
-    found = {}
+    estimates = {}
     for i, response in enumerate(responses):
         decision = Decision(
             known=evidence.known,
@@ -91,8 +91,8 @@ def _rows(
             natural=NaturalSize.of(response),
         )
         rows = {row.name: row for row in decided_parameters(i, posterior, decision)}
-        found[response.label] = tuple(rows[name] for name in PARAMETERS)
-    return found
+        estimates[response.label] = tuple(rows[name] for name in PARAMETERS)
+    return estimates
 
 
 def _injected(evidence: Evidence, truth: Truth, i: int) -> InjectedResponse:
@@ -122,13 +122,13 @@ def virtual_cell(cell: PredictedCell, angle: np.ndarray, rng: np.random.Generato
     the ratio.
     """
     used = cell.used
-    misses, strides = _usual(cell.predicted)
+    misses, strides = _usual_misses(cell.predicted)
     places = _one_a_stride(strides, rng)
-    n, there = len(used), places.size
-    again = 2 * n > there
-    chosen = rng.choice(places, size=n, replace=again)
-    wanted = 1.0 / n + 1.0 / there
-    scale = np.sqrt(wanted / (1.0 / n if again else 1.0 / n - 1.0 / there))
+    n, available = len(used), places.size
+    with_replacement = 2 * n > available
+    chosen = rng.choice(places, size=n, replace=with_replacement)
+    variance = 1.0 / n if with_replacement else 1.0 / n - 1.0 / available
+    scale = np.sqrt((1.0 / n + 1.0 / available) / variance)
     responses = scale * (misses[chosen] - misses.mean(axis=0))
     average = cell.predicted.responses[cell.kept].mean(axis=0)
     responses[:, 0] += angle
@@ -141,8 +141,8 @@ def virtual_cell(cell: PredictedCell, angle: np.ndarray, rng: np.random.Generato
     )
 
 
-def _usual(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
-    """Return misses that a pulse would not have been left out for, and their strides."""
+def _usual_misses(predicted: Predicted) -> tuple[np.ndarray, np.ndarray]:
+    """Return misses within the limits of a used pulse, and their strides."""
     angles = predicted.misses[:, 0]
     middle, sd = robust_moments(angles)
     fine = (np.abs(angles - middle) <= unlike_from(sd)).all(axis=1)

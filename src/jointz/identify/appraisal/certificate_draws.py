@@ -39,7 +39,7 @@ Chosen = float | Mapping[str, float] | None
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """What is injected; what the study itself found where nothing is given."""
+    """Injected values; None takes those that the study found."""
 
     stiffness: Chosen = None  # for all timing points, or for some by name
     damping: Chosen = None
@@ -47,7 +47,7 @@ class Injection:
     lag_s: float | None = None  # s: of the sensor in all
 
     def described(self) -> dict[str, str]:
-        """Return, for each, the values or what stands for those of the study."""
+        """Return the injected values as text; ``found`` stands for those of the study."""
         return {name: _described(getattr(self, name)) for name in self.__slots__}
 
 
@@ -80,7 +80,7 @@ def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generat
     joints = []
     for i, cell in enumerate(evidence.cells):
         stiffness, damping, inertia = (
-            _given(chosen, cell.label)
+            _chosen_value(chosen, cell.label)
             for chosen in (injection.stiffness, injection.damping, injection.inertia)
         )
         at = posterior.middle_s[i]
@@ -139,7 +139,7 @@ def _drawn(posterior: Posterior, rng: np.random.Generator) -> np.ndarray:
 
 
 def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.ndarray:
-    """Return what K and B change by at every timing point, (2, n) per s."""
+    """Return the slopes of K and B at every timing point, (2, n) per s."""
     drifts = points[:, [K_DRIFT, B_DRIFT]].T
     values = points[:, [K, B]].T
     sizes = np.maximum(values, np.array(_DRIFT_FLOOR)[:, None])
@@ -159,7 +159,7 @@ def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.
 
 
 def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[float, ...]]:
-    """Return what the injected impedance holds beside the joint's own, timing point by point."""
+    """Return the impedance injected beside the joint's own, timing point by timing point."""
     parts = {}
     for name in ("stiffness", "damping", "inertia"):
         entry: Calibrated | None = getattr(evidence.known, f"intrinsic_{name}")
@@ -173,10 +173,10 @@ def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[
     return parts
 
 
-def _given(chosen: Chosen, label: str) -> float | None:
-    if chosen is None or isinstance(chosen, Mapping):
-        return None if chosen is None else chosen.get(label)
-    return float(chosen)
+def _chosen_value(chosen: Chosen, label: str) -> float | None:
+    if isinstance(chosen, Mapping):
+        return chosen.get(label)
+    return None if chosen is None else float(chosen)
 
 
 def _described(chosen: Chosen) -> str:

@@ -18,7 +18,7 @@ def evidence_of(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> tuple[Evidence, ...]:
     """Predict and explain the pulses of a participant as the recommended method does."""
-    found = []
+    evidence = []
     for unit, group in recording_groups(recordings, walking=settings.walking):
         session, side = unit or ("", "")
         sources = prepare_sources(group, settings)
@@ -27,5 +27,5 @@ def evidence_of(
             assign_pulses(participant, sources, settings, baseline=estimator.baseline, alone=True)
         )
         if estimator.evidence is not None:
-            found.append(replace(estimator.evidence, session=session, side=side))
-    return tuple(found)
+            evidence.append(replace(estimator.evidence, session=session, side=side))
+    return tuple(evidence)

@@ -42,17 +42,17 @@ class InjectedJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InjectedResponse:
-    """How an injected joint answers."""
+    """Response of an injected joint."""
 
-    shown: np.ndarray  # what the sensor shows
-    stiffness: float  # means of K and B, weighted with what the motion tells of them
+    shown: np.ndarray  # angle that the sensor shows
+    stiffness: float  # means of K and B, weighted by their effect on the motion
     damping: float
 
 
 def injected_response(
     torque: np.ndarray, joint: InjectedJoint, *, period_s: float, window_s: float
 ) -> InjectedResponse:
-    """Return how a joint at rest answers a torque, and what K and B it then has on average.
+    """Return the response of a joint at rest to a torque, and its mean K and B.
 
     The means are those of SCIENCE, trap 10: a change of K at one moment moves the angle from
     then on, and counts by what least squares on the angle would make of it.
@@ -62,23 +62,23 @@ def injected_response(
     place, rate = _output(states, joint)
     curve = CubicHermiteSpline(times, place, rate)
     late = times - joint.delay_s
-    seen = np.where(late > 0.0, curve(np.maximum(late, 0.0)), 0.0)
+    delayed = np.where(late > 0.0, curve(np.maximum(late, 0.0)), 0.0)
     within = slice(0, int(window_s / period_s + 1e-9) + 1)
     kick = np.zeros(torque.size)
     kick[0] = 1.0
     answer = _states(kick, joint, period_s)[within, _X]
     since_K, since_B = (times[within] - at for at in (joint.stiffness_at_s, joint.damping_at_s))
-    weight_K = _told(answer, states[within, _X])
-    weight_B = _told(answer, states[within, _V])
+    weight_K = _moment_weights(answer, states[within, _X])
+    weight_B = _moment_weights(answer, states[within, _V])
     return InjectedResponse(
-        shown=joint.angle_gain * (seen + joint.cross_talk * torque),
+        shown=joint.angle_gain * (delayed + joint.cross_talk * torque),
         stiffness=joint.stiffness + joint.stiffness_slope * float(weight_K @ since_K),
         damping=joint.damping + joint.damping_slope * float(weight_B @ since_B),
     )
 
 
-def _told(answer: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Return how much each moment counts in a fit of what multiplies the motion; sum 1."""
+def _moment_weights(answer: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Return the weight of each moment in a fit of the factor of the motion; sum 1."""
     n = motion.size
     lower = np.tril(answer[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
     effect = lower * motion
@@ -124,7 +124,7 @@ def _steps(n: int, joint: InjectedJoint, period_s: float) -> np.ndarray:
 
 
 def _output(states: np.ndarray, joint: InjectedJoint) -> tuple[np.ndarray, np.ndarray]:
-    """Return what stands before the delay, and its derivative."""
+    """Return the signal before the delay, and its derivative."""
     place, rate = states[:, _X], states[:, _V]
     if joint.resonance_hz > 0.0:
         place, rate = states[:, _Y], states[:, _YD]

@@ -16,25 +16,25 @@ from jointz.results.certificate_result import Certificate, VirtualEstimate, expe
 #: So many virtual participants in all tell a RMSE to 10 %: the sd of a root mean square of n
 #: errors is 1 / sqrt(2 n) of it.
 VIRTUAL_PARTICIPANTS = 50
-_NOTHING = "no pulse that could be predicted"
+_NO_PULSES = "no pulse that could be predicted"
 
 
 def certify_participant(
     evidence: Sequence[Evidence], injection: Injection, *, replicates: int, seed: int
 ) -> list[VirtualEstimate]:
-    """Inject into the strides of one participant; nothing where nothing could be explained."""
+    """Inject into the strides of one participant; empty without evidence."""
     estimates: list[VirtualEstimate] = []
-    for own in evidence:
+    for unit in evidence:
         # By name: a participant more or less changes nobody else's draws.
-        name = row_label(own.participant, own.session, own.side)
+        name = row_label(unit.participant, unit.session, unit.side)
         rng = np.random.default_rng([seed, crc32(name.encode())])
-        for found in virtual_estimates(own, injection, replicates=replicates, rng=rng):
-            estimates += found
+        for replicate in virtual_estimates(unit, injection, replicates=replicates, rng=rng):
+            estimates += replicate
     return estimates
 
 
 def assembled(
-    found: Mapping[str, Sequence[VirtualEstimate]],
+    by_participant: Mapping[str, Sequence[VirtualEstimate]],
     injection: Injection,
     *,
     replicates: int,
@@ -42,19 +42,19 @@ def assembled(
     window_s: float,
 ) -> Certificate:
     """Put the participants' injections together."""
-    estimates = tuple(e for mine in found.values() for e in mine)
+    estimates = tuple(e for rows in by_participant.values() for e in rows)
     return Certificate(
         method=RECOMMENDED,
         errors=expected_errors(estimates),
         estimates=estimates,
-        n_participants=sum(bool(mine) for mine in found.values()),
+        n_participants=sum(bool(rows) for rows in by_participant.values()),
         replicates=replicates,
         injected=injection.described(),
-        left_out={person_id: _NOTHING for person_id, mine in found.items() if not mine},
+        left_out={person_id: _NO_PULSES for person_id, rows in by_participant.items() if not rows},
         settings={"seed": seed, "window_s": window_s},
     )
 
 
 def replicates_for(participants: int, *, virtual: int = VIRTUAL_PARTICIPANTS) -> int:
-    """Return how many injections a participant tell the RMSE of a study to 10 %."""
+    """Return the injections a participant that estimate the RMSE of a study to 10 %."""
     return math.ceil(virtual / max(participants, 1))

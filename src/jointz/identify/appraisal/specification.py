@@ -32,38 +32,37 @@ from jointz.results.specification_curve import SpecificationEstimate
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 PREDICTED = "predicted"
+BASELINES = (PREDICTED, "matched_strides", "unperturbed_mean")
 #: How the inertia of the timing points is bound together.
 INERTIA_MODELS = ("one", "free", "pooled")
-#: The method that filters: what its cut-off does is the dissertation's question.
+#: The method that filters: its cut-off is one of the choices.
 FILTERED = "dissertation"
 
-#: Called with what comes next.
+#: Called with the name of the next step.
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What is combined."""
+    """Choices that are combined."""
 
     windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)  # s: from the onset
     cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: of the method that filters
-    # subtracted: ``predicted``, ``matched_strides``, ``unperturbed_mean``
-    baselines: tuple[str, ...] = (PREDICTED, "matched_strides", "unperturbed_mean")
+    baselines: tuple[str, ...] = BASELINES  # subtracted
     # of :data:`INERTIA_MODELS`; for the recommended method
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
     def __post_init__(self) -> None:
-        known = {"baselines": (PREDICTED, "matched_strides", "unperturbed_mean")}
-        known["inertia_models"] = INERTIA_MODELS
+        known = {"baselines": BASELINES, "inertia_models": INERTIA_MODELS}
         for name in self.__slots__:
             values = getattr(self, name)
             if name in known:
-                fine = all(v in known[name] for v in values)
+                valid = all(v in known[name] for v in values)
                 expected = f"names among {', '.join(known[name])}"
             else:
-                fine = all(0.0 < v < np.inf for v in values)
+                valid = all(0.0 < v < np.inf for v in values)
                 expected = "positive numbers"
-            if not values or not fine:
+            if not values or not valid:
                 raise ValueError(f"{name}: expected one or more {expected}, got {values!r}.")
 
 
@@ -82,19 +81,19 @@ def specification_estimates(
     its two baselines and every cut-off and window. Misleads when it is read as a vote: many sets
     of choices that share an error agree. It shows which choice matters, not which is right.
     """
-    told = tell or _silent
+    progress = tell or (lambda _step: None)
     sources = prepare_sources(recordings, settings)
-    found: list[_Found] = []
+    results: list[_SpecifiedCells] = []
     for window_s in choices.windows_s:
-        told(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
-        asked = _asked(settings, window_s=window_s)
-        found += _recommended(participant, sources, asked, choices)
+        progress(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
+        changed = _with_perturbations(settings, window_s=window_s)
+        results += _recommended(participant, sources, changed, choices)
     for cutoff_hz in choices.cutoffs_hz:
-        told(f"{FILTERED}, {cutoff_hz:g} Hz")
-        found += _filtered(participant, recordings, settings, choices, cutoff_hz)
-    seen = [cell.timing_point for f in found for cell in f.cells]
-    labels = label_names(settings.perturbations, seen)
-    return tuple(row for f in found for row in f.rows(labels))
+        progress(f"{FILTERED}, {cutoff_hz:g} Hz")
+        results += _filtered(participant, recordings, settings, choices, cutoff_hz)
+    used = [cell.timing_point for result in results for cell in result.cells]
+    labels = label_names(settings.perturbations, used)
+    return tuple(row for result in results for row in result.rows(labels))
 
 
 def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
@@ -102,8 +101,8 @@ def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
     if model == "pooled":
         return posterior
     free = max(p.hypothesis.inertia_sd for p in posterior.posteriors)
-    wanted = CONSTANT_INERTIA_SD if model == "one" else free
-    kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == wanted]
+    chosen_sd = CONSTANT_INERTIA_SD if model == "one" else free
+    kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == chosen_sd]
     return JointPosterior.weighed(kept)
 
 
@@ -155,8 +154,8 @@ class _SpecifiedEstimator(WalkingEstimator):
         baseline, inertia_model = self._chosen
         if baseline not in self._pooled:
             self._pooled[baseline] = (*super()._explained(cells, failures), dict(failures))
-        evidence, odds, found = self._pooled[baseline]
-        failures.update(found)
+        evidence, odds, pooled_failures = self._pooled[baseline]
+        failures.update(pooled_failures)
         if evidence is None or inertia_model == "pooled":
             return evidence, odds
         posterior = of_inertia_model(evidence.posterior, inertia_model)
@@ -172,8 +171,8 @@ class _SpecifiedEstimator(WalkingEstimator):
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
-    """What came out under one set of choices; missing timing points have the failure given."""
+class _SpecifiedCells:
+    """Estimates under one set of choices; missing timing points have a failure instead."""
 
     choice: Mapping[str, Any]
     cells: Sequence[CellEstimate]
@@ -181,10 +180,10 @@ class _Found:
 
     def rows(self, labels: Sequence[str]) -> Iterator[SpecificationEstimate]:
         """Yield K, B and J of every timing point."""
-        there = {cell.timing_point: cell for cell in self.cells}
+        cells = {cell.timing_point: cell for cell in self.cells}
         for label in labels:
             for name in PARAMETERS:
-                p = there[label].parameter(name) if label in there else None
+                p = cells[label].parameter(name) if label in cells else None
                 yield SpecificationEstimate(
                     timing_point=label,
                     parameter=name,
@@ -201,7 +200,7 @@ def _recommended(
     sources: Sequence[Source],
     settings: ParticipantSettings,
     choices: Choices,
-) -> Iterator[_Found]:
+) -> Iterator[_SpecifiedCells]:
     estimator = _SpecifiedEstimator(participant, sources, settings)
     candidates = assign_pulses(
         participant, sources, settings, baseline=estimator.baseline, alone=True
@@ -217,7 +216,7 @@ def _recommended(
                 "inertia_model": model,
             }
             cells = estimator.under(candidates, baseline=baseline, inertia_model=model)
-            yield _Found(choice, cells, missing)
+            yield _SpecifiedCells(choice, cells, missing)
 
 
 def _filtered(
@@ -226,15 +225,17 @@ def _filtered(
     settings: ParticipantSettings,
     choices: Choices,
     cutoff_hz: float,
-) -> Iterator[_Found]:
-    conditioned = prepare_sources(recordings, _asked(settings, cutoff_hz=cutoff_hz))
+) -> Iterator[_SpecifiedCells]:
+    conditioned = prepare_sources(recordings, _with_perturbations(settings, cutoff_hz=cutoff_hz))
     for baseline in choices.baselines:
         if baseline == PREDICTED:
             continue
         for window_s in choices.windows_s:
-            asked = _asked(settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline)
-            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, asked)
-            candidates = assign_pulses(participant, conditioned, asked, baseline=baseline)
+            changed = _with_perturbations(
+                settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline
+            )
+            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, changed)
+            candidates = assign_pulses(participant, conditioned, changed, baseline=baseline)
             choice = {
                 "method": FILTERED,
                 "baseline": baseline,
@@ -243,7 +244,7 @@ def _filtered(
                 "inertia_model": "free",
             }
             missing = _why_missing(conditioned, candidates)
-            yield _Found(choice, estimator.run(candidates)[0], missing)
+            yield _SpecifiedCells(choice, estimator.run(candidates)[0], missing)
 
 
 def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:
@@ -254,9 +255,5 @@ def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> 
     return Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
 
 
-def _asked(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
+def _with_perturbations(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
     return replace(settings, perturbations=settings.perturbations.model_copy(update=changes))
-
-
-def _silent(what: str) -> None:
-    del what

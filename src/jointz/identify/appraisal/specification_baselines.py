@@ -1,4 +1,4 @@
-"""The recommended method with the baselines of other methods: responses, and what they miss."""
+"""Recommended method with the baselines of other methods: responses, and their misses."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,7 +34,8 @@ def with_baseline(
     window_s = cell.predicted.responses.shape[2] * cell.period_s
     cutter = WindowCutter(raw, settings, baseline=baseline, window_s=window_s)
     used = cell.used
-    windows, unperturbed = cutter.cut([_led(c, LEAD_SAMPLES * cell.period_s) for c in used])
+    early = [_advanced(c, LEAD_SAMPLES * cell.period_s) for c in used]
+    windows, unperturbed = cutter.cut(early)
     fine = unperturbed.valid.any(axis=1) & np.isfinite(windows).all(axis=(1, 2))
     if not fine.any():
         return None
@@ -43,7 +44,6 @@ def with_baseline(
         middle = unperturbed.windows[fine].mean(axis=0)[valid]
         misses, strides = middle - middle.mean(axis=0), np.flatnonzero(valid)
     else:
-        early = [_led(c, LEAD_SAMPLES * cell.period_s) for c in used]
         misses, strides = _matched_misses(cutter, early, sources)
     if strides.size < _FEWEST_STRIDES:
         return None
@@ -60,8 +60,8 @@ def with_baseline(
     return replace(cell, candidates=used, predicted=predicted, kept=alike(predicted))
 
 
-def _led(candidate: Candidate, lead_s: float) -> Candidate:
-    """Return a pulse whose window begins so much before its onset."""
+def _advanced(candidate: Candidate, lead_s: float) -> Candidate:
+    """Return a pulse whose window begins earlier."""
     pulse = replace(candidate.pulse, onset_s=candidate.pulse.onset_s - lead_s)
     return replace(candidate, pulse=pulse, elapsed_s=candidate.elapsed_s - lead_s)
 
@@ -69,7 +69,7 @@ def _led(candidate: Candidate, lead_s: float) -> Candidate:
 def _matched_misses(
     cutter: WindowCutter, used: Sequence[Candidate], sources: Sequence[Source]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what matched strides miss at virtual onsets, and the strides of these."""
+    """Return the misses of matched strides at virtual onsets, and their strides."""
     first = used[0]
     source = sources[first.source]
     if source.strides is None:

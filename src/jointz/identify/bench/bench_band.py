@@ -1,4 +1,4 @@
-"""A bench trial inside one frequency band, and where friction may hold its load.
+"""Bench trial inside one frequency band, and the samples where friction may hold its load.
 
 Both records pass the same Gaussian low-pass; the friction's sign passes it too.
 """
@@ -79,7 +79,7 @@ def band_record(record: EvenRecord, *, friction: bool) -> BandRecord:
 
 
 def _may_stick(slow: np.ndarray, step_s: float, kernel_s: float) -> np.ndarray:
-    """Return where a stick, which is slow for long, reaches through the filter."""
+    """Return the samples that lasting sticks reach through the filter."""
     shortest = max(1, round(_SHORTEST_STICK_S / step_s))
     reach = int(np.ceil(_REACH * kernel_s / step_s))
     sticks = binary_opening(slow, np.ones(shortest, dtype=bool))

@@ -1,4 +1,4 @@
-"""Angle and torque of a load on a bench: checked, evenly sampled, and how noisy they are."""
+"""Angle and torque of a load on a bench: checks, even sampling, noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 
 #: Fewest samples of a record that a fit can use.
@@ -109,9 +108,8 @@ def _checked(trial: BenchTrial, where: str) -> BenchTrial:
     _check_time(time, where)
     for name, values in (("angle", angle), ("torque", torque)):
         if np.ptp(values) == 0.0:
-            code = Failure.CONSTANT_ANGLE if name == "angle" else Failure.CONSTANT_TORQUE
             raise EstimationError(
-                code,
+                f"constant_{name}",
                 f"{where}: the {name} is {values[0]:g} throughout. Look for a dead sensor, a "
                 "locked output or a missing perturbation.",
             )
@@ -153,7 +151,7 @@ def _resampled(trial: BenchTrial) -> EvenRecord:
 
 
 def _noise_seen(grid: np.ndarray, stamps: np.ndarray) -> float:
-    """Return what interpolation leaves of the fourth differences of white noise, in power.
+    """Return the share of power that fourth differences of white noise keep on the grid.
 
     Between stamps linear interpolation averages two values: fast noise shrinks, the slow
     noise that a fit meets does not. With 0.1 ms of jitter at 900 Hz a quarter goes.

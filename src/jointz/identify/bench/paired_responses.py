@@ -1,4 +1,4 @@
-"""What perturbations add: the responses of pairs of runs, perturbed less unperturbed."""
+"""Responses of pairs of runs: perturbed less unperturbed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class _Run:
         return float(self.stretch.time[0])
 
     def holds(self, begin_s: float, end_s: float) -> bool:
-        """Tell whether a window lies inside, away from what the filter spoils."""
+        """Tell whether a window lies inside, away from the edges that the filter spoils."""
         first, last = self.start_s + self.guard_s, float(self.stretch.time[-1]) - self.guard_s
         half_a_sample = 0.5 / self.rate_hz
         return begin_s >= first - half_a_sample and end_s <= last + half_a_sample
@@ -65,18 +65,18 @@ def pair_responses(
     where: str,
 ) -> PairResponses:
     """Return the response to every pulse that both runs of a pair hold."""
-    wanted = () if pulses is not None else ("command",)
+    needed = () if pulses is not None else ("command",)
     unperturbed = _run(pair[0], f"{where}, unperturbed", align, cutoff_hz=cutoff_hz)
-    perturbed = _run(pair[1], f"{where}, perturbed", align, wanted, cutoff_hz=cutoff_hz)
+    perturbed = _run(pair[1], f"{where}, perturbed", align, needed, cutoff_hz=cutoff_hz)
     check_same_rate(where, unperturbed.rate_hz, perturbed.rate_hz)
-    found = pulses_from_command(perturbed.recording) if pulses is None else tuple(pulses)
-    found = with_measured_amplitudes(found, perturbed.recording)
-    shift_s = _shift(unperturbed, perturbed, found, window_s=window_s, where=where)
+    planned = pulses_from_command(perturbed.recording) if pulses is None else tuple(pulses)
+    planned = with_measured_amplitudes(planned, perturbed.recording)
+    shift_s = _shift(unperturbed, perturbed, planned, window_s=window_s, where=where)
     kept: list[Pulse] = []
     windows: list[np.ndarray] = []
     left_out: list[tuple[Pulse, str]] = []
-    ends = [*(later.onset_s for later in found[1:]), np.inf]
-    for pulse, end_s in zip(found, ends, strict=False):
+    ends = [*(later.onset_s for later in planned[1:]), np.inf]
+    for pulse, end_s in zip(planned, ends, strict=False):
         if end_s < pulse.onset_s + window_s:
             left_out.append((pulse, "another pulse begins inside its window"))
             continue
@@ -110,11 +110,11 @@ def _run(
     samples: Samples,
     where: str,
     align: str,
-    wanted: tuple[str, ...] = (),
+    needed: tuple[str, ...] = (),
     *,
     cutoff_hz: float,
 ) -> _Run:
-    required = ("time", "angle", "torque", align, *wanted)
+    required = ("time", "angle", "torque", align, *needed)
     record = gather_record(
         samples, dict.fromkeys(required), rate_hz=None, where=where, required=required
     )

@@ -1,4 +1,4 @@
-"""Every pulse of a bench by itself, as 2.2.3 has it: what the statistics of 2.2.4 compare."""
+"""Every pulse of a bench by itself (2.2.3), for the statistics of 2.2.4."""
 
 from collections.abc import Sequence
 

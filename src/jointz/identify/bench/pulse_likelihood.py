@@ -5,10 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.signal import savgol_filter
-from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
+from jointz.identify.series.block_regression import t_factor
 from jointz.kernels.series.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
 from jointz.kernels.series.second_order_recursion import REACH
 from jointz.results.bench.bench_fits import PulseFit, estimate
@@ -200,8 +200,7 @@ def _start(record: PulseRecord, lag_s: float) -> np.ndarray:
 
 def _shifted_torque(record: PulseRecord, lag_s: float) -> np.ndarray:
     at = record.lead + lag_s / record.step_s + np.arange(record.angle.size)
-    shifted: np.ndarray = np.interp(at, np.arange(record.torque.size), record.torque)
-    return shifted
+    return np.interp(at, np.arange(record.torque.size), record.torque)
 
 
 def _result(
@@ -220,7 +219,7 @@ def _result(
     usable = fit.converged and fit.condition_number < _LARGEST_CONDITION
     sds = np.sqrt(np.diag(covariance)) if usable else np.full(len(names), np.inf)
     common: dict[str, Any] = {"ci_level": _CI_LEVEL, "ci_method": "information of the likelihood"}
-    factor = float(student_t.ppf((1.0 + _CI_LEVEL) / 2.0, max(freedom, 1)))
+    factor = t_factor(_CI_LEVEL, max(freedom, 1))
     time = start_s + record.step_s * np.arange(record.angle.size)
     torque = _shifted_torque(record, float(fit.values[3]))
     torque = torque - fit.values[4]

@@ -1,4 +1,4 @@
-"""By how much one of two runs along the same reference began later than the other."""
+"""Time shift between two runs along the same reference."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _CONVERGED_S = 1e-9
 def reference_shift(
     reference: np.ndarray, other: np.ndarray, *, rate_hz: float, keep: np.ndarray, where: str
 ) -> float:
-    """Return the time by which the other run passes the reference later, s."""
+    """Return the delay of the other run along the reference, s."""
     variance = float(np.var(reference[keep])) if keep.any() else 0.0
     if variance <= 1e-18 * float(np.max(np.abs(reference), initial=0.0)) ** 2:
         raise DataError(

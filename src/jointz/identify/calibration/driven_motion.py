@@ -1,4 +1,4 @@
-r"""How the current alone would move an actuator that leans on a spring.
+r"""Motion that the current alone would give an actuator against a spring.
 
 :math:`k\theta + F(t)\tanh(\dot\theta/v_0) = \tau(t)`, without the error of the torque that moves
 the measured angle too: an instrument for the direction of the motion. It need not be exact.
@@ -24,12 +24,12 @@ def driven_velocity(
     """Return the velocity that torque and friction give, rad/s."""
     grid = np.arange(time[0], time[-1] + _STEP_S, _STEP_S)
     pulls, holds = (np.interp(grid, time, values).tolist() for values in (drive, friction))
-    angle, found = pulls[0] / stiffness, []
+    angle, velocity = pulls[0] / stiffness, []
     for pull, hold in zip(pulls, holds, strict=True):
         step = _step(pull - stiffness * angle, hold, stiffness, _STEP_S * smooth_rad_s)
         angle += step
-        found.append(step / _STEP_S)
-    return np.asarray(np.interp(time, grid, found))
+        velocity.append(step / _STEP_S)
+    return np.asarray(np.interp(time, grid, velocity))
 
 
 def _step(pull: float, hold: float, stiffness: float, smooth_rad: float) -> float:
@@ -42,8 +42,8 @@ def _step(pull: float, hold: float, stiffness: float, smooth_rad: float) -> floa
     for _ in range(_PASSES):
         share = tanh(x / smooth_rad)
         slope = stiffness + hold * (1.0 - share**2) / smooth_rad
-        more = (size - stiffness * x - hold * share) / slope
-        x += more
-        if more < _SMALL_RAD:
+        change = (size - stiffness * x - hold * share) / slope
+        x += change
+        if change < _SMALL_RAD:
             break
     return x if pull > 0.0 else -x

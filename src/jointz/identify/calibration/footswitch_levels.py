@@ -6,13 +6,17 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    calibration_step,
+    checked_channels,
+    step_series,
+)
 from jointz.kernels.robust_spread import robust_sd
 from jointz.results.bench.calibration_failure import CalibrationFailure
-from jointz.results.bench.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
+from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 from jointz.results.estimates import REACH_95
 
-_NAMES = ("contact_threshold_v", "contact_release_v")
 #: Thresholds, share of the way from the open level to that of contact.
 _CONTACT_SHARE, _RELEASE_SHARE = 0.6, 0.4
 #: The least share of the time at either level.
@@ -43,21 +47,16 @@ class _Levels:
         return self.contact_v - self.open_v
 
 
+@calibration_step("footswitch", "contact_threshold_v", "contact_release_v")
 def fit_footswitch(time: np.ndarray, voltage: np.ndarray) -> CalibrationFit:
-    """Find the two levels of a footswitch while somebody walks, and thresholds between them.
+    """Estimate the two levels of a footswitch during walking, and thresholds between them.
 
     Levels are medians: bounces and edges do not move them. The sd says how far the levels of any
     stride, in this session or a later one, lie from their mean: they creep, and a record of a
     minute is too short for the error of the mean to be known. Thresholds must stay clear of both
     levels as they spread over the whole record.
     """
-    try:
-        return _fitted(*checked_channels(time, voltage=voltage))
-    except RefusedError as refused:
-        return CalibrationFit("footswitch", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(time: np.ndarray, voltage: np.ndarray) -> CalibrationFit:
+    time, voltage = checked_channels(time, voltage=voltage)
     levels = _clusters(voltage)
     _check_levels(levels)
     pairs = _by_stride(voltage, levels)
@@ -65,31 +64,27 @@ def _fitted(time: np.ndarray, voltage: np.ndarray) -> CalibrationFit:
     correlated = _correlated_strides(pairs)
     spread = spread * _widening(len(pairs) / correlated)
 
-    def share(part: float) -> tuple[float, dict[str, float]]:
-        weights = np.array([1.0 - part, part])
-        creep = float(np.sqrt(weights @ spread @ weights))
-        return float(weights @ centre), {"creep": creep}
+    def level_between(name: str, share: float) -> CalibrationEntry:
+        weights = np.array([1.0 - share, share])
+        return decided(
+            name, float(weights @ centre), {"creep": float(np.sqrt(weights @ spread @ weights))}
+        )
 
-    entries = tuple(
-        decided(name, *share(part))
-        for name, part in zip(_NAMES, (_CONTACT_SHARE, _RELEASE_SHARE), strict=True)
-    )
-    wanted = np.where(levels.in_contact, centre[1], centre[0])
     return CalibrationFit(
         step="footswitch",
-        entries=entries,
-        reported=(
-            decided("open_level_v", *share(0.0)),
-            decided("contact_level_v", *share(1.0)),
+        entries=(
+            level_between("contact_threshold_v", _CONTACT_SHARE),
+            level_between("contact_release_v", _RELEASE_SHARE),
         ),
+        reported=(level_between("open_level_v", 0.0), level_between("contact_level_v", 1.0)),
         method=_METHOD,
         n_samples=time.size,
         notes=(f"In contact for {levels.in_contact.mean():.0%} of the time.",),
         settings={"n_strides": len(pairs), "correlated_strides": correlated},
-        series=CalibrationSeries(
-            x=thinned(time),
-            measured=thinned(voltage),
-            modelled=thinned(wanted),
+        series=step_series(
+            time,
+            voltage,
+            np.where(levels.in_contact, centre[1], centre[0]),
             x_label="time (s)",
             y_label="footswitch (V)",
         ),
@@ -100,8 +95,7 @@ def _clusters(voltage: np.ndarray) -> _Levels:
     """Split samples into two levels by their medians (k-medians in one dimension)."""
     low, high = (float(v) for v in np.quantile(voltage, [0.02, 0.98]))
     if not high > low:
-        detail = f"98 of 100 samples are {low:.4g} V"
-        raise RefusedError(CalibrationFailure.ONE_LEVEL, detail)
+        raise RefusedError(CalibrationFailure.ONE_LEVEL, f"98 of 100 samples are {low:.4g} V")
     for _ in range(_PASSES):
         above = voltage > 0.5 * (low + high)
         if not 0 < above.sum() < voltage.size:
@@ -122,8 +116,8 @@ def _check_levels(levels: _Levels) -> None:
         raise RefusedError(CalibrationFailure.ONE_LEVEL, f"{detail}{levels.open_v:.3g} V")
     reach = min(_RELEASE_SHARE, 1.0 - _CONTACT_SHARE) * levels.apart_v
     if max(levels.open_sd_v, levels.contact_sd_v) * _CLEAR_SDS > reach:
-        one = levels.apart_v < _TWO_LEVELS * (levels.open_sd_v + levels.contact_sd_v)
-        code = CalibrationFailure.ONE_LEVEL if one else CalibrationFailure.OVERLAPPING_LEVELS
+        one_level = levels.apart_v < _TWO_LEVELS * (levels.open_sd_v + levels.contact_sd_v)
+        code = CalibrationFailure.ONE_LEVEL if one_level else CalibrationFailure.OVERLAPPING_LEVELS
         detail = (
             f"levels {levels.open_v:.3g} and {levels.contact_v:.3g} V, sd {levels.open_sd_v:.2g} "
             f"and {levels.contact_sd_v:.2g} V"
@@ -159,13 +153,13 @@ def _by_stride(voltage: np.ndarray, levels: _Levels) -> np.ndarray:
 
 
 def _widening(independent: float) -> float:
-    """Return what makes the variance over strides that of any stride, by Student's t."""
+    """Return the factor from the variance over strides to that of any stride, by Student's t."""
     df = max(independent - 1.0, _FEWEST_DF)
     return float((df + 1.0) / df * (student_t.ppf(0.975, df) / REACH_95) ** 2)
 
 
 def _correlated_strides(pairs: np.ndarray) -> float:
-    """Return over how many strides the levels are alike: slow creep makes few of many."""
+    """Return over how many strides the levels stay correlated by slow creep."""
     longest = len(pairs) // 3
     most = 1.0
     for row in (pairs - pairs.mean(axis=0)).T:

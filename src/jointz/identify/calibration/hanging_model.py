@@ -17,22 +17,30 @@ from scipy.optimize import least_squares
 from jointz.core.study import Calibrated
 from jointz.kernels.joint_response import MOTION, joint_motion, sensed
 
-#: Parameters.
-NAMES = (
-    "log_inertia",
-    "stiffness",
-    "damping",
-    "damping_weighted",
-    "stiffness_more",
-    "inertia_more",
-    "gain_ratio",
-    "friction_gain",
-    "cross_talk",
-    "lag",
-    "delay",
-    "log_resonance",
-    "resonance_damping",
-)
+#: Parameter -> mean and sd before the data (wide where nothing is known), lowest and highest
+#: value of the search, and its step.
+_PARAMETERS = {
+    "log_inertia": (float(np.log(0.15)), 1.5, -7.0, 2.5, 0.1),
+    "stiffness": (15.0, 30.0, -100.0, 1e3, 1.0),
+    "damping": (1.0, 2.0, -5.0, 50.0, 0.1),
+    "damping_weighted": (1.0, 2.0, -5.0, 50.0, 0.1),
+    "stiffness_more": (0.0, 1.0, -20.0, 20.0, 0.5),
+    "inertia_more": (0.0, 1e-3, -0.5, 0.5, 1e-3),
+    "gain_ratio": (1.0, 0.3, 0.2, 5.0, 0.05),
+    "friction_gain": (1.0, 0.2, 0.0, 3.0, 0.1),
+    "cross_talk": (0.0, 3e-4, -0.05, 0.05, 1e-4),
+    "lag": (0.008, 0.008, 0.0, 0.06, 1e-3),
+    "delay": (0.003, 0.003, -0.02, 0.04, 1e-3),
+    "log_resonance": (
+        float(np.log(30.0)),
+        0.4,
+        float(np.log(6.0)),
+        float(np.log(150.0)),
+        0.1,
+    ),
+    "resonance_damping": (0.3, 0.1, 0.03, 0.97, 0.1),
+}
+NAMES = tuple(_PARAMETERS)
 (
     LOG_INERTIA,
     STIFFNESS,
@@ -48,39 +56,8 @@ NAMES = (
     LOG_RESONANCE,
     RESONANCE_DAMPING,
 ) = range(len(NAMES))
-#: Mean and sd before the data; wide where nothing is known.
-_PRIOR = {
-    "log_inertia": (float(np.log(0.15)), 1.5),
-    "stiffness": (15.0, 30.0),
-    "damping": (1.0, 2.0),
-    "damping_weighted": (1.0, 2.0),
-    "stiffness_more": (0.0, 1.0),
-    "inertia_more": (0.0, 1e-3),
-    "gain_ratio": (1.0, 0.3),
-    "friction_gain": (1.0, 0.2),
-    "cross_talk": (0.0, 3e-4),
-    "lag": (0.008, 0.008),
-    "delay": (0.003, 0.003),
-    "log_resonance": (float(np.log(30.0)), 0.4),
-    "resonance_damping": (0.3, 0.1),
-}
-#: What the search may reach, and its steps.
-_REACH = {
-    "log_inertia": (-7.0, 2.5, 0.1),
-    "stiffness": (-100.0, 1e3, 1.0),
-    "damping": (-5.0, 50.0, 0.1),
-    "damping_weighted": (-5.0, 50.0, 0.1),
-    "stiffness_more": (-20.0, 20.0, 0.5),
-    "inertia_more": (-0.5, 0.5, 1e-3),
-    "gain_ratio": (0.2, 5.0, 0.05),
-    "friction_gain": (0.0, 3.0, 0.1),
-    "cross_talk": (-0.05, 0.05, 1e-4),
-    "lag": (0.0, 0.06, 1e-3),
-    "delay": (-0.02, 0.04, 1e-3),
-    "log_resonance": (float(np.log(6.0)), float(np.log(150.0)), 0.1),
-    "resonance_damping": (0.03, 0.97, 0.1),
-}
-_LOW, _HIGH, _SCALE = np.array([_REACH[name] for name in NAMES]).T
+_PRIOR = {name: row[:2] for name, row in _PARAMETERS.items()}
+_LOW, _HIGH, _SCALE = np.array([row[2:] for row in _PARAMETERS.values()]).T
 _STARTS = (0.06, 0.2, 0.6)
 _SUBSTEP_S = 1e-3
 _LEAST_SD = 1e-6
@@ -109,10 +86,10 @@ class HangingCell:
 
 @dataclass(frozen=True, slots=True)
 class KnownWeight:
-    """What was strapped on."""
+    """Inertia and stiffness that a strapped weight adds about the joint."""
 
-    inertia: Calibrated  # kg*m^2, N*m/rad: about the joint; weight times distance
-    stiffness: Calibrated  # kg*m^2, N*m/rad
+    inertia: Calibrated  # kg*m^2
+    stiffness: Calibrated  # N*m/rad: weight times distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,15 +148,15 @@ class HangingModel:
         for inertia in _STARTS:
             start = self._mean.copy()
             start[LOG_INERTIA] = np.log(inertia)
-            found = least_squares(
+            fit = least_squares(
                 self._distances,
                 np.clip(start, _LOW + 1e-9, _HIGH - 1e-9)[self._free],
                 bounds=(_LOW[self._free], _HIGH[self._free]),
                 x_scale=_SCALE[self._free],
                 max_nfev=60,
             )
-            fits.append(found)
-        best = min(fits, key=lambda found: float(found.cost))
+            fits.append(fit)
+        best = min(fits, key=lambda fit: float(fit.cost))
         return self._posterior(np.asarray(best.x))
 
     def joint(self, values: np.ndarray, i: int) -> tuple[float, float, float]:
@@ -193,7 +170,7 @@ class HangingModel:
         return float(K), float(B), float(J)
 
     def respond(self, values: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the sensor shows and how the joint moves, rad, at the samples."""
+        """Return the angle that the sensor shows and that of the joint, rad, at the samples."""
         cell = self._cells[i]
         K, B, J = self.joint(values, i)
         substeps = max(1, round(cell.period_s / _SUBSTEP_S))
@@ -225,13 +202,11 @@ class HangingModel:
             root @ (cell.angle - self.respond(values, i)[0])
             for i, (cell, root) in enumerate(zip(self._cells, self._roots, strict=True))
         ]
-        apart = np.concatenate([*parts, self._from_prior(values)])
-        return np.asarray(np.nan_to_num(apart, nan=1e6))
-
-    def _from_prior(self, values: np.ndarray) -> np.ndarray:
+        from_prior = ((values - self._mean) / self._sd)[self._free]
         known, sd = self._total_lag
         of_lag = (values[LAG] + values[DELAY] - known) / sd
-        return np.append(((values - self._mean) / self._sd)[self._free], of_lag)
+        apart = np.concatenate([*parts, np.append(from_prior, of_lag)])
+        return np.asarray(np.nan_to_num(apart, nan=1e6))
 
     def _posterior(self, free: np.ndarray) -> HangingPosterior:
         at = self._distances(free)

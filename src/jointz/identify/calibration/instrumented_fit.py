@@ -72,8 +72,8 @@ class Instruments:
         signal = np.array([self._z[part].T @ self._y[part] for part in parts])
         without = np.array(
             [
-                self._solved(cross.sum(axis=0) - one, signal.sum(axis=0) - own)
-                for one, own in zip(cross, signal, strict=True)
+                self._solved(cross.sum(axis=0) - block, signal.sum(axis=0) - moment)
+                for block, moment in zip(cross, signal, strict=True)
             ]
         )
         scatter = np.sqrt((n - 1) / n * np.sum((without - without.mean(axis=0)) ** 2, axis=0))

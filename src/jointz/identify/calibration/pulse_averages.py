@@ -1,11 +1,14 @@
-"""Responses to pulses from rest, both signs turned to one and averaged."""
+"""Responses to pulses from rest, averaged over both signs."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    checked_channels,
+)
 from jointz.results.bench.calibration_failure import CalibrationFailure
 
 #: Rest before a pulse, s: its mean is the zero of a response.
@@ -38,7 +41,7 @@ class PulsedRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseAverage:
-    """The pulses of a record, those of negative sign turned, what was before them taken off."""
+    """Responses to the pulses of a record: negative ones turned, the level before subtracted."""
 
     time_s: np.ndarray  # from the onset
     angle: np.ndarray  # a row a pulse
@@ -56,6 +59,13 @@ class PulseAverage:
     def period_s(self) -> float:
         """Between samples, s."""
         return float(self.time_s[1] - self.time_s[0])
+
+
+def left_out_notes(*averages: PulseAverage) -> tuple[str, ...]:
+    """Return a note of the pulses that were left out."""
+    count = sum(average.n_left_out for average in averages)
+    note = f"{count} pulses left out: not from rest, or at the record's ends."
+    return (note,) if count else ()
 
 
 def average_pulses(
@@ -96,7 +106,7 @@ def average_pulses(
 
 
 def _states(encoder: np.ndarray, signs: np.ndarray, since: np.ndarray) -> np.ndarray:
-    """Return angle and velocity at the onsets, by a line through what comes before, (m, 2)."""
+    """Return angle and velocity at the onsets, (m, 2), by a line through the samples before."""
     if not len(encoder):
         return np.zeros((0, 2))
     last = (since >= -_STATE_S) & (since <= 0.0)
@@ -134,7 +144,7 @@ def _share_of_friction(encoder: np.ndarray, period_s: float) -> np.ndarray:
 
 
 def _at_rest(encoder: np.ndarray, since: np.ndarray, name: str) -> np.ndarray:
-    """Return which pulses begin at rest."""
+    """Return a mask of the pulses that begin at rest."""
     if not len(encoder):
         return np.zeros(0, dtype=bool)
     before = since < 0.0

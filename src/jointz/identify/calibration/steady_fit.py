@@ -1,11 +1,11 @@
-"""Records checked, and straight-line fits whose sd takes noise that is correlated in time."""
+"""Straight-line fits whose sd takes noise that is correlated in time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.errors import DataError
+from jointz.identify.calibration.calibration_step import RefusedError
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     block_sandwich,
@@ -15,21 +15,9 @@ from jointz.kernels.block_sandwich import (
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.estimates import REACH_95
 
-#: More samples without a number than this share, and the record is refused.
-_MOST_LOST = 0.1
-_FEWEST_SAMPLES = 100
 _SPARE_BLOCKS = 6
 #: Residuals this small against the signal are rounding: their correlation means nothing.
 _ROUNDING = 1e-9
-
-
-class RefusedError(Exception):
-    """A record that tells nothing: a code and what was found; caught at the step's door."""
-
-    def __init__(self, code: CalibrationFailure, detail: str) -> None:
-        super().__init__(detail)
-        self.code = code
-        self.detail = detail
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,30 +32,6 @@ class SteadyFit:
     def sd(self, i: int) -> float:
         """Return the sd of a coefficient."""
         return float(np.sqrt(self.covariance[i, i]))
-
-
-def checked_channels(time: np.ndarray, **channels: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return time and channels where all have a number."""
-    time = np.asarray(time, dtype=float)
-    values = {name: np.asarray(channel, dtype=float) for name, channel in channels.items()}
-    for name, channel in values.items():
-        if channel.shape != time.shape or time.ndim != 1:
-            raise DataError(
-                f"calibration: expected time and {name} of one length, got {time.shape} and "
-                f"{channel.shape}. Give channels of one record."
-            )
-    if not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
-        raise DataError("calibration: expected time stamps that increase. Sort the record first.")
-    good = np.isfinite(list(values.values())).all(axis=0)
-    lost = 1.0 - float(good.mean()) if good.size else 0.0
-    if lost > _MOST_LOST:
-        worst = min(values, key=lambda name: np.isfinite(values[name]).sum())
-        detail = f"{lost:.0%} of the samples have no number, most in {worst}"
-        raise RefusedError(CalibrationFailure.NOT_FINITE, detail)
-    if good.sum() < _FEWEST_SAMPLES:
-        detail = f"expected {_FEWEST_SAMPLES} samples or more, found {int(good.sum())}"
-        raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
-    return (time[good], *(channel[good] for channel in values.values()))
 
 
 def linear_fit(time: np.ndarray, y: np.ndarray, regressors: np.ndarray) -> SteadyFit:
@@ -85,7 +49,7 @@ def sandwich(
 ) -> tuple[np.ndarray, int]:
     """Return the covariance of a least-squares fit, and the blocks behind it.
 
-    It is widened to what Student's t asks of so few blocks, so that twice the sd is a 95 %
+    It is widened by Student's t for so few blocks: 1.96 sd reach to the ends of a 95 %
     interval.
     """
     p = derivatives.shape[1]
@@ -113,9 +77,3 @@ def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: i
         )
         raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
     return n_blocks
-
-
-def thinned(values: np.ndarray, most: int = 2000) -> tuple[float, ...]:
-    """Return at most so many samples, for a figure."""
-    step = max(1, -(-values.size // most))
-    return tuple(float(v) for v in values[::step])

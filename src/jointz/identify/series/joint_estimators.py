@@ -15,7 +15,7 @@ differ in which signal holds the error:
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -61,13 +61,12 @@ class JointSignals:
     def scale(self) -> np.ndarray:
         """Return (3,): torque over motion, the order of size K, B and J may have."""
         motion = np.column_stack([self.angle, self.velocity, self.acceleration])
-        scale: np.ndarray = np.std(self.torque) / np.std(motion, axis=0)
-        return scale
+        return np.asarray(np.std(self.torque) / np.std(motion, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What an estimator found, with all that an interval needs."""
+    """K, B, J of an estimator, with all that an interval needs."""
 
     kbj: np.ndarray  # K, B, J
     # estimating equations: the sum of instrument times residual is zero; p >= 3, the first three
@@ -103,14 +102,8 @@ def bounded_least_squares(signals: JointSignals) -> Solution:
     at_bound = solved.active_mask[:3] < 0
     coefficients = solved.x / size
     coefficients[:3][at_bound] = 0.0
-    return _torque_solution(
-        signals,
-        X,
-        coefficients,
-        free.condition_number,
-        at_bound=at_bound,
-        unbounded=free.kbj,
-    )
+    solution = _torque_solution(signals, X, coefficients, free.condition_number)
+    return replace(solution, at_bound=at_bound, unbounded=free.kbj)
 
 
 def instrumental_variable(signals: JointSignals) -> Solution:
@@ -141,7 +134,7 @@ def instrumental_variable(signals: JointSignals) -> Solution:
     condition = _checked_condition(X[:, :3])
     Z = _instruments(signals, command - command.mean(), X)
     coefficients = _solved_through(Z, X, signals.torque)
-    return _torque_solution(signals, Z, coefficients, condition, doubt=_weakness(Z, X))
+    return replace(_torque_solution(signals, Z, coefficients, condition), doubt=_weakness(Z, X))
 
 
 def admittance(signals: JointSignals) -> Solution:
@@ -158,12 +151,10 @@ def admittance(signals: JointSignals) -> Solution:
     unit = float(np.std(signals.angle))
 
     def residual(values: np.ndarray) -> np.ndarray:
-        error: np.ndarray = _simulate(values, drive, signals)[0] / unit
-        return error
+        return np.asarray(_simulate(values, drive, signals)[0] / unit)
 
     def jacobian(values: np.ndarray) -> np.ndarray:
-        slope: np.ndarray = -_sensitivities(values, drive, signals)[0] / unit
-        return slope
+        return np.asarray(-_sensitivities(values, drive, signals)[0] / unit)
 
     start = _admittance_start(signals, residual)
     solved = minimise_squares(
@@ -196,14 +187,7 @@ ESTIMATORS: Mapping[str, Callable[[JointSignals], Solution]] = MappingProxyType(
 
 
 def _torque_solution(
-    signals: JointSignals,
-    Z: np.ndarray,
-    coefficients: np.ndarray,
-    condition: float,
-    *,
-    at_bound: np.ndarray | None = None,
-    unbounded: np.ndarray | None = None,
-    doubt: str = "",
+    signals: JointSignals, Z: np.ndarray, coefficients: np.ndarray, condition: float
 ) -> Solution:
     X = signals.regressors()
     return Solution(
@@ -214,9 +198,7 @@ def _torque_solution(
         measured=signals.torque,
         fitted_signal="torque",
         condition_number=condition,
-        at_bound=np.zeros(3, dtype=bool) if at_bound is None else at_bound,
-        unbounded=unbounded,
-        doubt=doubt,
+        at_bound=np.zeros(3, dtype=bool),
     )
 
 
@@ -255,7 +237,7 @@ def _solved_through(Z: np.ndarray, X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
-    """Say why the instruments are weak, ``""`` where they are not.
+    """Say why the instruments are weak; empty if they are not.
 
     The smallest canonical correlation of instruments and regressors makes the
     first-stage F of the worst direction; samples are counted as independent
@@ -277,8 +259,7 @@ def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
 
 def _stable(values: np.ndarray, signals: JointSignals) -> np.ndarray:
     """Return the nearest joint that can be simulated for a minute without running away."""
-    stable: np.ndarray = np.maximum(values, _START_FLOOR * signals.scale())
-    return stable
+    return np.asarray(np.maximum(values, _START_FLOOR * signals.scale()))
 
 
 def _admittance_start(
@@ -296,7 +277,7 @@ def _admittance_start(
 def _simulate(
     values: np.ndarray, drive: np.ndarray, signals: JointSignals
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angle error and the basis (n, 3) of what was projected out."""
+    """Return the angle error and the basis (n, 3) of the nuisance projected out."""
     to_angle, _, denominator = _discrete_joint(values, signals.rate_hz)
     forced = lfilter(to_angle, denominator, drive)
     basis = np.column_stack([_free_responses(denominator, drive.size), np.ones(drive.size)])
@@ -383,5 +364,4 @@ def _compensated_for_hold(x: np.ndarray) -> np.ndarray:
     d2, d4 = np.array([0, 1, -2, 1, 0]), np.array([1, -4, 6, -4, 1])
     kernel = np.array([0, 0, 1, 0, 0]) - d2 / 12.0 + d4 / 90.0
     padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
-    compensated: np.ndarray = np.convolve(padded, kernel, mode="valid")
-    return compensated
+    return np.convolve(padded, kernel, mode="valid")

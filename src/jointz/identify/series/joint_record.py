@@ -1,22 +1,28 @@
-"""The border of every command that takes one time series: checked once, trusted after."""
+"""Records of one time series, and requests to identify a joint from one; checked once."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from jointz.core.codes import Failure
+from jointz.core import provenance
 from jointz.core.errors import DataError, EstimationError
 from jointz.gait import timestamps
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
 _PARTS = 8
 _LARGEST_RATE_RATIO = 1.5
+_LARGE_ANGLE_RAD = 0.2
 
+JOINT = "identify_joint"
+PARAMETERS = ("stiffness", "damping", "inertia")
 Samples = xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame
+Input = Literal["torque", "angle"]
+TorqueSide = Literal["joint", "device"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,56 @@ class JointRecord:
     time: np.ndarray
     sha256: str = ""  # hash of the file, where known
 
+    @property
+    def seconds(self) -> float:
+        """Length of the record."""
+        return self.time.size / self.rate_hz
+
+    def origin(self) -> dict[str, str]:
+        """Return the hash of the file and the version of jointz, for the settings of a result."""
+        return {"sha256": self.sha256, "jointz": provenance.software()["jointz"]}
+
+
+@dataclass(frozen=True, slots=True)
+class JointRequest:
+    """Record of a joint, and the settings that every model of it takes."""
+
+    record: JointRecord  # as recorded
+    input: Input  # what was perturbed
+    torque_acts_on: TorqueSide
+    cutoff_hz: float | None  # None: the model chooses
+    ci_level: float
+
+    @classmethod
+    def of(
+        cls,
+        recording: Samples | None = None,
+        arrays: Mapping[str, npt.ArrayLike | None] | None = None,
+        *,
+        rate_hz: float | None = None,
+        input: Input = "torque",
+        torque_acts_on: TorqueSide = "joint",
+        cutoff_hz: float | None = None,
+        ci_level: float = 0.95,
+    ) -> Self:
+        """Check settings and samples."""
+        check_choice("input", input, get_args(Input))
+        check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
+        check_level(JOINT, ci_level)
+        arrays = dict.fromkeys(("angle", "torque", "command", "time")) | dict(arrays or {})
+        record = gather_record(recording, arrays, rate_hz=rate_hz, where=JOINT)
+        return cls(record, input, torque_acts_on, cutoff_hz, ci_level)
+
+    @property
+    def output(self) -> Input:
+        """The signal that answers the perturbed one."""
+        return "angle" if self.input == "torque" else "torque"
+
+    def settings(self, **chosen: Any) -> dict[str, Any]:
+        """Return the settings of a result: those of its model, then those that all models have."""
+        common = {"torque_acts_on": self.torque_acts_on, "ci_level": self.ci_level}
+        return chosen | common | self.record.origin()
+
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Raise ValueError when a setting is not one of its choices."""
@@ -35,27 +91,33 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise ValueError(f"{name}: expected one of {', '.join(choices)}; got {value!r}")
 
 
+def check_level(where: str, ci_level: float) -> None:
+    """Refuse a level of intervals outside of 0 to 1."""
+    if not 0.0 < ci_level < 1.0:
+        raise DataError(f"{where}: ci_level: expected 0 < ci_level < 1, got {ci_level}. Use 0.95.")
+
+
 def gather_record(
     recording: Samples | None,
-    given: Mapping[str, npt.ArrayLike | None],
+    arrays: Mapping[str, npt.ArrayLike | None],
     *,
     rate_hz: float | None,
     where: str,
     required: tuple[str, ...] = ("angle", "torque"),
 ) -> JointRecord:
-    """Read channels out of whatever was given and put them on a uniform grid."""
-    arrays = {name: values for name, values in given.items() if values is not None}
+    """Check the channels of a recording, or the arrays, and put them on a uniform grid."""
+    present = {name: values for name, values in arrays.items() if values is not None}
     first_row, sha256 = 1, ""
     if recording is not None:
-        if arrays:
+        if present:
             raise ValueError(
-                f"give either a recording or arrays; got a recording and {', '.join(arrays)}"
+                f"give either a recording or arrays; got a recording and {', '.join(present)}"
             )
-        arrays = {name: recording[name] for name in given if name in recording}
+        present = {name: recording[name] for name in arrays if name in recording}
         if isinstance(recording, xr.Dataset):
             first_row = int(recording.attrs.get("first_row", 1))
             sha256 = str(recording.attrs.get("sha256", ""))
-    channels = {name: np.asarray(values, dtype=float) for name, values in arrays.items()}
+    channels = {name: np.asarray(values, dtype=float) for name, values in present.items()}
     _check_channels(channels, first_row, where=where, required=required)
     time = channels.pop("time", None)
     if time is not None and rate_hz is not None:
@@ -76,7 +138,7 @@ def gather_record(
 
 
 def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
-    """Say what negative values of stiffness, damping and inertia may come of."""
+    """Return warnings of negative stiffness, damping and inertia, with their likely cause."""
     values = np.asarray(kbj, dtype=float)
     if np.all(values < 0.0):
         return [
@@ -84,11 +146,21 @@ def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
             "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
             "the sign of the angle"
         ]
-    names = ("stiffness", "damping", "inertia")
     return [
         f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
-        for name, value in zip(names, values, strict=True)
+        for name, value in zip(PARAMETERS, values, strict=True)
         if value < 0.0
+    ]
+
+
+def angle_warnings(angle: np.ndarray, *, assumption: str = "one stiffness") -> list[str]:
+    """Return a warning where the angle moves further than one linear joint holds."""
+    largest = float(np.abs(angle).max())
+    if largest <= _LARGE_ANGLE_RAD:
+        return []
+    return [
+        f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: "
+        f"{assumption} may not hold over such a range"
     ]
 
 
@@ -150,12 +222,12 @@ def _check_one_rate(time: np.ndarray) -> None:
         )
 
 
-def refuse_constant(record: JointRecord) -> None:
-    """Refuse a record whose angle or torque never changes."""
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
+def refuse_constant(record: JointRecord, names: tuple[str, ...] = ("angle", "torque")) -> None:
+    """Refuse a record with a constant channel."""
+    for name in names:
         values = record.channels[name]
         if np.ptp(values) <= 1e-12 * np.abs(values).max():
             raise EstimationError(
-                code.value,
+                f"constant_{name}",
                 f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
             )

@@ -22,7 +22,7 @@ _SHORTEST_PERIODS = 10.0
 
 
 def default_estimator(input: str, *, has_command: bool) -> EstimatorName:
-    """Choose by what was perturbed, and by whether a device may have reacted to the joint.
+    """Choose by the perturbed signal, and by whether a device may have reacted to the joint.
 
     A device with an impedance of its own closes a loop in which only the
     command is free of the joint's noise.

@@ -72,11 +72,15 @@ def test_intervals_of_the_gain_cover_with_a_spring_known_to_2_pct(make):
     make.check_coverage(find)
 
 
-def test_the_sd_of_the_spring_is_carried_into_both_gains(make):
-    fit = fit_spring(*push(make), model=MODEL, stiffness=Calibrated(value=SPRING, sd=1.2))
+def test_the_sd_of_the_spring_is_carried_into_both_gains_and_one_direction_is_refused(make):
+    record = push(make)
+    fit = fit_spring(*record, model=MODEL, stiffness=Calibrated(value=SPRING, sd=1.2))
 
     for entry in fit.entries:
         assert entry.uncertainty["spring"] == pytest.approx(0.02 * entry.value)
+
+    one_way = (*record[:2], np.abs(record[2]))
+    assert fit_spring(*one_way, model=MODEL, stiffness=STATED).status == "failed:one_direction"
 
 
 def test_friction_that_grows_slowly_is_found_in_full(make):
@@ -102,10 +106,3 @@ def test_bad_input_is_refused(make, change, code):
     fit = fit_spring(*push(make, **change), model=MODEL, stiffness=STATED)
 
     assert fit.status == f"failed:{code}"
-
-
-def test_one_direction_is_refused(make):
-    time, angle, current = push(make)
-
-    fit = fit_spring(time, angle, np.abs(current), model=MODEL, stiffness=STATED)
-    assert fit.status == "failed:one_direction"

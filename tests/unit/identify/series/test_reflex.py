@@ -10,7 +10,6 @@ from scipy.signal import lfilter, lsim
 
 from jointz.core.errors import DataError, EstimationError
 from jointz.identify.series.joint import identify_joint
-from jointz.identify.series.reflex import identify_reflex
 from jointz.kernels.series.parallel_cascade import Shape, rectified_path
 from jointz.results.series.reflex_fit import ReflexFit
 
@@ -127,12 +126,6 @@ def test_turning_angle_and_torque_turns_only_the_direction() -> None:
         )
 
 
-def test_torque_on_the_device_is_turned() -> None:
-    record = simulate(5)
-    turned = fit(record | {"torque": -record["torque"]}, torque_acts_on="device")
-    assert turned.parameter("stiffness") == fit(record).parameter("stiffness")
-
-
 def test_without_a_reflex_gain_and_delay_are_undecided_and_the_rest_stands() -> None:
     found = fit(simulate(2, gain=0.0))
     assert [found.parameter(n).status for n in ("reflex_gain", "reflex_delay")] == ["undecided"] * 2
@@ -164,7 +157,7 @@ def test_an_intrinsic_path_that_is_not_of_second_order_is_told() -> None:
 
 def test_perturbed_torque_and_an_unused_command_are_told() -> None:
     record = simulate(8)
-    found = identify_reflex(record | {"command": record["torque"]}, input="torque")
+    found = identify_joint(record | {"command": record["torque"]}, model="reflex", input="torque")
     text = " ".join(found.warnings)
     assert "needs the angle as the regressor" in text
     assert "command is not used" in text
@@ -186,11 +179,6 @@ def test_stretches_that_move_as_their_own_reflex_make_a_note_of_the_split() -> N
     assert "stiffness and reflex gain are confounded" in " ".join(found.warnings)
 
 
-def test_a_short_record_is_refused_with_the_length_it_needs() -> None:
-    with pytest.raises(DataError, match=r"lasts 15 s, at least 20 s"):
-        fit(simulate(1, seconds=15.0))
-
-
 @pytest.mark.parametrize("cutoff_hz", [0.1, 600.0, float("nan")])
 def test_a_cutoff_that_shows_no_delay_or_is_above_half_the_rate_is_refused(
     cutoff_hz: float,
@@ -204,19 +192,6 @@ def test_torque_on_the_other_body_is_told() -> None:
     turned = fit(record | {"torque": -record["torque"]})
     assert turned.parameter("stiffness").value < 0.0
     assert "torque is counted on the other body" in " ".join(turned.warnings)
-
-
-def test_a_level_outside_zero_and_one_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected 0 < ci_level < 1"):
-        identify_reflex(simulate(1, seconds=30.0), ci_level=1.0)
-
-
-@pytest.mark.parametrize("name", ["angle", "torque"])
-def test_a_constant_signal_has_its_code(name: str) -> None:
-    record = simulate(1, seconds=30.0)
-    with pytest.raises(EstimationError) as caught:
-        fit(record | {name: np.ones_like(record["time"])})
-    assert caught.value.code == f"constant_{name}"
 
 
 @pytest.mark.parametrize("name", ["angle", "torque"])
@@ -247,11 +222,6 @@ def test_errors_that_last_as_long_as_the_record_leave_everything_undecided() -> 
     assert {p.status for p in found.parameters} == {"undecided"}
     assert found.covariance == ()
     assert "too short for an interval" in found.warnings[0]
-
-
-def test_an_estimator_cannot_be_chosen() -> None:
-    with pytest.raises(DataError, match="model reflex has no choice of estimator"):
-        fit(simulate(1, seconds=30.0), estimator="least_squares")
 
 
 def test_the_sensitivities_are_the_derivatives_of_the_path() -> None:

@@ -1,7 +1,8 @@
-"""Least squares with intervals that know of residuals correlated in time."""
+"""Least squares with intervals that take residuals correlated in time."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -21,13 +22,32 @@ _SAMPLES_PER_BLOCK = 2
 _ROUNDING = 1e-9
 
 
+def t_factor(ci_level: float, freedom: float) -> float:
+    """Return half the width of an interval in standard errors, by Student's t."""
+    return float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
+
+
+def fitted_sandwich(
+    scores: np.ndarray, bread: np.ndarray, n_blocks: int, *, fitted: int | None = None
+) -> np.ndarray:
+    """Return the covariance with n_b - p in place of n_b - 1.
+
+    As many parameters as were fitted (all by default) make the block sums smaller than they are.
+    Without it, 95 % intervals of three parameters from ten blocks hold the truth in 91 % of
+    simulated records.
+    """
+    p = scores.shape[1] if fitted is None else fitted
+    spent = (n_blocks - 1) / (n_blocks - p)
+    return np.asarray(spent * block_sandwich(scores, bread, n_blocks))
+
+
 @dataclass(frozen=True, slots=True)
-class Regression:
+class BlockRegression:
     """A linear fit."""
 
     names: tuple[str, ...]  # the parameters
     values: np.ndarray  # their estimates
-    residual: np.ndarray  # what is left
+    residual: np.ndarray  # measured minus modelled
     covariance: np.ndarray  # of the estimates; (0, 0) where the record is too short for any
     # of the intervals. Where the record is too short for them, those of independent errors, which
     # are the narrowest: they can show that a value is not known, and nothing else
@@ -57,7 +77,7 @@ def regress(
     columns: Mapping[str, np.ndarray],
     rate_hz: float | None,
     ci_level: float,
-) -> Regression:
+) -> BlockRegression:
     """Fit a sum of columns by least squares."""
     names = tuple(columns)
     matrix = np.stack([columns[n] for n in names], axis=1)
@@ -69,17 +89,13 @@ def regress(
     plan = BlockPlan.of(measured, residual, scores, rate_hz)
     covariance, half = np.empty((0, 0)), np.full(len(names), np.inf)
     if plan.n_blocks > len(names):
-        # As many parameters as were fitted make the block sums smaller than they are.
-        spent = (plan.n_blocks - 1) / (plan.n_blocks - len(names))
-        scaled_covariance = spent * block_sandwich(scores, scaled.T @ scaled, plan.n_blocks)
+        scaled_covariance = fitted_sandwich(scores, scaled.T @ scaled, plan.n_blocks)
         covariance = scaled_covariance / np.outer(length, length)
-        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, plan.n_blocks - len(names)))
-        half = wide * np.sqrt(np.diag(covariance))
+        half = t_factor(ci_level, plan.n_blocks - len(names)) * np.sqrt(np.diag(covariance))
     elif (spare := measured.size - len(names)) > 0:
         variance = np.diag(np.linalg.inv(scaled.T @ scaled)) * (residual @ residual) / spare
-        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, spare))
-        half = wide * np.sqrt(variance) / length
-    return Regression(
+        half = t_factor(ci_level, spare) * np.sqrt(variance) / length
+    return BlockRegression(
         names=names,
         values=values / length,
         residual=residual,
@@ -96,50 +112,40 @@ def regress(
 class BlockPlan:
     """How many blocks a record makes, and how good they are."""
 
-    n_blocks: int  # 0 where the record is too short for any
-    ci_method: str  # how a covariance is made of them
-    doubt: str = ""  # why there are none, and why they are few; empty where all is well
-    caution: str = ""
+    n_blocks: int = 0  # 0 where the record is too short for any
+    ci_method: str = "none"  # how a covariance is made of them
+    doubt: str = ""  # why there are none; empty where there are
+    caution: str = ""  # why they are few; empty where they are enough
 
     @classmethod
     def of(
-        cls,
-        measured: np.ndarray,
-        residual: np.ndarray,
-        scores: np.ndarray,
-        rate_hz: float | None,
-    ) -> "BlockPlan":
+        cls, measured: np.ndarray, residual: np.ndarray, scores: np.ndarray, rate_hz: float | None
+    ) -> Self:
         """Plan the blocks of a regression."""
         rate, unit = (1.0, "samples") if rate_hz is None else (rate_hz, "s")
         length = measured.size / rate
-        # What is left of a perfect fit is rounding, however long it stays correlated.
+        # The residual of a perfect fit is rounding, however long it stays correlated.
         perfect = np.linalg.norm(residual) <= _ROUNDING * np.linalg.norm(measured)
         correlated = 0.0 if perfect else max(correlation_time(s, rate_hz=rate) for s in scores.T)
-        told = f"{length:.3g} {unit} long, while its errors stay correlated for {correlated:.3g}"
+        too_short = "the record is too short for an interval: "
         if measured.size < _SAMPLES_PER_BLOCK * FEWEST_BLOCKS:
-            needed_size = _SAMPLES_PER_BLOCK * FEWEST_BLOCKS
-            return cls(
-                0,
-                "none",
-                f"the record is too short for an interval: it has {measured.size} samples. Record "
-                f"at least {needed_size}",
-            )
+            needed = _SAMPLES_PER_BLOCK * FEWEST_BLOCKS
+            size = f"it has {measured.size} samples. Record at least {needed}"
+            return cls(doubt=too_short + size)
         n_blocks, caution = count_blocks(length, correlation_time_s=correlated), ""
         n_blocks = min(n_blocks, measured.size // _SAMPLES_PER_BLOCK)
         if not n_blocks:
-            needed = FEWEST_BLOCKS * correlated
-            if length < _FEWEST_TIMES * needed:
-                return cls(
-                    0,
-                    "none",
-                    f"the record is too short for an interval: {told} {unit}. Record at least "
-                    f"{CORRELATION_TIMES_PER_BLOCK * needed:.3g} {unit}",
-                )
-            n_blocks = FEWEST_BLOCKS
+            n_blocks, independent = FEWEST_BLOCKS, FEWEST_BLOCKS * correlated
+            durations = (
+                f"{length:.3g} {unit} long, while its errors stay correlated for "
+                f"{correlated:.3g} {unit}. Record "
+            )
+            enough = f"{CORRELATION_TIMES_PER_BLOCK * independent:.3g} {unit}"
+            if length < _FEWEST_TIMES * independent:
+                return cls(doubt=f"{too_short}{durations}at least {enough}")
             caution = (
-                f"the intervals may be too narrow: the record is {told} {unit}. Record "
-                f"{CORRELATION_TIMES_PER_BLOCK * needed:.3g} {unit}, or take a model that leaves "
-                "less"
+                f"the intervals may be too narrow: the record is {durations}{enough}, or take a "
+                "model that leaves less"
             )
         method = f"block sandwich over {n_blocks} blocks of {length / n_blocks:.3g} {unit}"
         return cls(n_blocks, f"{method}, Student's t", "", caution)
