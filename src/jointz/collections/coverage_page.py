@@ -5,13 +5,13 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointz.collections.catalog_query import CatalogFilter
 from jointz.collections.coverage_forests import forest_plots
 from jointz.collections.pool_result import ONE_STUDY, of_row
 from jointz.core.codes import NotPooled
 from jointz.core.gait_phases import ALL_POINTS, PHASES
+from jointz.report.html_page import render_template
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -83,19 +83,12 @@ def render_coverage(
     provenance: Mapping[str, str] | None = None,
 ) -> str:
     """Write what a collection knows as one HTML page with its figures and styles inside."""
-    environment = Environment(
-        loader=PackageLoader("jointz.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["unit"] = pretty_unit
     univariate = tables.pooled[tables.pooled["model"] == "univariate"]
     univariate = univariate.assign(why=pd.Series(_reasons(tables, univariate), univariate.index))
     filters = {key: value for key, value in (asked or {}).items() if key in _FILTERS}
     joints = _in_order(tables.pooled["joint"]) if "joint" in tables.by else [""]
-    return environment.get_template("coverage.html.j2").render(
+    return render_template(
+        "coverage.html.j2",
         facts=_facts(tables, univariate),
         grids=[_joint_grids(tables, univariate, joint) for joint in joints],
         missing=_missing(tables, univariate),
