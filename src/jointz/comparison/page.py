@@ -188,7 +188,7 @@ def _caption(name: str, comparison: Comparison) -> str:
 def _by_parameter(rows: Sequence[Any], cells: Callable[[Any], _Row]) -> list[_Row]:
     groups: dict[str, _Row] = {}
     for row in rows:
-        group = {"name": parameter_name(row.parameter), "unit": row.unit, "rows": []}
+        group: _Row = {"name": parameter_name(row.parameter), "unit": row.unit, "rows": []}
         groups.setdefault(row.parameter, group)["rows"].append(cells(row))
     return list(groups.values())
 
