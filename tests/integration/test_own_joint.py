@@ -412,8 +412,8 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     methods = (tmp_path / "r" / "methods.txt").read_text()
     for never in ("Impedance was measured", "ridge", "was fitted", "Torque was measured"):
         assert never not in methods
-    assert "Recordings have 100 samples a second." in methods
-    assert "“moment_Nm”, its sign turned to that of the torque on the joint" in methods
+    assert "Recordings have 100 samples per second." in methods
+    assert "“moment_Nm”, its sign inverted to that of the torque on the joint" in methods
     low, high = table["n_strides"].min(), table["n_strides"].max()
     assert f"{low}{f' to {high}' if high > low else ''} a participant and side" in methods
     printed = pd.read_csv(tmp_path / "r" / "tables" / "quasi_stiffness.csv")

@@ -218,7 +218,7 @@ def test_a_session_with_a_flipped_bit_ends_and_says_what_it_cost(protocol, out, 
     assert "damaged from" in lost.detail
     assert len(analysis.pulses) == 3
     (note,) = [n for n in analysis.statistics["notes"] if "log is damaged" in n]
-    assert note.endswith("these records and 1 pulse are left out.")
+    assert note.endswith("these records and 1 pulse are excluded.")
 
 
 def test_a_damaged_recording_is_made_again_from_the_logs(complete, tmp_path):

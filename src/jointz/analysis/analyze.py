@@ -1,12 +1,12 @@
-"""Analyse a study: recordings in, impedance with intervals out."""
+"""Analysis of a study: from recordings to impedance with intervals."""
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from jointz.analysis.participant_jobs import Asked, Outcome, hashed, outcomes
+from jointz.analysis.participant_jobs import EstimationRequest, Outcome, hashed, outcomes
 from jointz.analysis.population_step import damage_notes, study_statistics
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
@@ -33,12 +33,12 @@ from jointz.tasks.progress import Progress
 from jointz.tasks.task_store import TaskStore
 
 DEFAULT_RESAMPLES = 1000
-#: Known responses put into a study's own strides: enough for a report, not for a study of the
+#: Known responses added to a study's own strides: enough for a report, not for a study of the
 #: method (:func:`jointz.analysis.certify.certify`).
 _INJECTIONS = 10
 
-#: Of a participant whose analysis ended with an error.
-_NOTHING = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
+#: Result of a participant whose analysis ended with an error.
+_EMPTY_RESULT = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
 
 
 def analyze(
@@ -55,7 +55,7 @@ def analyze(
     """Estimate the joint impedance of every participant of a study.
 
     Participants are read, analysed and released one by one, or as many at a time as an
-    engine has workers: memory does not grow with their number.
+    engine has workers, so that memory does not grow with their number.
 
     Parameters
     ----------
@@ -64,35 +64,35 @@ def analyze(
     method : str
         ``recommended`` or a name of :data:`jointz.identify.methods.cells.METHODS`.
     resamples : int
-        Bootstrap resamples a cell.
+        Bootstrap resamples for each cell.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
     salvage : bool
-        Whether to make damaged recordings again first, from the logs of their sessions
+        Whether to recover damaged recordings first, from the logs of their sessions
         (:func:`jointz.session.salvage.salvage_recordings`).
     engine : Engine, optional
-        Does several participants at once (:func:`jointz.tasks.engine.open_engine`); results
-        do not depend on it.
+        Engine that analyses several participants at once
+        (:func:`jointz.tasks.engine.open_engine`); results do not depend on it.
     store : TaskStore, optional
-        Where participants that are done are kept: a run that was killed goes on from there.
+        Store of finished participants, from which a killed run continues.
     progress : callable, optional
-        Called with (participants done, of how many, what comes next).
+        Called with (participants done, number of participants, what comes next).
 
     Returns
     -------
     StudyAnalysis
-        Estimates, comparison, everything left out, provenance.
+        Estimates, comparison, exclusions, provenance.
 
     Raises
     ------
     StudyError
-        When recordings cannot be trusted; all of them in one message.
+        If recordings cannot be trusted; one message names all of them.
     DataError
-        When the method is not one for this study, or for its baseline.
+        If the method does not suit the study or its baseline.
     EngineError
-        When the engine cannot go on; whoever is done stays in the store.
+        If the engine cannot continue; finished participants stay in the store.
     ValueError
-        For an unknown method or fewer than 2 resamples.
+        If the method is unknown, or ``resamples`` is less than 2.
     """
     if salvage:
         from jointz.session.salvage import salvage_recordings
@@ -102,61 +102,62 @@ def analyze(
     name = _chosen(opened, check_method(method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
-    found = _Found(seed)
+    progress = progress or _no_progress
+    outputs = _Outputs(seed)
     exclusions = opened.root / "exclusions.csv"
     if exclusions.is_file():
-        found.inputs[exclusions.name] = hashed(opened, exclusions.name)
+        outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
     injections = replicates_for(len(people), virtual=_INJECTIONS)
-    asked = Asked(opened, name, resamples=resamples, seed=seed, injections=injections)
-    with closing(outcomes(asked, people, engine=engine or Serial(), store=store)) as coming:
-        for done, (person_id, outcome) in enumerate(coming):
-            if progress:
-                progress(done, len(people), person_id)
-            found.take(person_id, outcome, last_hope=len(people) == len(found.broken) + 1)
-            del outcome  # recordings would stay in memory with it
-    if found.problems:
-        raise StudyError(str(opened.root), found.problems)
-    if progress:
-        progress(len(people), len(people), "done")
-    analysis = _assembled(opened, name, found, resamples=resamples, seed=seed)
-    return _with_people_together(opened, analysis, found.virtual, injections=injections, seed=seed)
+    request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
+    with closing(outcomes(request, people, engine=engine or Serial(), store=store)) as pending:
+        for done, (person_id, outcome) in enumerate(pending):
+            progress(done, len(people), person_id)
+            outputs.add(person_id, outcome, last=len(people) == len(outputs.errors) + 1)
+            del outcome  # it would keep the recordings in memory
+    if outputs.problems:
+        raise StudyError(str(opened.root), outputs.problems)
+    progress(len(people), len(people), "done")
+    analysis = _assembled(request, outputs)
+    return _with_pooled_people(request, analysis, outputs.virtual)
+
+
+def _no_progress(done: int, total: int, what: str) -> None:
+    """Show nothing."""
 
 
 @dataclass(slots=True)
-class _Found:
-    """What came out for everybody so far; of whom nothing did, ``broken`` says why."""
+class _Outputs:
+    """Results of the participants so far."""
 
     seed: int
     results: dict[str, ParticipantResult] = field(default_factory=dict)
     virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
     inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
-    broken: dict[str, str] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)  # of recordings that cannot be trusted
+    errors: dict[str, str] = field(default_factory=dict)  # by participant without a result
 
-    def take(self, person_id: str, outcome: Callable[[], Outcome], *, last_hope: bool) -> None:
-        """Wait for a participant; one whose analysis breaks keeps nobody else back."""
+    def add(self, person_id: str, outcome: Callable[[], Outcome], *, last: bool) -> None:
+        """Wait for a participant; an error of one does not stop the others."""
         try:
-            found = outcome()
-        except (OutputError, EngineError):  # everybody's: no result can be kept, or none made
+            completed = outcome()
+        except (OutputError, EngineError):  # these concern all participants
             raise
         except StudyError as exc:
             self.problems += exc.problems
-            return
         except DataError as exc:
             self.problems.append(str(exc))
-            return
         except Exception as exc:
-            if last_hope:
+            if last:  # nobody else has a result
                 raise
-            self.results[person_id] = _NOTHING
-            self.broken[person_id] = self._why(person_id, exc)
-            return
-        self.inputs |= found.inputs
-        self.results[person_id], self.virtual[person_id] = found.result, found.virtual
+            self.results[person_id] = _EMPTY_RESULT
+            self.errors[person_id] = self._message(person_id, exc)
+        else:
+            self.inputs |= completed.inputs
+            self.results[person_id], self.virtual[person_id] = completed.result, completed.virtual
 
-    def _why(self, person_id: str, exc: Exception) -> str:
-        """Say what broke an analysis; want of memory is no bug."""
+    def _message(self, person_id: str, exc: Exception) -> str:
+        """Explain why an analysis failed; too little memory is no bug."""
         if isinstance(exc, WorkerLostError):
             return str(exc)
         if isinstance(exc, MemoryError):
@@ -165,130 +166,111 @@ class _Found:
             )
         return (
             f"{person_id} (seed {self.seed}): the program failed ({type(exc).__name__}: {exc}). "
-            "Please report it; the others are not concerned."
+            "Please report it; the results of the other participants are not affected."
         )
 
 
-def _with_people_together(
-    study: Study,
+def _with_pooled_people(
+    request: EstimationRequest,
     analysis: StudyAnalysis,
     virtual: Mapping[str, Sequence[VirtualEstimate]],
-    *,
-    injections: int,
-    seed: int,
 ) -> StudyAnalysis:
-    """Add what the people of a walking study tell of each other, and its certificate."""
-    if analysis.settings["method"] != RECOMMENDED:
+    """Add the certificate of a walking study, and estimates pooled over its people."""
+    if request.method != RECOMMENDED:
         return analysis
     certificate = assembled(
         virtual,
         Injection(),
-        replicates=injections,
-        seed=seed,
-        window_s=study.spec.perturbations.window_s,
+        replicates=request.injections,
+        seed=request.seed,
+        window_s=request.study.spec.perturbations.window_s,
     )
     analysis = replace(analysis, certificate=certificate)
     if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
         return analysis
-    together = pool_people(person_cells(analysis.cells))
-    return replace(analysis, population=together.population, pooled=together.cells)
+    pooled = pool_people(person_cells(analysis.cells))
+    return replace(analysis, population=pooled.population, pooled=pooled.cells)
 
 
 def check_method(method: str) -> str:
-    """Return a method if there is one of that name."""
+    """Return a method if it exists."""
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}; got {method!r}.")
     return method
 
 
 def _chosen(study: Study, method: str) -> str:
-    """Return the method by its name; what is recommended depends on the study."""
+    """Return the name of the method; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
     name = _recommended(study) if method == RECOMMENDED else method
     if study.spec.kind == "walking" and name in BENCH_ONLY:
-        raise DataError(f"method: {name} is for bench studies; this study walks. Choose another.")
+        raise DataError(
+            f"method: {name} is for bench studies; this is a walking study. Choose another."
+        )
     if baseline == PREDICTED and name not in (RECOMMENDED, *BENCH_ONLY):
         raise DataError(
-            f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, in walking '
-            "that torque perturbs. Choose another under perturbations.baseline."
+            f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, for walking '
+            "with perturbations of torque. Choose another under perturbations.baseline."
         )
     return name
 
 
 def _recommended(study: Study) -> str:
-    """Return what is recommended for a study."""
+    """Return the recommended method of a study."""
     perturbations = study.spec.perturbations
-    # A load that torque moves is one system; groups, and steps of the angle, are not.
+    # A load moved by torque is one system; groups, and steps of the angle, are not.
     torque = perturbations.source != "angle"
     if study.spec.kind == "walking":
-        asked = perturbations.baseline or PREDICTED
-        return RECOMMENDED if torque and asked == PREDICTED else "dissertation"
+        baseline = perturbations.baseline or PREDICTED
+        return RECOMMENDED if torque and baseline == PREDICTED else "dissertation"
     return FULL_RECORD if torque and perturbations.group is None else "dissertation"
 
 
-def _assembled(
-    study: Study,
-    method: str,
-    found: _Found,
-    *,
-    resamples: int,
-    seed: int,
-) -> StudyAnalysis:
-    results, broken = found.results, found.broken
-    cells = _completed(study, method, results, broken)
-    others = {m for r in results.values() for m in r.cells if m != method}
-    comparison = [
-        cell
-        for name in METHODS
-        if name in others
-        for cell in _completed(study, name, results, broken)
-    ]
+def _assembled(request: EstimationRequest, outputs: _Outputs) -> StudyAnalysis:
+    study, method, results = request.study, request.method, outputs.results
+    cells = _completed(study, method, outputs)
+    methods = {m for r in results.values() for m in r.cells if m != method}
     statistics = study_statistics(study, method, cells, results.values())
     pulses = tuple(p for r in results.values() for p in r.pulses)
-    statistics["notes"] += [*broken.values(), *damage_notes(found.inputs.values(), pulses)]
-    strides = tuple(s for r in results.values() for s in r.strides)
-    gaps = tuple(g for r in results.values() for g in r.gaps)
-    single = tuple(p for r in results.values() for p in r.single)
+    inputs = list(outputs.inputs.values())
+    statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return StudyAnalysis(
         cells=tuple(cells),
-        comparison=tuple(comparison),
+        comparison=tuple(
+            c for name in METHODS if name in methods for c in _completed(study, name, outputs)
+        ),
         population=population_means(person_cells(cells)) if study.spec.of_people else (),
         pulses=pulses,
-        strides=strides,
-        gaps=gaps,
-        single=single,
+        strides=tuple(s for r in results.values() for s in r.strides),
+        gaps=tuple(g for r in results.values() for g in r.gaps),
+        single=tuple(p for r in results.values() for p in r.single),
         models=tuple(m for r in results.values() for m in r.models),
         statistics=statistics,
-        settings=_settings_record(study, method, resamples=resamples, seed=seed),
+        settings=_settings_record(request),
         provenance={
             **provenance.software(),
             "created": provenance.now(),
             "study_sha256": study.sha256,
             "study": study.spec.model_dump(mode="json", exclude_none=True),
-            "inputs": list(found.inputs.values()),
-            "seed": seed,
+            "inputs": inputs,
+            "seed": request.seed,
         },
     )
 
 
-def _completed(
-    study: Study,
-    method: str,
-    results: dict[str, ParticipantResult],
-    broken: Collection[str],
-) -> list[CellEstimate]:
-    """Order the cells and add a failed one wherever a session and side has none."""
-    labels = _expected_labels(study, method, results)
+def _completed(study: Study, method: str, outputs: _Outputs) -> list[CellEstimate]:
+    """Return the cells in order, with a failed one where a session and side has none."""
+    labels = _expected_labels(study, method, outputs.results)
     cells: list[CellEstimate] = []
-    for person_id, result in results.items():
-        there = {(c.session, c.side, c.timing_point): c for c in result.cells.get(method, ())}
+    for person_id, result in outputs.results.items():
+        existing = {(c.session, c.side, c.timing_point): c for c in result.cells.get(method, ())}
         for unit in result.units or (("", ""),):
-            failure = _why_missing(study, person_id, result, unit)
-            if person_id in broken:
+            failure = _failure(study, person_id, result, unit)
+            if person_id in outputs.errors:
                 failure = Failure.ANALYSIS_BROKE
             cells += [
-                there.get((*unit, label))
-                or _missing(study, person_id, label, method, failure, unit)
+                existing.get((*unit, label))
+                or _failed_cell(study, person_id, label, method, failure, unit)
                 for label in labels
             ]
     return cells
@@ -304,22 +286,22 @@ def _expected_labels(study: Study, method: str, results: dict[str, ParticipantRe
     return label_names(spec.perturbations, seen)
 
 
-def _why_missing(
+def _failure(
     study: Study, person_id: str, result: ParticipantResult, unit: tuple[str, str]
 ) -> Failure:
     """Return why a participant's session and side have no cell at a timing point."""
     pulses = [p for p in result.pulses if (p.session, p.side) == unit]
     conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
     if any(p.code == Exclusion.NO_HEEL_STRIKES for p in pulses):
-        return Failure.NO_HEEL_STRIKES  # no pulse could be given its timing point
+        return Failure.NO_HEEL_STRIKES  # so no pulse has a timing point
     if not {"perturbed", None} & conditions:
         return Failure.NO_PERTURBED_RECORDING
-    # Pulses of which none could be given a timing point are there, each with its code.
-    nameless = bool(pulses) and not any(p.timing_point for p in pulses)
-    return Failure.ALL_PULSES_EXCLUDED if nameless else Failure.NO_PULSES
+    # There may be pulses that all lack a timing point, each with its code.
+    unassigned = bool(pulses) and not any(p.timing_point for p in pulses)
+    return Failure.ALL_PULSES_EXCLUDED if unassigned else Failure.NO_PULSES
 
 
-def _missing(
+def _failed_cell(
     study: Study,
     person_id: str,
     label: str,
@@ -346,23 +328,23 @@ def _missing(
 
 
 def _baseline(study: Study, method: str) -> str:
-    """Return what is subtracted: as the study asks, else the method's own."""
+    """Return the baseline of the study, else the method's own."""
     own = METHODS[method].baseline_for(walking=study.spec.kind == "walking")
     return study.spec.perturbations.baseline or own
 
 
-def _settings_record(study: Study, method: str, *, resamples: int, seed: int) -> dict[str, Any]:
-    spec = study.spec
+def _settings_record(request: EstimationRequest) -> dict[str, Any]:
+    spec = request.study.spec
     return {
-        "study": study.root.resolve().name,
+        "study": request.study.root.resolve().name,
         "joint": spec.joint,
         "kind": spec.kind,
         "positive": spec.positive,
         "torque_acts_on": spec.torque_acts_on,
-        "method": method,
-        "baseline": _baseline(study, method),
-        "resamples": resamples,
-        "seed": seed,
+        "method": request.method,
+        "baseline": _baseline(request.study, request.method),
+        "resamples": request.resamples,
+        "seed": request.seed,
         "ci_level": 0.95,
         "window_s": spec.perturbations.window_s,
         "cutoff_hz": spec.perturbations.cutoff_hz,

@@ -1,4 +1,4 @@
-"""Certify a study: what error to expect in it, measured in its own unperturbed strides."""
+"""Certificate of a study: the error to expect, measured in its own unperturbed strides."""
 
 import math
 import os
@@ -34,43 +34,43 @@ def certify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Inject known responses into a walking study and estimate them: the error to expect in it.
+    """Estimate known responses injected into a walking study, to know the error to expect.
 
     Parameters
     ----------
     study : Study or path
         An opened study, or its folder.
     stiffness, damping, inertia : float, mapping of str to float, or None
-        What is injected at all timing points, or at some by name; N*m/rad, N*m*s/rad, kg*m^2.
-        Drawn around the study's own estimates by default.
+        Injected values for all timing points, or by timing point; N*m/rad, N*m*s/rad, kg*m^2.
+        By default drawn around the study's own estimates.
     lag_s : float, optional, s
-        Lag of the injected sensor; drawn around what calibration and study say of it by
-        default. One that the calibration does not expect shows what such an error would do.
+        Lag of the injected sensor; by default drawn around the lag of calibration and study. A
+        lag that contradicts the calibration shows the effect of such an error.
     replicates : int, optional
-        Injections into each participant; by default so many that the RMSE of the whole study
+        Injections into each participant; by default enough for an RMSE of the whole study that
         is known to 10 %.
     seed : int
-        Of the draws.
+        Seed of the draws.
     progress : callable, optional
-        Called with (participants done, of how many, what comes next).
+        Called with (participants done, number of participants, what comes next).
 
     Returns
     -------
     Certificate
-        Bias, RMSE and coverage to expect of K, B and J.
+        Expected bias, RMSE and coverage of K, B and J.
 
     Raises
     ------
     StudyError
-        When recordings cannot be trusted; all of them in one message.
+        If recordings cannot be trusted; one message names all of them.
     ValueError
-        When the study does not walk, or a value to inject makes no sense.
+        If the study is not a walking study, or a value to inject is out of range.
     """
     opened = study if isinstance(study, Study) else open_study(study)
     if opened.spec.kind != "walking":
         raise ValueError(
             "certify: expected a walking study, got kind "
-            f'"{opened.spec.kind}"; a bench has loads of known impedance instead.'
+            f'"{opened.spec.kind}"; on a bench, measure loads of known impedance instead.'
         )
     people = [person.id for person in opened.spec.participants]
     replicates = replicates_for(len(people)) if replicates is None else replicates
@@ -80,7 +80,7 @@ def certify(
     injection = checked_injection(
         stiffness, damping, inertia, lag_s=lag_s, timing_points=list(points)
     )
-    found: dict[str, list[VirtualEstimate]] = {}
+    estimates: dict[str, list[VirtualEstimate]] = {}
     problems: list[str] = []
     for done, person_id in enumerate(people):
         if progress:
@@ -88,7 +88,7 @@ def certify(
         try:
             settings = participant_settings(opened, person_id, RECOMMENDED, resamples=2, seed=seed)
             recordings = read_participant(opened, person_id, {})
-            found[person_id] = certify_participant(
+            estimates[person_id] = certify_participant(
                 evidence_of(person_id, recordings, settings),
                 injection,
                 replicates=replicates,
@@ -103,7 +103,7 @@ def certify(
     if progress:
         progress(len(people), len(people), "done")
     window_s = opened.spec.perturbations.window_s
-    return assembled(found, injection, replicates=replicates, seed=seed, window_s=window_s)
+    return assembled(estimates, injection, replicates=replicates, seed=seed, window_s=window_s)
 
 
 def checked_injection(
@@ -114,17 +114,17 @@ def checked_injection(
     lag_s: float | None,
     timing_points: Sequence[str],
 ) -> Injection:
-    """Return what is to be injected, if it can be."""
+    """Return the values to inject, if they are valid."""
     for name, chosen in (("stiffness", stiffness), ("damping", damping), ("inertia", inertia)):
         if chosen is None:
             continue
-        given = dict(chosen) if isinstance(chosen, Mapping) else {ALL_POINTS: float(chosen)}
-        if isinstance(chosen, Mapping) and (unknown := sorted(set(given) - set(timing_points))):
+        values = dict(chosen) if isinstance(chosen, Mapping) else {ALL_POINTS: float(chosen)}
+        if isinstance(chosen, Mapping) and (unknown := sorted(set(values) - set(timing_points))):
             raise ValueError(
                 f"{name}: expected timing points among {', '.join(timing_points)}, got "
                 f"{', '.join(unknown)}."
             )
-        for value in given.values():
+        for value in values.values():
             if not math.isfinite(value) or value < 0.0 or (name == "inertia" and value == 0.0):
                 raise ValueError(f"{name}: expected a finite, positive value, got {value}.")
     if lag_s is not None and not 0.0 <= lag_s <= _LONGEST_LAG_S:

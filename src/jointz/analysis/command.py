@@ -1,4 +1,4 @@
-"""``jointz analyze``: recordings to impedance, figures and report."""
+"""``jointz analyze``: impedance, figures and report from recordings."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -18,15 +18,15 @@ from jointz.terminal.output import (
 )
 
 if TYPE_CHECKING:
-    from jointz.results.estimates import CellEstimate
-    from jointz.results.study_analysis import StudyAnalysis
+    from jointz.results.estimates import CellEstimate, ParameterEstimate
+    from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
     from jointz.tasks.task_store import TaskStore
 
-_USUAL = "recommended"
+_RECOMMENDED = "recommended"
 
 
 def analyze(
-    study: Annotated[Path, typer.Argument(help="Folder that holds study.toml.")],
+    study: Annotated[Path, typer.Argument(help="Folder with study.toml.")],
     out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
     method: Annotated[
         str,
@@ -35,25 +35,28 @@ def analyze(
             help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
             "instrumental_variable, output_error, errors_in_variables, weak_form or full_record.",
         ),
-    ] = _USUAL,
+    ] = _RECOMMENDED,
     resamples: Annotated[
-        int, typer.Option("--resamples", min=2, help="Bootstrap resamples a cell.")
+        int, typer.Option("--resamples", min=2, help="Bootstrap resamples for each cell.")
     ] = 1000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     workers: Annotated[
         int | None,
-        typer.Option("--workers", min=1, help="Participants at once; as many as cores by default."),
+        typer.Option(
+            "--workers",
+            min=1,
+            help="Participants analysed at once; by default the number of cores.",
+        ),
     ] = None,
     scheduler: SchedulerOption = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a results folder that exists.")
+        bool, typer.Option("--overwrite", help="Replace an existing results folder.")
     ] = False,
     salvage: Annotated[
         bool,
         typer.Option(
             "--salvage",
-            help="Make damaged recordings again from the session's logs, less what is damaged "
-            "there.",
+            help="Recover damaged recordings from the session's logs, without the damaged parts.",
         ),
     ] = False,
     as_json: Json = False,
@@ -63,7 +66,7 @@ def analyze(
     """Estimate joint impedance from the recordings of a study.
 
     Writes estimates.csv, excluded.csv, figures and report.html to a new folder.
-    Exit status: 0 an estimate stands, 1 none does, 2 the input cannot be trusted.
+    Exit status: 0 an estimate is available, 1 none is, 2 the input cannot be trusted.
 
     Example: jointz analyze my-study --out results
     """
@@ -71,10 +74,13 @@ def analyze(
     from jointz.io.study_reader import open_study
     from jointz.tasks.open_engine import open_engine
 
-    if method != _USUAL:  # who asks for the usual one need not wait for all methods to be loaded
+    if method != _RECOMMENDED:  # the check loads all methods, which takes time
         from jointz.analysis.analyze import check_method
 
-        _usage(check_method, method)
+        try:
+            check_method(method)
+        except ValueError as exc:
+            raise typer.BadParameter(str(exc)) from exc
     if salvage:
         from jointz.session.salvage import salvage_recordings
 
@@ -83,14 +89,14 @@ def analyze(
     with _salvage_advised(study):
         opened = open_study(study)
     people = len(opened.spec.participants)
-    # Processes import while this one does.
+    # Worker processes import their modules at the same time as this one.
     with open_engine(
         scheduler, workers=workers, tasks=people, needs="jointz.analysis.participant_jobs"
     ) as engine:
         from jointz.analysis.analyze import analyze as analyze_study
         from jointz.analysis.results_folder import ANALYSIS, MARKER, check_free, write_results
 
-        store = _store(out)  # a run that ends early goes on from what is there
+        store = _store(out)  # from which a run that ended early continues
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with (
             progress_bar(shown=not (quiet or as_json)) as progress,
@@ -109,13 +115,13 @@ def analyze(
             if progress:
                 progress(1, 1, "drawing the report")
             report = write_results(analysis, out, overwrite=overwrite, engine=engine)
-        broke = _broke(analysis)
-        if store and not broke:
+        complete = not _has_broken(analysis)
+        if store and complete:
             store.clear()
-    if store and broke and not quiet:
+    if store and not complete and not quiet:
         typer.echo(
-            f"{store.folder}: keeps everybody whose analysis did not break; the same command with "
-            "--overwrite does only the others again.",
+            f"{store.folder}: contains the participants whose analysis did not fail; the same "
+            "command with --overwrite repeats the others only.",
             err=True,
         )
     if as_json:
@@ -126,7 +132,7 @@ def analyze(
 
 
 def _store(out: Path) -> "TaskStore | None":
-    """Return where finished participants are kept, None with a warning where none can be."""
+    """Return the store of finished participants, None with a warning if it cannot be written."""
     from jointz.core.errors import WriteError
     from jointz.tasks.task_store import TaskStore
 
@@ -134,14 +140,14 @@ def _store(out: Path) -> "TaskStore | None":
     try:
         store.check_writable()
     except WriteError as exc:
-        typer.echo(f"warning: {exc} Until then nothing is kept of a run that ends early.", err=True)
+        typer.echo(f"warning: {exc} Until then a run that ends early starts anew.", err=True)
         return None
     return store
 
 
 @contextmanager
 def _salvage_advised(study: Path) -> Iterator[None]:
-    """Say how to go on where the sessions of an unreadable study are there."""
+    """Add advice to an error if the sessions of an unreadable study exist."""
     from jointz.core.errors import DataError
 
     try:
@@ -155,19 +161,12 @@ def _salvage_advised(study: Path) -> Iterator[None]:
         raise
 
 
-def _broke(analysis: "StudyAnalysis") -> bool:
-    """Tell whether the analysis of somebody broke off."""
+def _has_broken(analysis: "StudyAnalysis") -> bool:
+    """Return whether the analysis of any participant failed with an error."""
     from jointz.core.codes import Failure
 
     broke = Failure.ANALYSIS_BROKE.status
     return any(p.status == broke for cell in analysis.cells for p in cell.parameters)
-
-
-def _usage(check: Any, value: str) -> None:
-    try:
-        check(value)
-    except ValueError as exc:
-        raise typer.BadParameter(str(exc)) from exc
 
 
 def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
@@ -188,43 +187,33 @@ def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
 def _print(analysis: "StudyAnalysis", report: Path) -> None:
     for warning in analysis.statistics.get("warnings", []):
         emit(f"WARNING: {warning}")
-    rows = [
-        [
-            p.timing_point,
-            p.parameter,
-            f"{p.value:.4g}" if p.value is not None else p.status,
-            f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
-            p.unit,
-            str(p.n_participants),
-        ]
-        for p in analysis.population
-    ]
     if any(p.n_participants > 1 for p in analysis.population):
+        rows = [
+            [p.timing_point, p.parameter, *_value_cells(p, p.status), str(p.n_participants)]
+            for p in analysis.population
+        ]
         header = ["timing point", "parameter", "mean", "95 % interval", "unit", "people"]
         emit_table(rows, header, title="Means over people")
     else:
         _print_cells(analysis)
-    emit(_counted(analysis))
+    emit(_counts(analysis))
     for note in analysis.statistics.get("notes", []):
         emit(f"note: {note}")
-    failed = {p.status for c in analysis.cells for p in c.parameters if not p.stands}
-    if failed:
-        emit(f"without an estimate: {', '.join(sorted(failed))}")
+    missing = {p.status for c in analysis.cells for p in c.parameters if not p.stands}
+    if missing:
+        emit(f"without an estimate: {', '.join(sorted(missing))}")
     emit(f"Report: {report}")
 
 
-def _counted(analysis: "StudyAnalysis") -> str:
-    """Say who was measured, by which methods, with how many pulses."""
-    from jointz.report.prose import pulse_counts
-    from jointz.report.subjects import subjects
+def _counts(analysis: "StudyAnalysis") -> str:
+    """Count participants, cells and pulses, and name the methods."""
+    from jointz.analysis.summary import counted_people, pulse_counts
 
-    words = subjects(analysis)
-    used, left_out = pulse_counts(analysis)
+    used, excluded = pulse_counts(analysis)
     methods = dict.fromkeys(c.method for c in analysis.cells)
     return (
-        f"{words.counted(len({c.participant for c in analysis.cells}))}, "
-        f"{len(analysis.cells)} cells, method {' and '.join(methods) or '-'}: {used} pulses used, "
-        f"{left_out} left out."
+        f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
+        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded."
     )
 
 
@@ -233,14 +222,8 @@ def _print_cells(analysis: "StudyAnalysis") -> None:
 
     words = subjects(analysis)
     rows = [row for cell in analysis.cells for row in _cell_rows(cell)]
-    header = [
-        f"{words.one}, {words.point}",
-        "parameter",
-        "value",
-        "95 % interval",
-        "unit",
-        "status",
-    ]
+    name = f"{words.one}, {words.point}"
+    header = [name, "parameter", "value", "95 % interval", "unit", "status"]
     emit_table(rows, header, title="Estimates")
 
 
@@ -249,14 +232,11 @@ def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
     statuses = {p.status for p in cell.parameters}
     if len(statuses) == 1 and not cell.parameters[0].stands:
         return [[name, "all", "-", "-", "-", statuses.pop()]]
-    return [
-        [
-            name,
-            p.name,
-            f"{p.value:.4g}" if p.value is not None else "-",
-            f"{p.ci_low:.4g} to {p.ci_high:.4g}" if p.ci_low is not None else "-",
-            p.unit,
-            p.status,
-        ]
-        for p in cell.parameters
-    ]
+    return [[name, p.name, *_value_cells(p, "-"), p.status] for p in cell.parameters]
+
+
+def _value_cells(row: "ParameterEstimate | PopulationEstimate", missing: str) -> list[str]:
+    """Return value, interval and unit."""
+    value = missing if row.value is None else f"{row.value:.4g}"
+    interval = "-" if row.ci_low is None else f"{row.ci_low:.4g} to {row.ci_high:.4g}"
+    return [value, interval, row.unit]

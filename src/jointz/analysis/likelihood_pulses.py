@@ -1,4 +1,4 @@
-"""Every pulse of a bench by itself, the recommended way: by errors-in-variables likelihood."""
+"""Estimates of single pulses of a bench by errors-in-variables likelihood."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,14 +14,14 @@ from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.pulse_likelihood import fit_pulse
 from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.identify.preparation.sources import RecordingInput
+from jointz.report.wording import ABSOLUTE
 from jointz.results.estimates import CellEstimate
 
 #: Name of the method in ``single_pulses.csv``.
 METHOD = "pulse_likelihood"
-_PARAMETERS = ("stiffness", "damping", "inertia")
-#: 100 ms hardly decide damping and inertia; 250 ms do.
+#: Damping and inertia are barely identifiable in 100 ms, but are in 250 ms.
 _WINDOW_S = 0.25
-#: Samples on either side of the window that the likelihood may use.
+#: Margin on either side of the window that the likelihood may use.
 _MARGIN_S = 0.03
 _TWO_SIDED_Z = 1.96
 
@@ -40,27 +40,29 @@ def likelihood_pulses(
     perturbations: PerturbationsSpec,
     torque_model: TorqueModelSpec | None,
 ) -> tuple[PulseEstimate, ...]:
-    """Estimate the pulses of cases that were estimated from whole trials, one by one.
+    """Estimate each pulse of the cases that were estimated from whole trials.
 
-    :func:`jointz.identify.bench.pulse_likelihood.fit_pulse` over 250 ms of the raw signals,
-    their gains divided out, with what the case's whole trials say of the lag. The
-    intrinsic impedance is not subtracted. It misleads with friction.
+    Uses :func:`jointz.identify.bench.pulse_likelihood.fit_pulse` over 250 ms of the raw signals,
+    divided by their gains, with the lag estimated from the whole trials of the case. The
+    intrinsic impedance is not subtracted. Friction biases the result.
     """
     lags = {c.timing_point: _lag_of(c) for c in cells if c.method == FULL_RECORD}
-    wanted = {p.recording for p in single if p.timing_point in lags}
+    files = {p.recording for p in single if p.timing_point in lags}
     trials = {
         (r.file, str(r.recording.attrs["trial"])): _trial(r, perturbations, torque_model)
         for r in recordings
-        if r.file in wanted
+        if r.file in files
     }
-    found = (_one(p, trials, lags[p.timing_point]) if p.timing_point in lags else p for p in single)
-    return tuple(p for p in found if p is not None)
+    estimates = (
+        _estimate(p, trials, lags[p.timing_point]) if p.timing_point in lags else p for p in single
+    )
+    return tuple(p for p in estimates if p is not None)
 
 
 def _trial(
-    given: RecordingInput, perturbations: PerturbationsSpec, model: TorqueModelSpec | None
+    source: RecordingInput, perturbations: PerturbationsSpec, model: TorqueModelSpec | None
 ) -> _Trial:
-    recording, known = given.recording, given.calibration
+    recording, known = source.recording, source.calibration
     if "torque" not in recording and model is not None:
         cutoff_hz = perturbations.cutoff_hz
         torque, _ = torque_from_current(recording, model, cutoff_hz=cutoff_hz, known=known)
@@ -77,7 +79,7 @@ def _gain(known: Calibrated | None) -> float:
     return 1.0 if known is None else known.value
 
 
-def _one(
+def _estimate(
     pulse: PulseEstimate,
     trials: Mapping[tuple[str, str], _Trial],
     lag: tuple[float, float] | None,
@@ -97,8 +99,7 @@ def _one(
         )
     except (DataError, EstimationError):
         return None
-    values = [fit.parameter(name).value for name in _PARAMETERS]
-    stiffness, damping, inertia = values
+    stiffness, damping, inertia = (fit.parameter(name).value for name in ABSOLUTE)
     if stiffness is None or damping is None or inertia is None:
         return None
     return replace(
@@ -112,7 +113,7 @@ def _one(
 
 
 def _lag_of(cell: CellEstimate) -> tuple[float, float] | None:
-    """Return the lag of a case's torque record and its sd, where it was found."""
+    """Return the lag of a case's torque record and its sd, if it was estimated."""
     lag = next((p for p in cell.nuisance if p.name == "torque_lag"), None)
     if lag is None or lag.value is None or lag.ci_high is None:
         return None

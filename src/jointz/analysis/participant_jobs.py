@@ -1,4 +1,4 @@
-"""One participant after the other, or several at once in processes of their own."""
+"""Analysis of the participants, one after the other or several at once in processes."""
 
 import ctypes
 import sys
@@ -29,163 +29,161 @@ from jointz.tasks.task_store import TaskStore, task_key
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
-    """What is to be done for every participant."""
+class EstimationRequest:
+    """Study, method and settings of an analysis, the same for every participant."""
 
     study: Study
-    method: str  # by its own name
+    method: str
     resamples: int  # of the bootstrap
     seed: int
-    injections: int  # known responses put into each participant's own strides
+    injections: int  # known responses added to each participant's own strides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came out for a participant."""
+    """Result for a participant."""
 
     result: ParticipantResult  # without its evidence, which is large
-    virtual: list[VirtualEstimate]  # known responses injected and estimated
+    virtual: list[VirtualEstimate]  # estimates of the known responses
     inputs: dict[str, dict[str, Any]]  # every file read, with its hash
 
 
 def outcomes(
-    asked: Asked, people: Sequence[str], *, engine: Engine, store: TaskStore | None
+    request: EstimationRequest, people: Sequence[str], *, engine: Engine, store: TaskStore | None
 ) -> Generator[tuple[str, Callable[[], Outcome]]]:
-    """Yield every participant, in order, with a function that gives the outcome.
+    """Yield every participant, in order, with a function that returns the outcome.
 
-    A function raises DataError for recordings that cannot be trusted, and EngineError where
-    nobody else's outcome will come either.
-
-    Memory does not grow with the number of participants: one a worker is in it, and with
-    one worker alone another that is read ahead.
+    The function raises DataError for recordings that cannot be trusted, and EngineError if no
+    other outcome will come either. Memory does not grow with the number of participants: it holds
+    one for each worker; a single worker holds another one that is read ahead.
     """
     if isinstance(engine, Serial):
-        yield from _in_turn(asked, people, store)
+        yield from _in_turn(request, people, store)
         return
     # Workers may have been started in another folder.
-    study = replace(asked.study, root=asked.study.root.absolute())
-    sent = replace(asked, study=study)
+    study = replace(request.study, root=request.study.root.absolute())
+    request = replace(request, study=study)
     tasks = (
         Task(
-            f"{person_id} (seed {asked.seed})",
-            partial(_read_and_analyzed, sent, person_id),
-            key=partial(_key, sent, person_id),
+            f"{person_id} (seed {request.seed})",
+            partial(_read_and_estimate, request, person_id),
+            key=partial(_key, request, person_id),
         )
         for person_id in people
     )
-    coming = done_in_turn(engine, tasks, store=store)
+    pending = done_in_turn(engine, tasks, store=store)
     for person_id in people:
-        yield person_id, lambda: next(coming).result()
+        yield person_id, lambda: next(pending).result()
 
 
-def _key(asked: Asked, person_id: str) -> str:
-    """Return the name of a participant's outcome; made by the worker, which reads the files."""
-    entries = [e for e in asked.study.spec.recordings if e.participant == person_id]
+def _key(request: EstimationRequest, person_id: str) -> str:
+    """Return the key of a participant's outcome; workers call it, as it reads the files."""
+    study = request.study
+    entries = [e for e in study.spec.recordings if e.participant == person_id]
     files = [file for e in entries for file in (e.file, e.perturbations) if file is not None]
-    inputs = {"study.toml": asked.study.sha256}
+    inputs = {"study.toml": study.sha256}
     for file in files:
-        with suppress(OSError, DataError):  # one that cannot be read is told when it is read
-            inputs[file] = hashed(asked.study, file)["sha256"]
-    own = [e for e in asked.study.user_exclusions if e.participant == person_id]
+        with suppress(OSError, DataError):  # reported when the file is read
+            inputs[file] = hashed(study, file)["sha256"]
+    exclusions = [asdict(e) for e in study.user_exclusions if e.participant == person_id]
     settings = {
-        "method": asked.method,
-        "resamples": asked.resamples,
-        "seed": asked.seed,
-        "injections": asked.injections,
-        "exclusions": [asdict(e) for e in own],
+        "method": request.method,
+        "resamples": request.resamples,
+        "seed": request.seed,
+        "injections": request.injections,
+        "exclusions": exclusions,
     }
     return task_key(what=f"analyze {person_id}", inputs=inputs, settings=settings)
 
 
 def _in_turn(
-    asked: Asked, people: Sequence[str], store: TaskStore | None
+    request: EstimationRequest, people: Sequence[str], store: TaskStore | None
 ) -> Generator[tuple[str, Callable[[], Outcome]]]:
-    """Read one participant ahead in a thread, while the one before is analysed."""
+    """Read one participant ahead in a thread while the previous one is analysed."""
     with ThreadPoolExecutor(max_workers=1) as reader:
 
-        def start(person_id: str) -> tuple[_Ahead, Future[None]]:
-            ahead = _Ahead(asked, person_id, store)
-            return ahead, reader.submit(ahead.read)
+        def start(person_id: str) -> tuple[_ReadAhead, Future[None]]:
+            participant = _ReadAhead(request, person_id, store)
+            return participant, reader.submit(participant.read)
 
-        coming = start(people[0])
-        for person_id, following in zip(people, [*people[1:], None], strict=True):
-            current, reading = coming
+        following = start(people[0])
+        for person_id, next_id in zip(people, [*people[1:], None], strict=True):
+            current, reading = following
             wait([reading])
-            if following is not None:
-                coming = start(following)
-            _give_back_memory()
+            if next_id is not None:
+                following = start(next_id)
+            _release_memory()
             yield person_id, partial(current.outcome, reading)
 
 
-class _Ahead:
-    """A participant whose recordings are read ahead, unless the outcome is kept."""
+class _ReadAhead:
+    """Participant whose recordings are read ahead, unless the store has the outcome."""
 
-    def __init__(self, asked: Asked, person_id: str, store: TaskStore | None) -> None:
-        self._asked, self._person_id, self._store = asked, person_id, store
-        self._key = cache(partial(_key, asked, person_id))
+    def __init__(self, request: EstimationRequest, person_id: str, store: TaskStore | None) -> None:
+        self._request, self._person_id, self._store = request, person_id, store
+        self._key = cache(partial(_key, request, person_id))
         self._inputs: dict[str, dict[str, Any]] = {}
         self._recordings: list[RecordingInput] | None = None
 
     def read(self) -> None:
-        """Read the recordings where they will be needed."""
+        """Read the recordings if they are needed."""
         if self._store is None or not self._store.holds(self._key()):
             self._recordings = self._read()
 
     def outcome(self, reading: Future[None]) -> Outcome:
-        """Return the outcome, or raise what the reading raised."""
+        """Return the outcome, or raise the error of the reading."""
         reading.result()
-        call = partial(on_one_thread, self._made)
+        call = partial(on_one_thread, self._estimate)
         return call() if self._store is None else self._store.kept(self._key, call)()
 
-    def _made(self) -> Outcome:
-        recordings = self._recordings
-        if recordings is None:  # the one that was kept is damaged
-            recordings = self._read()
-        return _outcome(self._asked, self._person_id, recordings, self._inputs)
+    def _estimate(self) -> Outcome:
+        # The recordings are missing here if the outcome in the store turns out to be damaged.
+        recordings = self._read() if self._recordings is None else self._recordings
+        return _outcome(self._request, self._person_id, recordings, self._inputs)
 
     def _read(self) -> list[RecordingInput]:
-        return read_participant(self._asked.study, self._person_id, self._inputs)
+        return read_participant(self._request.study, self._person_id, self._inputs)
 
 
-def _read_and_analyzed(asked: Asked, person_id: str) -> Outcome:
+def _read_and_estimate(request: EstimationRequest, person_id: str) -> Outcome:
     inputs: dict[str, dict[str, Any]] = {}
-    _give_back_memory()
-    recordings = read_participant(asked.study, person_id, inputs)
-    return _outcome(asked, person_id, recordings, inputs)
+    _release_memory()
+    recordings = read_participant(request.study, person_id, inputs)
+    return _outcome(request, person_id, recordings, inputs)
 
 
 def _outcome(
-    asked: Asked,
+    request: EstimationRequest,
     person_id: str,
     recordings: list[RecordingInput],
     inputs: dict[str, dict[str, Any]],
 ) -> Outcome:
     settings = participant_settings(
-        asked.study, person_id, asked.method, resamples=asked.resamples, seed=asked.seed
+        request.study, person_id, request.method, resamples=request.resamples, seed=request.seed
     )
-    found = _analyzed(person_id, recordings, settings)
+    result = _analyzed(person_id, recordings, settings)
     virtual = certify_participant(
-        found.evidence, Injection(), replicates=asked.injections, seed=asked.seed
+        result.evidence, Injection(), replicates=request.injections, seed=request.seed
     )
-    return Outcome(replace(found, evidence=()), virtual, inputs)
+    return Outcome(replace(result, evidence=()), virtual, inputs)
 
 
 def participant_settings(
     study: Study, person_id: str, method: str, *, resamples: int, seed: int
 ) -> ParticipantSettings:
-    """Return what the study asks for about one participant."""
+    """Return the settings of the study for one participant."""
     spec = study.spec
     walking = spec.kind == "walking"
-    # Beside the dissertation's method, the one that differs in nothing but the baseline.
+    # The dissertation's method is compared with one that differs in the baseline only.
     compared = method != "dissertation" and (walking or method == FULL_RECORD)
     others = ["dissertation"] if compared else ["matched_strides"] if walking else []
-    own = spec.perturbations.baseline is None
+    default_baseline = spec.perturbations.baseline is None
     return ParticipantSettings(
         walking=walking,
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,
-        methods=(method, *(others if own else [])),
+        methods=(method, *(others if default_baseline else [])),
         n_resamples=resamples,
         seed=seed,
         mass_kg=spec.participant(person_id).mass_kg,
@@ -200,8 +198,8 @@ def participant_settings(
 def read_participant(
     study: Study, person_id: str, inputs: dict[str, dict[str, Any]]
 ) -> list[RecordingInput]:
-    """Read all recordings of one participant; all unreadable ones in one error."""
-    found: list[RecordingInput] = []
+    """Read all recordings of one participant; one error names all that cannot be read."""
+    recordings: list[RecordingInput] = []
     problems: list[str] = []
     for entry in study.spec.recordings:
         if entry.participant != person_id:
@@ -216,7 +214,10 @@ def read_participant(
         if entry.perturbations is not None:
             inputs[entry.perturbations] = hashed(study, entry.perturbations)
         calibration = study.spec.calibration_of(entry)
-        found += [RecordingInput(p, calibration, t) for p, t in zip(pieces, tables, strict=True)]
+        recordings += [
+            RecordingInput(piece, calibration, table)
+            for piece, table in zip(pieces, tables, strict=True)
+        ]
         inputs[entry.file] = {
             "file": entry.file,
             "name": shown_file(entry.file),
@@ -225,13 +226,13 @@ def read_participant(
         }
     if problems:
         raise StudyError(str(study.root), problems)
-    return found
+    return recordings
 
 
 def _analyzed(
     person_id: str, recordings: list[RecordingInput], settings: ParticipantSettings
 ) -> ParticipantResult:
-    """Analyse one participant; its recordings are gone before the next but one are read."""
+    """Analyse one participant; on a bench also each pulse by its likelihood."""
     result = analyze_participant(person_id, recordings, settings)
     method = settings.methods[0]
     if method != FULL_RECORD:
@@ -246,10 +247,10 @@ def _analyzed(
     return replace(result, single=single)
 
 
-def _give_back_memory() -> None:
-    """Hand freed memory back to the system, where the C library can.
+def _release_memory() -> None:
+    """Return freed memory to the system, if the C library can.
 
-    glibc keeps what the threads of a parallel reader freed; without this ten
+    glibc keeps the memory that the threads of a parallel reader freed; without this, ten
     participants take a quarter more memory than one.
     """
     if sys.platform == "linux":
@@ -259,7 +260,7 @@ def _give_back_memory() -> None:
 
 
 def hashed(study: Study, file: str) -> dict[str, Any]:
-    """Return a file of a study, its name and its hash."""
+    """Return a file of a study with its name and hash."""
     with named_as_written(study.root, file) as path:
         try:
             sha256 = file_sha256(path)

@@ -1,7 +1,7 @@
-"""What an analysis says beside its estimates: description, effects of pulses, and notes."""
+"""Statistics and notes of an analysis."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from statistics import median
 from typing import Any
 
@@ -18,6 +18,7 @@ from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.report.wording import format_span
 from jointz.results.estimates import CellEstimate
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
@@ -25,10 +26,10 @@ from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
 
-#: So many names are told; the tables hold the others.
-_TOLD = 3
+#: Number of names in a note; the tables have the others.
+_MOST_NAMES = 3
 _DAMAGED = Exclusion.DAMAGED_LOG.value
-#: A model this probable is called likely, its contrary unlikely.
+#: A model of this probability is called likely, its contrary unlikely.
 _LIKELY = 0.9
 
 
@@ -38,11 +39,12 @@ def study_statistics(
     cells: Sequence[CellEstimate],
     results: Collection[ParticipantResult],
 ) -> dict[str, Any]:
-    """Return the statistics of a study, and the notes about them."""
+    """Return the statistics and notes of a study."""
     pulses = tuple(p for r in results for p in r.pulses)
     strides = tuple(s for r in results for s in r.strides)
     gaps = tuple(g for r in results for g in r.gaps)
     single = tuple(p for r in results for p in r.single)
+    models = [m for r in results for m in r.models]
     return {
         "onset_accuracy": onset_accuracy(pulses),
         "strides": stride_summary(strides, gaps),
@@ -56,8 +58,8 @@ def study_statistics(
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
             *_method_notes(method, cells),
-            *_model_notes([m for r in results for m in r.models]),
-            *_doubt_notes([m for r in results for m in r.models]),
+            *_model_notes(models),
+            *_doubt_notes(models),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
@@ -70,70 +72,50 @@ def study_statistics(
 
 
 def _nuisance(cells: Sequence[CellEstimate]) -> dict[str, Any]:
-    """Return what was estimated beside the impedance, where there is any."""
+    """Return the parameters estimated beside the impedance, if there are any."""
+    columns = ("participant", "timing_point", "parameter", "value", "unit", "ci_low", "ci_high",
+               "status", "session", "side")  # fmt: skip
     rows = [
-        {
-            "participant": cell.participant,
-            "timing_point": cell.timing_point,
-            "parameter": p.name,
-            "value": p.value,
-            "unit": p.unit,
-            "ci_low": p.ci_low,
-            "ci_high": p.ci_high,
-            "status": p.status,
-            "session": cell.session,
-            "side": cell.side,
-        }
+        {name: row[name] for name in columns}
         for cell in cells
-        for p in cell.nuisance
+        for row in replace(cell, parameters=cell.nuisance).rows()
     ]
     return {"nuisance": rows} if rows else {}
 
 
 def _quasi_stiffness(study: Study, results: Collection[ParticipantResult]) -> dict[str, Any]:
-    """Return the quasi-stiffness of those who were never perturbed, where there are any."""
+    """Return the quasi-stiffness of people who were never perturbed, if there are any."""
     curves = [c for r in results for c in r.curves]
-    if not curves:
-        return {}
     points = study.spec.perturbations.timing_points or TIMING_POINTS
     rows = quasi_stiffness_rows(curves, points)
     return {"quasi_stiffness": rows} if rows else {}
 
 
 def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
-    """Return the statistics of 2.2.4, where pulses of a bench went both ways."""
-    rows = [p for p in single if p.direction]
-    if len({p.sign for p in rows}) < 2:
+    """Return the statistics of 2.2.4, if pulses of a bench had both signs."""
+    pulses = [p for p in single if p.direction]
+    if len({p.sign for p in pulses}) < 2:
         return {}
-    table = pd.DataFrame(
-        {
-            "case": [p.participant for p in rows],
-            "trajectory": [p.timing_point for p in rows],
-            "trial": [p.trial for p in rows],
-            "sign": [p.sign for p in rows],
-            "direction": [p.direction for p in rows],
-            "stiffness": [p.stiffness for p in rows],
-            "inertia": [p.inertia for p in rows],
-        }
-    )
-    methods = list(dict.fromkeys(p.method for p in rows))
+    table = pd.DataFrame([asdict(p) for p in pulses])
+    table = table.rename(columns={"participant": "case", "timing_point": "trajectory"})
+    methods = list(dict.fromkeys(p.method for p in pulses))
     return {"pulse_effects": {"methods": methods, **pulse_effects(table).to_dict()}}
 
 
-# --- notes: what the user should know and would otherwise not see --------------------------------
+# --- notes ---------------------------------------------------------------------------------------
 
 
 def damage_notes(inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseRecord]) -> list[str]:
-    """Say which seconds and pulses damaged logs cost."""
+    """Name the seconds and pulses lost with damaged logs."""
     notes = []
-    for one in inputs:
-        steps = one.get("history", ())
-        holes = [f"{a:.3f} to {b:.3f} s" for s in steps for a, b in s.get("damaged_s", ())]
-        lost = [p for p in pulses if p.recording == one["file"] and p.code == _DAMAGED]
-        if holes:
+    for file in inputs:
+        steps = file.get("history", ())
+        spans = [f"{a:.3f} to {b:.3f} s" for s in steps for a, b in s.get("damaged_s", ())]
+        lost = [p for p in pulses if p.recording == file["file"] and p.code == _DAMAGED]
+        if spans:
             notes.append(
-                f"{one['file']}: the session's log is damaged from {', '.join(holes)}; these "
-                f"records and {len(lost)} pulse{'s' * (len(lost) != 1)} are left out."
+                f"{file['file']}: the session's log is damaged from {', '.join(spans)}; these "
+                f"records and {len(lost)} pulse{'s' * (len(lost) != 1)} are excluded."
             )
     return notes
 
@@ -141,21 +123,22 @@ def damage_notes(inputs: Iterable[Mapping[str, Any]], pulses: Sequence[PulseReco
 def _exclusion_notes(
     study: Study, pulses: Sequence[PulseRecord], strides: Sequence[StrideRecord]
 ) -> list[str]:
-    moments = [(p.participant, p.recording, p.onset_s) for p in pulses]
-    moments += [(s.participant, s.recording, s.start_s) for s in strides]
+    """Name the lines of ``exclusions.csv`` without effect."""
+    starts = [(p.participant, p.recording, p.onset_s) for p in pulses]
+    starts += [(s.participant, s.recording, s.start_s) for s in strides]
     return [
-        f"exclusions.csv: nothing begins at {e.onset_s:g} s in {e.recording} of "
-        f"{e.participant}; the line had no effect."
+        f"exclusions.csv: no pulse or stride begins at {e.onset_s:g} s in {e.recording} of "
+        f"{e.participant}; the line has no effect."
         for e in study.user_exclusions
         if not any(
             (person, file) == (e.participant, e.recording) and abs(t - e.onset_s) < SAME_TIME_S
-            for person, file, t in moments
+            for person, file, t in starts
         )
     ]
 
 
 def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
-    """Say where a turned sign is the likely reason for a refusal, or for nothing but zeros."""
+    """Name the cells in which an inverted sign is likely."""
     refused = [c for c in cells if Failure.OPPOSITE_SIGN.status in {p.status for p in c.parameters}]
     zero = [
         cell
@@ -177,121 +160,116 @@ def _sign_notes(cells: Sequence[CellEstimate]) -> list[str]:
 
 
 def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
-    """Say where another method than the chosen one had to be used."""
-    others = [cell for cell in cells if cell.method != method]
+    """Name the cells that needed another method than the chosen one."""
+    others: dict[str, list[CellEstimate]] = {}
+    for cell in cells:
+        if cell.method != method:
+            others.setdefault(cell.method, []).append(cell)
     return [
-        f"{_names([c for c in others if c.method == used])}: estimated by the method {used}, not "
-        f"{method}: the recording holds several cases, or one linear load does not explain its "
-        "torque."
-        for used in dict.fromkeys(c.method for c in others)
+        f"{_names(some)}: estimated by the method {used} instead of {method}, because the "
+        "recording contains several cases, or one linear load does not explain its torque."
+        for used, some in others.items()
     ]
 
 
 def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
-    """Say what the recommended method found about joints and sensors."""
+    """Summarise the recommended method's models of joints and sensors."""
     if not models:
         return []
     n = len(models)
     lags = [1e3 * m.lag_s for m in models]
     strides = [m.n_strides for m in models]
     return [
-        f"lag: the angle was found to be {_spanned(lags, '.1f')} ms behind the torque (sd "
-        f"{1e3 * median(m.lag_sd_s for m in models):.1f} ms); models.csv has each.",
+        f"estimated lag of the angle behind the torque: {format_span(lags, '{:.1f}'.format)} ms "
+        f"(sd {1e3 * median(m.lag_sd_s for m in models):.1f} ms); models.csv has each.",
         "resonance of soft tissue between joint and sensor: "
-        f"{_told_likely([m.resonance_probability for m in models])} of {n}.",
+        f"{_likely_counts([m.resonance_probability for m in models])} of {n}.",
         "one inertia for all timing points: "
-        f"{_told_likely([m.constant_inertia_probability for m in models])} of {n}.",
+        f"{_likely_counts([m.constant_inertia_probability for m in models])} of {n}.",
         "stiffness and damping that change inside the window along the curve through the timing "
-        f"points: {_told_likely([m.curve_probability for m in models])} of {n}.",
-        f"unperturbed motion was learned from {_spanned(strides, 'd')} strides a participant.",
+        f"points: {_likely_counts([m.curve_probability for m in models])} of {n}.",
+        "the prediction of the unperturbed motion was trained on "
+        f"{format_span(strides, str)} strides for each participant.",
     ]
 
 
 def _doubt_notes(models: Sequence[ParticipantModel]) -> list[str]:
-    """Say in whose responses a linear joint is doubtful, and why that may be."""
+    """Name the participants whose responses may not be those of a linear joint."""
+    separate = any(m.session or m.side for m in models)
+    noun = "sessions or sides" if separate else "participants"
     notes = []
     for doubt in Doubt:
         people = [m.label for m in models if doubt.value in m.doubts]
         if people:
-            told = f"{', '.join(people[:_TOLD])}{', ...' if len(people) > _TOLD else ''}"
-            notes.append(f"{doubt.value} in {_counted(people, models)} ({told}): {doubt.meaning}.")
+            notes.append(
+                f"{doubt.value} in {len(people)} of {len(models)} {noun} ({_first(people)}): "
+                f"{doubt.meaning}."
+            )
     return notes
 
 
-def _counted(some: Sequence[str], models: Sequence[ParticipantModel]) -> str:
-    """Return "2 of 6 participants", or what else has a model of its own."""
-    apart = any(m.session or m.side for m in models)
-    return f"{len(some)} of {len(models)} {'sessions or sides' if apart else 'participants'}"
-
-
-def _spanned(values: Sequence[float], form: str) -> str:
-    low, high = format(min(values), form), format(max(values), form)
-    return low if low == high else f"{low} to {high}"
-
-
-def _told_likely(probabilities: Sequence[float]) -> str:
-    """Count what is likely, open and unlikely."""
+def _likely_counts(probabilities: Sequence[float]) -> str:
+    """Count the likely, open and unlikely cases."""
     likely = sum(p >= _LIKELY for p in probabilities)
     unlikely = sum(p <= 1.0 - _LIKELY for p in probabilities)
-    open_ = len(probabilities) - likely - unlikely
-    counts = {"likely": likely, "open": open_, "unlikely": unlikely}
+    undecided = len(probabilities) - likely - unlikely
+    counts = {"likely": likely, "open": undecided, "unlikely": unlikely}
     return ", ".join(f"{word} in {count}" for word, count in counts.items() if count)
 
 
 def _inertia_notes(study: Study, cells: Sequence[CellEstimate]) -> list[str]:
-    """Say whose inertia is out of line with that of the others."""
+    """Name the participants whose inertia is unlike that of the others."""
     if study.spec.kind == "bench":
         return []
     return [
-        f"{person}: inertia is {ratio:.2g} times the median of all participants, out of line with "
-        "theirs. Check units, gains and the strap before using this participant's estimates."
+        f"{person}: inertia is {ratio:.2g} times the median of all participants, which is "
+        "unlikely. Check units, gains and the strap before using this participant's estimates."
         for person, ratio in inertias_out_of_line(cells).items()
     ]
 
 
 def _single_notes(cells: Sequence[CellEstimate], single: Sequence[PulseEstimate]) -> list[str]:
-    """Say how many pulses of whole trials have no estimate of their own."""
-    whole = [c for c in cells if c.method == FULL_RECORD and c.n_used]
-    there = {(c.participant, c.timing_point) for c in whole}
-    n = sum(c.n_used for c in whole)
-    alone = sum((p.participant, p.timing_point) in there for p in single)
-    if alone >= n:
+    """Count the pulses of whole trials without an estimate of their own."""
+    trials = [c for c in cells if c.method == FULL_RECORD and c.n_used]
+    places = {(c.participant, c.timing_point) for c in trials}
+    total = sum(c.n_used for c in trials)
+    estimated = sum((p.participant, p.timing_point) in places for p in single)
+    if estimated >= total:
         return []
     return [
-        f"single_pulses.csv: {n - alone} of {n} pulses have no estimate of their own by "
-        f"{PULSE_LIKELIHOOD}: 250 ms do not decide stiffness, damping and inertia, or leave the "
-        "record."
+        f"single_pulses.csv: {total - estimated} of {total} pulses have no estimate of their own "
+        f"by {PULSE_LIKELIHOOD}: 250 ms do not determine stiffness, damping and inertia, or extend "
+        "beyond the record."
     ]
 
 
 def _mean_notes(study: Study) -> list[str]:
-    """Say why a bench with several loads has no means."""
+    """Explain why a bench with several loads has no means."""
     loads = not study.spec.of_people and len(study.spec.participants) > 1
     return [NO_MEANS_ON_A_BENCH] if loads else []
 
 
 def _switch_notes(results: Collection[ParticipantResult]) -> list[str]:
-    """Say which footswitches are read as switches and look like voltages."""
+    """Name the footswitches that are declared as switches and look like voltages."""
     files = list(dict.fromkeys(file for r in results for file in r.unclean_switches))
     if not files:
         return []
-    told = f"{', '.join(files[:_TOLD])}{', ...' if len(files) > _TOLD else ''}"
     return [
-        f"contact in {len(files)} recording(s) ({told}): read as a switch of two levels, at which "
-        "it does not rest. Where it is a voltage, which drifts or rises slowly, write kind = "
-        '"voltage" and unit = "V" under [channels.contact] in study.toml: heel strikes are then '
-        "found in it as in a voltage."
+        f"contact in {len(files)} recording(s) ({_first(files)}): declared as a switch, but the "
+        "signal does not stay at two levels. If it is a voltage, which drifts or rises slowly, "
+        'write kind = "voltage" and unit = "V" under [channels.contact] in study.toml; heel '
+        "strikes are then detected in the voltage."
     ]
 
 
 def _session_notes(study: Study, method: str, results: Collection[ParticipantResult]) -> list[str]:
-    """Say whose pulses of one session have unperturbed recordings of other sessions only."""
+    """Name the sessions whose unperturbed recordings are all of other sessions."""
     if study.spec.kind != "walking" or "pre_pulse" in (method, study.spec.perturbations.baseline):
         return []
-    own = "" if method != RECOMMENDED else ", unless its own undisturbed strides were enough"
+    unless = "" if method != RECOMMENDED else ", unless its own unperturbed strides were enough"
     notes = []
     for result in results:
-        there = {
+        unperturbed = {
             (s.participant, s.session, s.side)
             for s in result.strides
             if s.condition == "unperturbed"
@@ -299,39 +277,46 @@ def _session_notes(study: Study, method: str, results: Collection[ParticipantRes
         for person, session, side in dict.fromkeys(
             (p.participant, p.session, p.side) for p in result.pulses
         ):
-            others = {b for who, b, c in there if who == person and (c == side or "" in (c, side))}
-            if session and others and not others & {session, ""}:
-                told = " and ".join(f"'{name}'" for name in sorted(others))
+            sessions = {
+                b for who, b, c in unperturbed if who == person and (c == side or "" in (c, side))
+            }
+            if session and sessions and not sessions & {session, ""}:
+                names = " and ".join(f"'{name}'" for name in sorted(sessions))
                 notes.append(
                     f"{row_label(person, session, side)}: no unperturbed recording of session "
-                    f"'{session}'; its unperturbed motion is that of session {told}{own}. The "
-                    "device may have sat differently."
+                    f"'{session}'; the unperturbed motion of session {names} is used{unless}. The "
+                    "device may have been placed differently."
                 )
     return notes
 
 
 def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
-    """Say where else to go with a bench record that holds no pulse."""
+    """Name the command for bench records without pulses."""
     if pulses or study.spec.kind != "bench":
         return []
     return [
-        "no recording holds a pulse, which analyze needs. Torque models, the bandwidth of a torque "
-        "loop and a load in noise are estimated from single recordings: jointz identify --help."
+        "no recording contains a pulse, which analyze needs. Torque models, the bandwidth of a "
+        "torque loop and a load in noise are estimated from single recordings: jointz identify "
+        "--help."
     ]
 
 
 def _quasi_stiffness_notes(results: Collection[ParticipantResult]) -> list[str]:
-    """Say what there is instead of impedance, and that it is something else."""
+    """Distinguish quasi-stiffness from impedance."""
     people = {c.participant for r in results for c in r.curves}
     if not people:
         return []
     return [
-        f"nobody was perturbed in {len(people)} of {len(results)}: no impedance can be told. "
-        "quasi_stiffness.csv has how moment goes with angle in their mean stride. Muscles make "
-        "most of that: it is no stiffness of the joint."
+        f"{len(people)} of {len(results)} participants were not perturbed, so their impedance "
+        "cannot be estimated. quasi_stiffness.csv has the relation of moment and angle in their "
+        "mean stride. It comes mostly from muscle activity and is no stiffness of the joint."
     ]
 
 
 def _names(cells: Sequence[CellEstimate]) -> str:
-    names = [f"{cell.label} {cell.timing_point}" for cell in cells]
-    return f"{', '.join(names[:_TOLD])}{', ...' if len(names) > _TOLD else ''}"
+    return _first([f"{cell.label} {cell.timing_point}" for cell in cells])
+
+
+def _first(names: Sequence[str]) -> str:
+    more = ", ..." if len(names) > _MOST_NAMES else ""
+    return f"{', '.join(names[:_MOST_NAMES])}{more}"

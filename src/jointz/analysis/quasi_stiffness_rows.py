@@ -1,4 +1,4 @@
-"""Quasi-stiffness of the people of a study in which nobody was perturbed."""
+"""Rows of ``quasi_stiffness.csv``, for people who were not perturbed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -7,25 +7,24 @@ import numpy as np
 from scipy.special import stdtrit
 
 from jointz.identify.over_cycle.stride_curves import StrideCurves
-from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness, QuasiStiffnessEstimate
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness
 from jointz.stats.quasi_stiffness import quasi_stiffness
 
-#: Level of the interval over strides.
 LEVEL = 0.95
-#: Fewer strides than this make no interval.
+#: Fewer strides than this give no interval.
 _FEWEST_STRIDES = 5
 
 
 def quasi_stiffness_rows(
     curves: Sequence[StrideCurves], timing_points: Mapping[str, float]
 ) -> list[dict[str, Any]]:
-    """Return the slopes and secants of every participant's mean stride, ready for a table.
+    """Return the slopes and secants of every participant's mean stride.
 
-    Intervals are Student's, from the jackknife over strides (each left out once). They tell how
-    well the mean stride is known, take strides to be independent, which those that follow each
-    other are not quite, and hold nothing of the errors of motion capture and inverse dynamics.
+    Intervals are t intervals of the delete-one jackknife over strides. They are those of the mean
+    stride, assume independent strides, which consecutive ones are not quite, and do not include
+    errors of motion capture and inverse dynamics.
     """
-    return [row for own in curves for row in _rows(own, timing_points)]
+    return [row for one in curves for row in _rows(one, timing_points)]
 
 
 def _rows(curves: StrideCurves, timing_points: Mapping[str, float]) -> Iterator[dict[str, Any]]:
@@ -33,32 +32,26 @@ def _rows(curves: StrideCurves, timing_points: Mapping[str, float]) -> Iterator[
     whole = _of_stride(*mean, timing_points)
     halves = _half_widths(curves, timing_points)
     for estimate, half in zip(whole.estimates, halves, strict=True):
-        yield _row(curves, estimate, half)
-
-
-def _row(
-    curves: StrideCurves, estimate: QuasiStiffnessEstimate, half: float | None
-) -> dict[str, Any]:
-    value = estimate.value
-    ends = (None, None) if value is None or half is None else (value - half, value + half)
-    return {
-        "participant": curves.participant,
-        "side": curves.side,
-        "timing_point": estimate.timing_point,
-        "onset_gait_pct": estimate.onset_gait_pct,
-        "measure": estimate.measure,
-        "value": value,
-        "unit": "N*m/rad",
-        "ci_low": ends[0],
-        "ci_high": ends[1],
-        "ci_level": LEVEL,
-        "r_squared": estimate.r_squared,
-        "angle_range_rad": estimate.angle_range_rad,
-        "n_strides": len(curves.angle),
-        "status": estimate.status,
-        "doubts": " ".join(estimate.doubts),
-        "session": curves.session,
-    }
+        value = estimate.value
+        low, high = (None, None) if value is None or half is None else (value - half, value + half)
+        yield {
+            "participant": curves.participant,
+            "side": curves.side,
+            "timing_point": estimate.timing_point,
+            "onset_gait_pct": estimate.onset_gait_pct,
+            "measure": estimate.measure,
+            "value": value,
+            "unit": "N*m/rad",
+            "ci_low": low,
+            "ci_high": high,
+            "ci_level": LEVEL,
+            "r_squared": estimate.r_squared,
+            "angle_range_rad": estimate.angle_range_rad,
+            "n_strides": len(curves.angle),
+            "status": estimate.status,
+            "doubts": " ".join(estimate.doubts),
+            "session": curves.session,
+        }
 
 
 def _of_stride(
@@ -70,7 +63,7 @@ def _of_stride(
 def _half_widths(
     curves: StrideCurves, timing_points: Mapping[str, float]
 ) -> Sequence[float | None]:
-    """Return half of each interval; None where strides are too few or a value is missing."""
+    """Return half of each interval; None if strides are too few or a value is missing."""
     n = len(curves.angle)
     n_estimates = 3 * len(timing_points)
     if n < _FEWEST_STRIDES:

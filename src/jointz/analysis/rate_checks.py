@@ -21,15 +21,16 @@ from jointz.gait.sample_rate import (
 )
 from jointz.gait.timestamps import rate_hz
 
-_MOST_BEYOND = 0.2  # share of onsets that a recording may have lost with its end
+_MOST_BEYOND = 0.2  # share of onsets that may be beyond the end of a recording
 _EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
 
 
 def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]) -> None:
-    """Refuse a rate that the study alone states where nobody walks with the strides it makes.
+    """Refuse a sampling rate of the study that gives impossible stride times.
 
-    A wrong rate scales K, B and J without a sign in the fit, and nothing in the file vouches for
-    it: this stops an analysis. Stamps of the recorder are facts; for them ``stride_warnings``.
+    A wrong rate scales K, B and J without any sign in the fit, and no data confirm a rate that
+    only the study states; so the analysis stops. Time stamps of the recorder are data, for which
+    ``stride_warnings`` only warns.
     """
     if study.spec.kind != "walking" or "time" in study.spec.channels:
         return
@@ -41,8 +42,8 @@ def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Datase
     raise DataError(
         f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
         f"{study.spec.sample_rate_hz:g}; {_EXPECTED}. "
-        f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. Where it is right, "
-        "as of very slow walking, give the recorder's time stamps instead: [channels.time].",
+        f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. If it is right, as "
+        "for very slow walking, give the recorder's time stamps instead: [channels.time].",
         path=entry.file,
     )
 
@@ -64,7 +65,7 @@ def stride_warnings(strides: Sequence[StrideRecord]) -> list[str]:
 def check_onsets(
     study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset], table: pd.DataFrame
 ) -> None:
-    """Refuse a pulse table whose onsets fit at another rate only."""
+    """Refuse a pulse table whose onsets fit the recording only at another rate."""
     perturbed = [p for p in pieces if p.attrs["condition"] == "perturbed"]
     if len(perturbed) != 1:
         return
@@ -79,7 +80,7 @@ def check_onsets(
     where = f" at {own_hz:.6g} Hz, but they do at {likely} Hz."
     todo = f"Correct sample_rate_hz; likely {likely}."
     if stamped:
-        where = f", but they do at {scale:.4g} times them."
+        where = f", but they do at {scale:.4g} times these onsets."
         todo = "Correct the unit of time, or the table's onset_s."
     raise DataError(
         f"{entry.file}: no pulses begin at the onsets of {entry.perturbations}{where} {todo}",
@@ -90,7 +91,7 @@ def check_onsets(
 def _check_ends(
     study: Study, entry: RecordingSpec, recording: xr.Dataset, onset_s: np.ndarray
 ) -> None:
-    """Refuse many onsets beyond the end of a recording whose rate the study alone states."""
+    """Refuse many onsets beyond the end of a recording whose rate only the study states."""
     own_hz, end_s = study.spec.sample_rate_hz or 1.0, float(recording["time"][-1])
     beyond = onset_s > end_s
     if "time" in study.spec.channels or beyond.sum() <= _MOST_BEYOND * beyond.size:
@@ -98,8 +99,8 @@ def _check_ends(
     most_hz = own_hz * end_s / onset_s.max()
     likely = max((hz for hz in USUAL_HZ if hz <= most_hz), default=most_hz)
     raise DataError(
-        f"{entry.file}: {beyond.sum()} of {beyond.size} onsets of {entry.perturbations} lie beyond "
-        f"its end, {end_s:.6g} s at sample_rate_hz = {own_hz:g}. At {likely:g} Hz "
-        "or less all lie within it: correct the rate, or remove these lines where it is right.",
+        f"{entry.file}: {beyond.sum()} of {beyond.size} onsets of {entry.perturbations} are "
+        f"beyond its end, {end_s:.6g} s at sample_rate_hz = {own_hz:g}. At {likely:g} Hz or less "
+        "all are within it: correct the rate, or remove these lines if it is right.",
         path=entry.file,
     )

@@ -12,33 +12,31 @@ from pathlib import Path
 import pandas as pd
 
 from jointz.analysis.page.details_tables import details_frame, models_frame
-from jointz.analysis.page.figure_files import FIGURES, Picture, draw_picture, to_picture
-from jointz.analysis.page.method_figures import truth_figure
+from jointz.analysis.page.figure_files import FIGURES, Picture, draw_picture, draw_truth_picture
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.analysis.paper.paper_tables import captions_text, paper_tables
 from jointz.core.errors import OutputError, WriteError
 from jointz.experiment.stop_signals import signals_held
-from jointz.report.style import figure_style
 from jointz.report.subjects import report_title
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.shared_memory import shared_out
 
-#: The file that shows a folder to be one of ours, and so replaceable.
+#: File that shows that jointz made a folder, and so may replace it.
 MARKER = "provenance.json"
-#: What a folder may hold, as its marker says (``made_by``); one never replaces another.
+#: Contents of a folder by its marker (``made_by``); one kind never replaces another.
 ANALYSIS, COMPARISON, REPRODUCTION = "analysis", "comparison", "reproduction"
-#: What tells it of a folder whose marker is older and does not.
-_TELLING = (
+#: File that shows the kind of a folder whose marker is older and does not name it.
+_KIND_FILES = (
     (ANALYSIS, "estimates.csv"),
     (COMPARISON, "comparison.json"),
     (REPRODUCTION, "chapter[0-9].json"),
 )
 _FLOAT_FORMAT = "%.10g"
-#: Columns of moments, which may count from 1970: that takes ten digits before the point.
-_MOMENTS = ("onset_s", "start_s")
+#: Columns of times, which may count from 1970 and then have ten digits before the point.
+_TIMES = ("onset_s", "start_s")
 
 
 def write_results(
@@ -61,11 +59,11 @@ def write_results(
     overwrite : bool
         Replace a results folder that exists.
     truth : pandas.DataFrame, optional
-        Truth against estimate of a simulated study, for the report.
+        Truth and estimates of a simulated study, for the report.
     run : RunReport, optional
-        How the experiment went, for the report.
+        Report of the experiment, for the report.
     engine : Engine, optional
-        Draws several figures at once.
+        Engine that draws several figures at once.
 
     Returns
     -------
@@ -85,32 +83,23 @@ def write_results(
         _write_paper(analysis, folder, simulated=truth is not None)
         drawn = {name: drawing() for name, drawing in drawings.items()}
         if truth is not None:
-            drawn["truth"] = _draw_truth(truth)
+            drawn["truth"] = draw_truth_picture(truth)
         pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
         figures = {name: picture.svg for name, picture in pictures.items()}
         page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
-        settings = {"settings": dict(analysis.settings)}
-        kind = {"made_by": ANALYSIS}
-        write_marker(folder, MARKER, {**analysis.provenance, **settings, **kind})
+        content = {"settings": dict(analysis.settings), "made_by": ANALYSIS}
+        write_marker(folder, MARKER, {**analysis.provenance, **content})
     return out / "report.html"
 
 
 def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[], Picture | None]]:
-    """Have the figures drawn; the last, which takes longest, first."""
-    calls: list[Callable[[], Picture | None]] = [
-        partial(draw_picture, analysis, name) for name in FIGURES
-    ]
-    calls = shared_out(engine, calls[::-1])[::-1]
-    return dict(zip(FIGURES, calls, strict=True))
-
-
-def _draw_truth(truth: pd.DataFrame) -> Picture | None:
-    with figure_style():
-        figure = truth_figure(truth)
-        return None if figure is None else to_picture(figure)
+    """Start to draw the figures; the last, which takes longest, first."""
+    names = FIGURES[::-1]
+    calls = [partial(draw_picture, analysis, name) for name in names]
+    return dict(zip(names, shared_out(engine, calls), strict=True))
 
 
 def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
@@ -121,7 +110,7 @@ def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
 
 
 def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> None:
-    """Write what goes into a paper: the methods and the tables."""
+    """Write the methods and the tables of a paper."""
     texts = {"txt": methods_text, "tex": methods_latex}
     for suffix, written in texts.items():
         text = written(analysis, simulated=simulated)
@@ -129,7 +118,7 @@ def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> N
     tables = paper_tables(analysis)
     (folder / "tables").mkdir()
     for name, table in tables.items():
-        # With a mark of its encoding: a spreadsheet takes the dashes for something else without.
+        # With a mark of its encoding, without which a spreadsheet misreads the dashes.
         table.to_frame().to_csv(
             folder / "tables" / f"{name}.csv", index=False, encoding="utf-8-sig"
         )
@@ -140,11 +129,12 @@ def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> N
 
 def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None = None) -> None:
     """Raise unless a folder can be made or replaced here."""
-    if out.name in ("", ".."):  # a folder is made beside it and takes its name in the end
+    if out.name in ("", ".."):  # a folder beside it is filled first and then takes its name
         raise OutputError(
-            f"{out}: is no name for a new folder. Write its own, such as results or ../results."
+            f"{out}: is no name for a new folder. Give the name itself, such as results or "
+            "../results."
         )
-    with _refusals_told(out):
+    with _write_errors(out):
         if not out.exists() or (out.is_dir() and not any(out.iterdir())):
             return
     if not out.is_dir():
@@ -153,25 +143,25 @@ def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None =
         raise OutputError(
             f"{out}: exists and is kept. Name another folder, or add --overwrite to replace it."
         )
-    own = _own_files(out / marker)
-    if own is None:
+    listed = _listed_files(out / marker)
+    if listed is None:
         raise OutputError(
-            f"{out}: holds no {marker} of jointz, so jointz did not make it and will not replace "
-            "it. Name another folder."
+            f"{out}: contains no {marker} of jointz, so jointz did not make it and will not "
+            "replace it. Name another folder."
         )
     if made_by is not None:
         _check_kind(out, out / marker, made_by)
-    foreign = sorted(_files(out) - own - {marker})
+    foreign = sorted(_files(out) - listed - {marker})
     if foreign:
         raise OutputError(
-            f"{out}: holds files that jointz did not write ({', '.join(foreign[:3])}"
+            f"{out}: contains files that jointz did not write ({', '.join(foreign[:3])}"
             f"{', ...' if len(foreign) > 3 else ''}) and will not replace it. Move them, or name "
             "another folder."
         )
 
 
 def write_marker(folder: Path, marker: str, content: Mapping[str, object]) -> None:
-    """Write the file that shows a folder to be ours; it lists all others, and comes last."""
+    """Write the marker of a folder last; it lists all other files."""
     _write_json(folder / marker, {**content, "files": sorted(_files(folder) - {marker})})
 
 
@@ -179,8 +169,8 @@ def _files(folder: Path) -> set[str]:
     return {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()}
 
 
-def _own_files(marker: Path) -> set[str] | None:
-    """Return the files that a marker lists, None where it is none of ours."""
+def _listed_files(marker: Path) -> set[str] | None:
+    """Return the files that a marker lists, None if jointz did not write it."""
     try:
         listed = json.loads(marker.read_text(encoding="utf-8"))["files"]
         return set(map(str, listed))
@@ -189,20 +179,20 @@ def _own_files(marker: Path) -> set[str] | None:
 
 
 def _kind(marker: Path) -> str:
-    """Return what a folder holds, empty where its marker does not tell."""
+    """Return the kind of a folder, empty if its marker does not show it."""
     content = json.loads(marker.read_text(encoding="utf-8"))
     if "made_by" in content:
         return str(content["made_by"])
     names = list(map(str, content["files"]))
-    return next((kind for kind, name in _TELLING if fnmatch.filter(names, name)), "")
+    return next((kind for kind, name in _KIND_FILES if fnmatch.filter(names, name)), "")
 
 
 def _check_kind(out: Path, marker: Path, made_by: str) -> None:
-    """Refuse to replace what holds something else."""
-    if (found := _kind(marker)) != made_by:
+    """Refuse to replace a folder of another kind."""
+    if (kind := _kind(marker)) != made_by:
         raise OutputError(
-            f"{out}: jointz made it as {found or 'something else'}, not as {made_by or 'this'}: it "
-            "is kept, for --overwrite replaces the same kind only. Name another folder."
+            f"{out}: jointz made it as {kind or 'something else'}, not as {made_by or 'this'}. It "
+            "is kept, as --overwrite replaces the same kind only. Name another folder."
         )
 
 
@@ -210,9 +200,9 @@ def _check_kind(out: Path, marker: Path, made_by: str) -> None:
 def new_folder(
     out: Path, *, marker: str, overwrite: bool, made_by: str | None = None
 ) -> Iterator[Path]:
-    """Give a folder to fill, which takes its name only when all went well."""
+    """Yield a folder to fill, which takes its name only if there was no error."""
     check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
-    with _refusals_told(out), _parents(out), _partial(out) as partial:
+    with _write_errors(out), _parents(out), _partial_folder(out) as partial:
         yield partial
         if (out / marker).exists():
             _check_kind(out, out / marker, _kind(partial / marker))
@@ -221,8 +211,8 @@ def new_folder(
 
 
 @contextmanager
-def _refusals_told(out: Path) -> Iterator[None]:
-    """Make a WriteError of what the system has against a folder."""
+def _write_errors(out: Path) -> Iterator[None]:
+    """Raise errors of the file system as WriteError."""
     try:
         yield
     except OSError as exc:
@@ -232,23 +222,23 @@ def _refusals_told(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _parents(out: Path) -> Iterator[None]:
-    """Make the folders above ``out``; those that were not there go when an exception passes."""
+    """Create the folders above ``out``, and remove them again after an exception."""
     missing = [parent for parent in out.parents if not parent.exists()]
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         yield
     except BaseException:
         for parent in missing:
-            with suppress(OSError):  # not empty any more, or never made
+            with suppress(OSError):  # no longer empty, or never created
                 parent.rmdir()
         raise
 
 
 @contextmanager
-def _partial(out: Path) -> Iterator[Path]:
-    """Give a folder beside ``out`` that goes when an exception passes."""
+def _partial_folder(out: Path) -> Iterator[Path]:
+    """Yield a new folder beside ``out`` that is removed after an exception."""
     partial = _beside(out)
-    try:  # from before it is there: an interrupt may come at any time
+    try:  # before the folder exists, as an interrupt may come at any time
         partial.mkdir()
         yield partial
     except BaseException:
@@ -287,29 +277,26 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         "pulses": analysis.pulses_frame(),
         "strides": analysis.strides_frame(),
     }
-    if analysis.single:
-        tables["single_pulses"] = analysis.single_frame()
-    if rows := analysis.statistics.get("quasi_stiffness"):
-        tables["quasi_stiffness"] = pd.DataFrame(rows)
-    if analysis.models:
-        tables["models"] = models_frame(analysis)
-    if analysis.pooled:
-        tables["pooled"] = analysis.pooled_frame()
-    if (certificate := analysis.certificate) is not None:
-        tables["certificate"] = certificate.to_frame()
-    covariance = analysis.covariance_frame()
-    if not covariance.empty:
-        tables["covariance"] = covariance
+    optional = {
+        "single_pulses": analysis.single_frame(),
+        "quasi_stiffness": pd.DataFrame(analysis.statistics.get("quasi_stiffness") or ()),
+        "models": models_frame(analysis),
+        "pooled": analysis.pooled_frame(),
+        "covariance": analysis.covariance_frame(),
+    }
+    tables |= {name: table for name, table in optional.items() if not table.empty}
+    if analysis.certificate is not None:
+        tables["certificate"] = analysis.certificate.to_frame()
     for name, table in tables.items():
         (folder / f"{name}.csv").write_bytes(csv_bytes(table))
-    _write_parquet(tables["estimates"], covariance, folder / "estimates.parquet")
+    _write_parquet(tables["estimates"], optional["covariance"], folder / "estimates.parquet")
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as the csv files of a results folder hold it."""
+    """Return a table as in the csv files of a results folder."""
     digits = "{:.15g}".format
-    moments = {n: table[n].map(digits, na_action="ignore") for n in _MOMENTS if n in table}
-    text = table.assign(**moments).to_csv(index=False, float_format=_FLOAT_FORMAT)
+    times = {n: table[n].map(digits, na_action="ignore") for n in _TIMES if n in table}
+    text = table.assign(**times).to_csv(index=False, float_format=_FLOAT_FORMAT)
     return str(text).encode("utf-8")
 
 
@@ -317,13 +304,12 @@ def _write_json(file: Path, content: object, indent: int | None = 2) -> None:
     file.write_text(json.dumps(content, indent=indent, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _write_parquet(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> bool:
-    """Write estimates as Parquet, each with its covariances beside it."""
+def _write_parquet(estimates: pd.DataFrame, covariance: pd.DataFrame, path: Path) -> None:
+    """Write estimates with their covariances as Parquet, if pyarrow is installed."""
     try:
-        import pyarrow  # noqa: F401 - only whether it is there
+        import pyarrow  # noqa: F401 - is it installed?
     except ImportError:
-        return False
+        return
     keys = ["participant", "session", "side", "timing_point", "parameter"]
     together = estimates.merge(covariance, on=keys, how="left", validate="one_to_one")
     together.to_parquet(path, engine="pyarrow", index=False, compression="zstd")
-    return True

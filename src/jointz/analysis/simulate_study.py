@@ -1,4 +1,4 @@
-"""A study of simulated people in seconds: they walk directly, without the runtime."""
+"""Studies of simulated people, made in seconds without the runtime."""
 
 import json
 import os
@@ -50,25 +50,25 @@ def simulate_study(
     lag_sd_s: float | None = None,
     seed: int = 1,
 ) -> Path:
-    """Let simulated people walk with and without pulses, and write what was recorded as a study.
+    """Simulate people walking with and without pulses, and write the recordings as a study.
 
     Parameters
     ----------
     out : path
         The study's folder; must not exist.
     preset : str or Preset
-        How well people and instruments behave: ``clean``, ``nominal``, ``hard``,
-        ``anthropometric``, or settings of your own.
+        Quality of people and instruments: ``clean``, ``nominal``, ``hard``, ``anthropometric``, or
+        your own settings.
     participants : int or sequence of Person
-        How many of the seeded population, or who.
+        Number of people of the seeded population, or the people.
     plan : WalkPlan
         Pulses and strides of the perturbed walk; 10 pulses a timing point by default.
     unperturbed_strides : int
         Strides of the walk without pulses.
     lag_sd_s : float, optional, s
-        How well the lab knows the lag of its goniometer; not at all by default.
+        Sd of the lab's measurement of its goniometer's lag; by default the lag is unknown.
     seed : int
-        Of the population; people that are given have their own.
+        Seed of the population; a given person has an own seed.
 
     Returns
     -------
@@ -78,14 +78,14 @@ def simulate_study(
     Raises
     ------
     DataError
-        When a number is out of range or pulses do not fit.
+        If a number is out of range or pulses do not fit.
     OutputError
-        When the folder exists or cannot be written.
+        If the folder exists or cannot be written.
 
     Notes
     -----
-    Pulses fire at the true gait phase. :func:`jointz.run` is the whole experiment, with the
-    estimate of the phase, the safety gate and the logs; it takes ten times as long.
+    Pulses start at the true gait phase. :func:`jointz.run` runs the whole experiment, with
+    estimated phase, safety gate and logs, which takes ten times as long.
 
     Examples
     --------
@@ -125,14 +125,14 @@ def _people(participants: int | Sequence[Person], seed: int) -> list[Person]:
     people = list(participants)
     if len({person.id for person in people}) < count:
         raise DataError(
-            "simulate_study: expected people of unlike number, got "
+            "simulate_study: expected people with different numbers, got "
             f"{', '.join(person.id for person in people)}."
         )
     return people
 
 
 def _walk(rig: SimulatedRig, folder: Path, plan: WalkPlan, *, strides: int) -> dict[str, Any]:
-    """Write both walks of a person; return the truth, condition by condition."""
+    """Write both walks of a person; return the truth by condition."""
     level = walk_directly(rig, _LEVEL, plan=WalkPlan(per_point=0, warm_up_strides=strides))
     pulsed = walk_directly(rig, _PULSES, plan=plan)
     truth = {}
@@ -167,7 +167,7 @@ def _recording(walk: Walk, condition: str, person: Person) -> xr.Dataset:
 
 
 def _known(rig: SimulatedRig, lag_sd_s: float | None) -> CalibrationSpec:
-    """Return what the lab knows: gains and frame as always, the lag as well as it was measured."""
+    """Return the lab's calibration: gains and frame, and the lag if it was measured."""
     if lag_sd_s is None:
         return rig.calibration
     true_s = rig.build(worn=True).instruments.angle_lag_s

@@ -1,4 +1,4 @@
-"""The specification curve of one participant of a study."""
+"""Specification curve of one participant of a study."""
 
 import os
 from collections.abc import Sequence
@@ -34,31 +34,32 @@ def specification_curve(
     study : Study or path
         An opened study, or its folder.
     participant : str, optional
-        The id, with session and side where there are several, as tables write it: ``S01, left``.
-        By default the first.
+        The id, with session and side if there are several, as in tables: ``S01, left``. By
+        default the first.
     windows_s : sequence of float, s
-        From the onset; the recommended method refuses those above 0.12 s.
+        Windows from the onset; the recommended method refuses those above 0.12 s.
     cutoffs_hz : sequence of float, Hz
-        Of the dissertation's method, which filters.
+        Cut-offs of the dissertation's method, which filters.
     baselines : sequence of str
         ``predicted``, ``matched_strides``, ``unperturbed_mean``.
     resamples, seed : int
-        Of the bootstrap of the dissertation's method.
+        Resamples and seed of the dissertation's bootstrap.
     progress : callable, optional
-        Called with (steps done, of how many, what comes next).
+        Called with (steps done, number of steps, what comes next).
 
     Returns
     -------
     SpecificationCurve
-        K, B and J of every timing point under every set of choices; what cannot be estimated
-        has a status that says why.
+        K, B and J of every timing point under every set of choices; a status says why a value
+        is missing.
 
     Raises
     ------
     StudyError, DataError
-        When recordings cannot be trusted.
+        If recordings cannot be trusted.
     ValueError
-        When the study does not walk, has no such participant, or a choice makes no sense.
+        If the study is not a walking study or has no such participant, or a choice is out of
+        range.
     """
     opened = study if isinstance(study, Study) else open_study(study)
     if opened.spec.kind != "walking":
@@ -66,10 +67,10 @@ def specification_curve(
             f'specification_curve: expected a walking study, got kind "{opened.spec.kind}".'
         )
     people = [person.id for person in opened.spec.participants]
-    asked = people[0] if participant is None else participant
-    who = next((p for p in people if f"{asked},".startswith(f"{p},")), None)
+    label = people[0] if participant is None else participant
+    who = next((p for p in people if f"{label},".startswith(f"{p},")), None)
     if who is None:
-        raise ValueError(f"participant: expected one of {', '.join(people)}; got {asked!r}.")
+        raise ValueError(f"participant: expected one of {', '.join(people)}; got {label!r}.")
     choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
     total = len(choices.windows_s) + len(choices.cutoffs_hz)
     done = iter(range(total))
@@ -80,12 +81,12 @@ def specification_curve(
 
     settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
     groups = recording_groups(read_participant(opened, who, {}), walking=True)
-    found = {row_label(who, *unit): own for unit, own in groups if unit is not None}
-    alone = asked == who and len(found) == 1
-    label = next(iter(found)) if participant is None or alone else asked
-    if label not in found:
-        raise ValueError(f"participant: expected one of {'; '.join(found)}; got {asked!r}.")
-    estimates = specification_estimates(who, found[label], settings, choices, tell=tell)
+    by_label = {row_label(who, *unit): own for unit, own in groups if unit is not None}
+    if participant is None or (label == who and len(by_label) == 1):
+        label = next(iter(by_label))
+    if label not in by_label:
+        raise ValueError(f"participant: expected one of {'; '.join(by_label)}; got {label!r}.")
+    estimates = specification_estimates(who, by_label[label], settings, choices, tell=tell)
     if progress:
         progress(total, total, "done")
     return SpecificationCurve(

@@ -1,4 +1,4 @@
-"""What goes with a recording to other programs: its pulses, and what is positive."""
+"""Pulses and positive directions of recordings, for export to other programs."""
 
 from collections.abc import Sequence
 
@@ -19,14 +19,14 @@ from jointz.identify.preparation.pulses import (
 from jointz.io.recordings import read_pulse_table
 
 _MOST_SHOWN = 5
-#: Channels that have no direction.
+#: Channels without a direction.
 _NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial", "cycle")
 
 
 def pulse_tables(
     study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]
 ) -> list[pd.DataFrame | None]:
-    """Return the pulse table of each piece of a file, None where pulses are read elsewhere."""
+    """Return the pulse table of each piece of a file, None if pulses have another source."""
     table = read_pulse_table(study, entry)
     if table is None or study.spec.perturbations.source not in (None, "table"):
         return [None] * len(pieces)
@@ -37,14 +37,14 @@ def pulse_tables(
 def given_pulses(
     study: Study, recording: xr.Dataset, table: pd.DataFrame | None
 ) -> tuple[tuple[Pulse, ...], str]:
-    """Return the pulses of a recording, and why there are none where that is unsaid."""
+    """Return the pulses of a recording, and a note if some are missing."""
     settings = study.spec.perturbations
     condition = recording.attrs["condition"]
     if condition == "no_device":
         return (), ""
     if table is not None and settings.source in (None, "table"):
-        own, note = _within(pulses_from_table(table), recording)
-        return with_measured_amplitudes(own, recording), note
+        pulses, note = _within(pulses_from_table(table), recording)
+        return with_measured_amplitudes(pulses, recording), note
     if "command" in recording and settings.source in (None, "command"):
         return pulses_from_command(recording), ""
     if condition != "perturbed":
@@ -52,7 +52,7 @@ def given_pulses(
     if settings.source == "angle":
         return pulses_from_angle(recording, cutoff_hz=settings.cutoff_hz), ""
     return (), (
-        f"{recording.attrs['file']}: its pulses are found by comparison with another recording; "
+        f"{recording.attrs['file']}: its pulses are detected by comparison with another recording; "
         "they are in pulses.csv of jointz analyze, not here."
     )
 
@@ -63,7 +63,7 @@ def amplitude_unit(study: Study) -> str:
 
 
 def positive_direction(study: Study, channel: str) -> str:
-    """Return the direction that is positive, "" for what has none or none that is known."""
+    """Return the positive direction, "" if the channel has none or it is unknown."""
     spec = study.spec.channels.get(channel)
     stated = spec is not None and spec.positive is not None
     if channel in _NO_DIRECTION or not (channel in CHANNEL_UNITS or stated):
@@ -72,7 +72,7 @@ def positive_direction(study: Study, channel: str) -> str:
 
 
 def _within(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[tuple[Pulse, ...], str]:
-    """Return the pulses of a table that fall into the samples, and a note about the others."""
+    """Return the pulses of a table within the samples, and a note about the others."""
     time = recording["time"].to_numpy()
     inside = tuple(p for p in pulses if time[0] <= p.onset_s <= time[-1])
     outside = [f"{p.onset_s:g}" for p in pulses if p not in inside]
@@ -80,6 +80,6 @@ def _within(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[tuple[Pul
         return inside, ""
     shown = ", ".join(outside[:_MOST_SHOWN]) + (", ..." if len(outside) > _MOST_SHOWN else "")
     return inside, (
-        f"{recording.attrs['file']}: {len(outside)} pulse(s) of its table lie outside its "
-        f"perturbed samples and are left out: onset {shown} s."
+        f"{recording.attrs['file']}: {len(outside)} pulse(s) of its table are outside its "
+        f"perturbed samples and are excluded: onset {shown} s."
     )

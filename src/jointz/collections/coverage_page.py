@@ -5,7 +5,6 @@ from dataclasses import fields
 from typing import Any, Final
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointz.collections.catalog_query import CatalogFilter
 from jointz.collections.coverage_forests import forest_plots
@@ -13,6 +12,7 @@ from jointz.collections.pool import RULES
 from jointz.collections.pool_result import ONE_STUDY, CollectionPool, of_row
 from jointz.core.codes import NotPooled
 from jointz.core.gait_phases import ALL_POINTS, PHASES
+from jointz.report.html_page import render_template
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -48,20 +48,13 @@ def render_coverage(
     provenance: Mapping[str, str] | None = None,
 ) -> str:
     """Write a pooled collection as one HTML page with its figures and styles inside."""
-    environment = Environment(
-        loader=PackageLoader("jointz.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["unit"] = pretty_unit
     rows = pool.table[pool.table["model"] == "univariate"]
     rows = rows.assign(why=pd.Series(_reasons(pool, rows), rows.index))
     filters = {key: value for key, value in pool.asked.items() if key in _FILTERS}
     joints = _in_order(pool.table["joint"]) if "joint" in pool.by else [""]
     not_pooled = pool.studies[pool.studies["status"] != "ok"]
-    return environment.get_template("coverage.html.j2").render(
+    return render_template(
+        "coverage.html.j2",
         facts=_facts(pool, rows),
         grids=[_joint_grids(pool, rows, joint) for joint in joints],
         missing=_missing(pool, rows),

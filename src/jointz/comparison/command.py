@@ -1,4 +1,4 @@
-"""``jointz compare``: conditions, days, groups, timing points and studies over people."""
+"""``jointz compare``: conditions, days, groups, timing points and studies, over people."""
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
@@ -38,8 +38,8 @@ def compare(
     results: Annotated[
         list[str],
         typer.Argument(
-            help="Results folders of jointz analyze; published: the dissertation's tables. Or one "
-            "table of your own (csv), with --response, --within and --participant.",
+            help="Results folders of jointz analyze, or the word published for the dissertation's "
+            "tables; or one table of your own (csv), with --response, --within and --participant.",
         ),
     ],
     out: Annotated[
@@ -49,60 +49,63 @@ def compare(
         bool | None,
         typer.Option(
             "--paired/--groups",
-            help="Of several: equal ids are the same people, or (--groups) are not. By default "
-            "they are where all ids of two folders are equal.",
+            help="For several folders: equal ids are the same people, or (--groups) different "
+            "people. By default they are the same if all ids of two folders are equal.",
         ),
     ] = None,
     days: Annotated[
         bool,
-        typer.Option("--days", help="Of several: days of one condition; do people repeat?"),
+        typer.Option(
+            "--days", help="For several folders: they are days of one condition; repeatability."
+        ),
     ] = False,
     margin: Annotated[
         float | None,
         typer.Option(
-            "--margin", help="Of several: test equivalence within so many % of the second mean."
+            "--margin",
+            help="For several folders: test equivalence within this percentage of the second mean.",
         ),
     ] = None,
     response: Annotated[
         list[str] | None,
-        typer.Option("--response", help="Of a table: column of the values; may be repeated."),
+        typer.Option("--response", help="For a table: column of the values; may be repeated."),
     ] = None,
     within: Annotated[
-        str | None, typer.Option("--within", help="Of a table: column of what is compared.")
+        str | None, typer.Option("--within", help="For a table: column of the compared conditions.")
     ] = None,
     participant: Annotated[
-        str | None, typer.Option("--participant", help="Of a table: column of who.")
+        str | None, typer.Option("--participant", help="For a table: column of the participants.")
     ] = None,
     nested: Annotated[
         bool,
-        typer.Option("--nested", help="Of a table: rows are replicates, such as pulses."),
+        typer.Option("--nested", help="For a table: rows are replicates, such as pulses."),
     ] = False,
     df: Annotated[
         Df | None,
         typer.Option(
             "--df",
-            help="Of a table or one folder: denominator degrees of freedom; kenward-roger by "
-            "default.",
+            help="For a table or one folder: denominator degrees of freedom; by default "
+            "kenward-roger.",
         ),
     ] = None,
     adjust: Annotated[
         Adjust | None,
         typer.Option(
             "--adjust",
-            help="Of a table or one folder: correction of p over pairs; by default bonferroni of "
-            "a table, holm of a folder.",
+            help="For a table or one folder: correction of p over pairs; by default bonferroni for "
+            "a table, holm for a folder.",
         ),
     ] = None,
     error: Annotated[
         Error | None,
         typer.Option(
             "--error",
-            help="Of a table or one folder: error of pairs; by default pooled of a table, paired "
-            "of a folder.",
+            help="For a table or one folder: error of pairs; by default pooled for a table, paired "
+            "for a folder.",
         ),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a comparison that exists.")
+        bool, typer.Option("--overwrite", help="Replace an existing comparison.")
     ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -112,32 +115,32 @@ def compare(
 
     One folder is compared over its timing points. Several folders with the same participants are
     compared person by person, others as groups; differences are first minus second. A table is
-    given to a mixed model with participants as a random factor.
-    --df, --adjust and --error are of a table or one folder; --paired, --groups, --days and
-    --margin are of several folders. An option that would not be used is refused.
-    Exit status: 0 a number stands (of several folders: a difference), 1 none does, 2 the input
+    analysed by a mixed model with participants as a random factor.
+    --df, --adjust and --error are for a table or one folder; --paired, --groups, --days and
+    --margin are for several folders. An option without effect is refused.
+    Exit status: 0 a mean (for several folders: a difference) is available, 1 none is, 2 the input
     cannot be trusted.
 
     Example: jointz compare results-loaded results-unloaded --margin 20 --out comparison
     """
     del debug
     columns = {"--response": response, "--within": within, "--participant": participant}
-    given = [name for name, value in columns.items() if value]
-    is_table = _is_table(results, given)
+    option_names = [name for name, value in columns.items() if value]
+    is_table = _is_table(results, option_names)
     if not is_table:
         if nested:
-            raise typer.BadParameter("--nested is of a table, not of results folders.")
+            raise typer.BadParameter("--nested is for a table, not for results folders.")
         options = {"paired": paired, "days": days, "margin_pct": margin,
                    "df": df and df.value, "adjust": adjust and adjust.value,
                    "error": error and error.value}  # fmt: skip
         _compare_folders(results, out, options, overwrite=overwrite, as_json=as_json, quiet=quiet)
         return
-    if len(given) < len(columns):
-        lacking = ", ".join(name for name in columns if name not in given)
+    if len(option_names) < len(columns):
+        lacking = ", ".join(name for name in columns if name not in option_names)
         raise typer.BadParameter(f"a table needs {lacking} too.")
     if out is not None or paired is not None or days or margin is not None:
         raise typer.BadParameter(
-            "--out, --paired, --groups, --days and --margin are of results folders."
+            "--out, --paired, --groups, --days and --margin are for results folders."
         )
     _fit_table(
         Path(results[0]),
@@ -152,13 +155,13 @@ def compare(
     )
 
 
-def _is_table(results: Sequence[str], given: Sequence[str]) -> bool:
-    """Tell a table from folders; what is neither is refused by who reads it."""
-    if given and (len(results) > 1 or Path(results[0]).is_dir()):
+def _is_table(results: Sequence[str], option_names: Sequence[str]) -> bool:
+    """Return whether the argument is a table; a reader refuses what is neither."""
+    if option_names and (len(results) > 1 or Path(results[0]).is_dir()):
         raise typer.BadParameter(
-            f"{given[0]} is of one table; results folders say themselves what they hold."
+            f"{option_names[0]} is for one table; results folders need no column names."
         )
-    return bool(given) or (len(results) == 1 and Path(results[0]).is_file())
+    return bool(option_names) or (len(results) == 1 and Path(results[0]).is_file())
 
 
 # --- a table -------------------------------------------------------------------------------------
@@ -191,9 +194,9 @@ def _fit_table(
             typer.echo(f"jointz: {exc}", err=True)
         raise typer.Exit(EXIT_NOTHING_STANDS) from exc
     if as_json:
-        made = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
-        many = {"status": "ok", "responses": dict(zip(responses, made, strict=True))}
-        emit_json(made[0] if len(made) == 1 else many)
+        results = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
+        several = {"status": "ok", "responses": dict(zip(responses, results, strict=True))}
+        emit_json(results[0] if len(results) == 1 else several)
         return
     for fit in fits if not quiet else ():
         emit(fit.summary())
@@ -219,16 +222,16 @@ def _compare_folders(
 
     if out is not None:
         check_out(out, results, overwrite=overwrite)
-    made = compare_results(results, **options)
-    page = None if out is None else write_comparison(made, out, overwrite=overwrite)
+    comparison = compare_results(results, **options)
+    page = None if out is None else write_comparison(comparison, out, overwrite=overwrite)
     if as_json:
-        status = "ok" if made.stands else "nothing_stands"
-        emit_json({"status": status, "page": page and str(page)} | made.to_dict())
+        status = "ok" if comparison.stands else "nothing_stands"
+        emit_json({"status": status, "page": page and str(page)} | comparison.to_dict())
     elif not quiet:
-        for title, header, rows in comparison_tables(made):
+        for title, header, rows in comparison_tables(comparison):
             emit_table(rows, header, title=title)
-        for note in made.notes:
+        for note in comparison.notes:
             emit(f"note: {note}")
         if page is not None:
             emit(f"Page: {page}")
-    raise typer.Exit(EXIT_OK if made.stands else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if comparison.stands else EXIT_NOTHING_STANDS)

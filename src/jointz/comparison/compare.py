@@ -1,4 +1,4 @@
-"""Compare results over people: conditions, days, groups, timing points, the published tables."""
+"""Comparison over people: of conditions, days, groups, timing points and published tables."""
 
 import json
 import os
@@ -14,9 +14,14 @@ from jointz.analysis.results_folder import (
     new_folder,
     write_marker,
 )
-from jointz.comparison.comparison_cells import LEVEL, comparison_cells, mean_of, pair_designs
+from jointz.comparison.comparison_cells import (
+    LEVEL,
+    check_onsets,
+    comparison_cells,
+    pair_designs,
+    source_mean,
+)
 from jointz.comparison.comparison_notes import comparison_notes, comparison_references
-from jointz.comparison.comparison_onsets import check_onsets
 from jointz.comparison.comparison_result import Comparison
 from jointz.comparison.comparison_sources import read_sources, result_paths
 from jointz.comparison.comparison_tests import (
@@ -53,23 +58,24 @@ def compare_results(
     ----------
     sources : sequence of path
         Results folders of ``jointz analyze``; the word ``published`` stands for the
-        dissertation's tables 4.1 to 4.3. One alone is compared over its timing points.
+        dissertation's tables 4.1 to 4.3. A single source is compared over its timing points.
     paired : bool, optional
-        Whether equal ids are the same people. By default they are where all ids of two folders
-        are equal, and are not where none is. The published people are always others.
+        Whether equal ids are the same people. By default they are if all ids of two folders are
+        equal, and are not if no id is. The published people are always other people.
     days : bool
-        Whether the folders are days of one condition: how well do people repeat?
+        Whether the folders are days of one condition, to estimate repeatability.
     margin_pct : float, optional
         Margin of equivalence, % of the second mean.
     df : str, optional
-        Of one source: denominator degrees of freedom of its mixed model, ``kenward-roger`` by
+        For one source: denominator degrees of freedom of its mixed model, ``kenward-roger`` by
         default, or ``satterthwaite``.
     adjust : str, optional
-        Of one source: correction of p over its pairs, ``holm`` by default, ``bonferroni`` or
+        For one source: correction of p over its pairs, ``holm`` by default, ``bonferroni`` or
         ``none``.
     error : str, optional
-        Of one source: error of its pairs. ``paired`` by default: each has its own, whether or
-        not all pairs vary alike; ``pooled``: that of the mixed model, as published.
+        For one source: error of its pairs. ``paired`` by default: each pair has its own error,
+        whether or not all pairs have equal variance; ``pooled``: that of the mixed model, as
+        published.
 
     Returns
     -------
@@ -79,50 +85,51 @@ def compare_results(
     Raises
     ------
     DataError
-        When a folder cannot be read, folders share some participants only and ``paired`` is
-        not given, or they have no timing point in common; when timing points of one name are
-        more than 2 % of the gait cycle apart; when an option is not of as many sources.
+        If a folder cannot be read; if folders share only some participants and ``paired`` is
+        not given; if they have no timing point in common; if timing points of one name are
+        more than 2 % of the gait cycle apart; if an option does not apply to the number of
+        sources.
     """
     _check_options(
         len(sources),
         {"--df": (df, DF_METHODS), "--adjust": (adjust, ADJUSTMENTS), "--error": (error, ERRORS)},
         {"--paired and --groups": paired, "--margin": margin_pct},
     )
-    read = read_sources(sources)
-    check_onsets(read)
-    designs = pair_designs(read, paired=paired)
-    if days and (len(read) < 2 or GROUPS in designs.values()):
+    results = read_sources(sources)
+    check_onsets(results)
+    designs = pair_designs(results, paired=paired)
+    single = len(results) == 1
+    if days and (single or GROUPS in designs.values()):
         raise DataError(
-            "compare: days are two or more results of the same people. Name a folder a day, with "
-            "--paired where some people came on some days only."
+            "compare: --days needs two or more results of the same people. Name one folder for "
+            "each day, with --paired if some people came on some days only."
         )
     if margin_pct is not None and not 0.0 < margin_pct < float("inf"):
         raise DataError(f"compare: expected a margin above 0 %, got {margin_pct:g}.")
-    cells = comparison_cells(read)
-    differences = between_sources(read, cells, designs, margin_pct) if len(read) > 1 else ()
-    tests = factor_tests(read, cells, designs, df=df or DF_METHODS[0])
-    adjust = adjust or "holm"
-    pairs = {"adjust": adjust, "error": error or PAIRED}
-    made = Comparison(
-        sources=tuple(results.source for results in read),
-        values=tuple(v for row in cells.values() for own in row for v in own.values()),
-        means=tuple(mean_of(row[i], place) for place, row in cells.items() for i in range(len(read))
-                    if row[i]),
-        differences=differences or between_points(tests, cells, **pairs),
+    model = {"adjust": adjust or "holm", "error": error or PAIRED, "df": df or DF_METHODS[0]}
+    cells = comparison_cells(results)
+    tests = factor_tests(results, cells, designs, df=model["df"])
+    pairs = {key: model[key] for key in ("adjust", "error")}
+    comparison = Comparison(
+        sources=tuple(result.source for result in results),
+        values=tuple(v for row in cells.values() for people in row for v in people.values()),
+        means=tuple(source_mean(people, place)
+                    for place, row in cells.items() for people in row if people),
+        differences=between_points(tests, cells, **pairs) if single
+        else between_sources(results, cells, designs, margin_pct),
         tests=tests,
         repeatability=tuple(repeats_at(place, row) for place, row in cells.items() if all(row))
         if days else (),
-        references=comparison_references(read, list(cells)),
+        references=comparison_references(results, list(cells)),
         margin_pct=margin_pct,
-        adjust=adjust,
+        adjust=model["adjust"],
         ci_level=LEVEL,
-        settings={"sources": [r.source.name for r in read], "paired": paired, "days": days,
-                  "margin_pct": margin_pct} | (pairs | {"df": df or DF_METHODS[0]}
-                                               if len(read) == 1 else {}),
+        settings={"sources": [r.source.name for r in results], "paired": paired, "days": days,
+                  "margin_pct": margin_pct} | (model if single else {}),
         provenance={**software(), "created": now(),
-                    "inputs": [dict(one) for r in read for one in r.inputs]},
+                    "inputs": [dict(file) for r in results for file in r.inputs]},
     )  # fmt: skip
-    return replace(made, notes=comparison_notes(made, read, designs))
+    return replace(comparison, notes=comparison_notes(comparison, results, designs))
 
 
 def _check_options(
@@ -130,21 +137,21 @@ def _check_options(
     of_one: Mapping[str, tuple[str | None, Sequence[str]]],
     of_several: Mapping[str, Any],
 ) -> None:
-    """Refuse what would not be used."""
+    """Refuse options that would have no effect."""
     for name, (value, choices) in of_one.items():
         if value is not None and value not in choices:
             raise DataError(f"compare: expected {name} {', '.join(choices)}, got {value!r}.")
-    given = {name for name, (value, _) in of_one.items() if value is not None}
-    if n_sources > 1 and given:
+    option_names = {name for name, (value, _) in of_one.items() if value is not None}
+    if n_sources > 1 and option_names:
         raise DataError(
-            f"compare: of a table or one results folder only: {', '.join(sorted(given))}. Several "
-            "folders are compared by t tests, with p by Holm."
+            f"compare: {', '.join(sorted(option_names))}: for a table or one results folder only. "
+            "Several folders are compared by t tests, with p adjusted by Holm."
         )
-    given = {name for name, value in of_several.items() if value is not None}
-    if n_sources == 1 and given:
+    option_names = {name for name, value in of_several.items() if value is not None}
+    if n_sources == 1 and option_names:
         raise DataError(
-            f"compare: of two or more results only: {', '.join(sorted(given))}. Name another "
-            "folder, or leave the option out."
+            f"compare: {', '.join(sorted(option_names))}: for two or more results only. Name "
+            "another folder, or leave the option out."
         )
 
 
@@ -154,11 +161,11 @@ def check_out(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Raise unless a comparison can be written there."""
+    """Raise unless a comparison can be written to ``out``."""
     for path in result_paths(sources):
         if path is not None and path.resolve() == Path(out).resolve():
             raise OutputError(
-                f"{out}: is what is compared ({path}), and is kept. Name another folder."
+                f"{out}: is one of the compared folders ({path}) and is kept. Name another folder."
             )
     check_free(Path(out), marker=MARKER, overwrite=overwrite, made_by=COMPARISON)
 

@@ -1,4 +1,4 @@
-"""Results compared: conditions, groups, days, timing points, the published tables."""
+"""Result of a comparison of conditions, groups, days, timing points or published tables."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -24,36 +24,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Comparison(Result):
-    """Results compared over people; replicates and pulses are no people.
+    """Results compared over people; replicates and pulses do not count as people.
 
     Parameters
     ----------
     sources : tuple of Source
-        What was compared.
+        The compared results.
     values : tuple of PersonValue
-        One a source, participant, parameter and timing point, missing ones included.
+        One for each source, participant, parameter and timing point, missing ones included.
     means : tuple of SourceMean
-        Over people.
+        Means over people.
     differences : tuple of Difference
-        Between sources; of one source, between its timing points.
+        Between sources; for one source, between its timing points.
     tests : tuple of FactorTest
         Mixed models over timing points, or over three and more sources.
     repeatability : tuple of Repeatability
-        Where the sources are days of the same people.
+        If the sources are days of the same people.
     references : tuple of ReferenceRange
-        Published values beside.
+        Published values for the same timing points.
     margin_pct : float or None
         Margin of equivalence, % of the second mean.
     adjust : str
-        How p is adjusted over the differences of a parameter: ``holm``, ``bonferroni``, ``none``.
+        Adjustment of p over the differences of a parameter: ``holm``, ``bonferroni``, ``none``.
     ci_level : float
-        Of all intervals.
+        Level of all intervals.
     settings : mapping
-        What was chosen.
+        Chosen options.
     notes : tuple of str
-        What a reader of the numbers must know.
+        Notes that a reader of the numbers should know.
     provenance : mapping
-        Versions, and hashes of what was read.
+        Versions, and hashes of the files that were read.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Comparison/1"
@@ -74,19 +74,19 @@ class Comparison(Result):
 
     @property
     def stands(self) -> bool:
-        """Whether at least one difference has numbers; of one source a mean is enough."""
+        """Whether at least one difference is available; for one source, a mean."""
         if len(self.sources) < 2 and any(m.mean is not None for m in self.means):
             return True
         return any(d.stands for d in self.differences)
 
     @property
     def adjusted(self) -> str:
-        """How p is adjusted, in words."""
+        """Adjustment of p in words."""
         return "not adjusted" if self.adjust == "none" else f"adjusted by {self.adjust.title()}"
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """What was compared, in the order of the means."""
+        """The compared parameters, in the order of the means."""
         return tuple(dict.fromkeys(m.parameter for m in self.means))
 
     @property
@@ -96,39 +96,40 @@ class Comparison(Result):
 
     @property
     def at_bound(self) -> tuple[PersonValue, ...]:
-        """Values that stand at their bound, used as they are, and means that hold such."""
+        """Values at their bound, which are used as they are, and means that include such values."""
         return tuple(v for v in self.values if v.at_bound)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a difference."""
+        """Return one row for each difference."""
         return _frame(self.differences, Difference)
 
     def means_frame(self) -> pd.DataFrame:
-        """Return one row a source, parameter and timing point."""
+        """Return one row for each source, parameter and timing point."""
         return _frame(self.means, SourceMean)
 
     def repeatability_frame(self) -> pd.DataFrame:
-        """Return one row a parameter and timing point."""
+        """Return one row for each parameter and timing point."""
         return _frame(self.repeatability, Repeatability)
 
     def summary(self) -> str:
-        """Return a short text: what was compared, what differs, what to know."""
+        """Return a short text with sources, significant differences and notes."""
         named = (f"{s.name} ({len(s.participants)} people)" for s in self.sources)
         lines = [f"Compared: {', '.join(named) or 'nothing'}"]
         for parameter in self.parameters:
-            own = [d for d in self.differences if d.parameter == parameter and d.stands]
-            below = [d for d in own if (d.p_adjusted or 0.0) < 1.0 - self.ci_level]
-            lines.append(f"  {parameter}: {len(below)} of {len(own)} differences, {self.adjusted}")
+            tested = [d for d in self.differences if d.parameter == parameter and d.stands]
+            below = [d for d in tested if (d.p_adjusted or 0.0) < 1.0 - self.ci_level]
+            count = f"{len(below)} of {len(tested)} differences"
+            lines.append(f"  {parameter}: {count}, {self.adjusted}")
             lines += [f"    {difference_text(d)}" for d in below]
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the mean of every source with its interval, of the first parameter.
+        """Draw the mean of every source with its interval, for the first parameter.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; by default of a new figure.
 
         Returns
         -------
@@ -142,10 +143,10 @@ class Comparison(Result):
         shown = [m for m in self.means if m.parameter == parameter and m.mean is not None]
         points = list(dict.fromkeys(m.timing_point for m in shown))
         for k, source in enumerate(self.sources):
-            own = [m for m in shown if m.source == source.name]
-            at = [points.index(m.timing_point) + 0.15 * k for m in own]
-            mean = [float(m.mean or 0.0) for m in own]
-            half = [float(m.ci_high or 0.0) - float(m.mean or 0.0) for m in own]
+            means = [m for m in shown if m.source == source.name]
+            at = [points.index(m.timing_point) + 0.15 * k for m in means]
+            mean = [float(m.mean or 0.0) for m in means]
+            half = [float(m.ci_high or 0.0) - float(m.mean or 0.0) for m in means]
             axes.errorbar(at, mean, yerr=half, fmt="o", capsize=4, label=source.name)
         axes.set_xticks(range(len(points)), points)
         unit = shown[0].unit if shown else ""

@@ -1,4 +1,4 @@
-"""What is compared, as it is read: results folders, and the published tables."""
+"""Sources of a comparison: results folders and the published tables."""
 
 import json
 import os
@@ -14,37 +14,38 @@ import numpy as np
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError
-from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
+from jointz.report.wording import PER_MASS
 from jointz.results.statistics.comparison_rows import PersonValue, Source
 
-#: Stands for the dissertation's tables 4.1 to 4.3 where a results folder could stand.
+#: Word for the dissertation's tables 4.1 to 4.3, instead of a results folder.
 PUBLISHED = "published"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
-_STANDING = ("ok", "at_bound")
-_PER_MASS = ("stiffness_per_mass", "damping_per_mass")
+_AVAILABLE = ("ok", "at_bound")
 _MASSLESS = (Failure.MASS_MISSING.status, "absent")
-#: Nothing of a joint is larger in SI; of what is, squares are no numbers any more.
+#: No value of a joint is larger in SI units; squares of larger numbers would overflow.
 _LARGEST = 1e100
 
 
 @dataclass(frozen=True)
 class Results:
-    """One of the things compared, with every estimate in it."""
+    """One source of a comparison with all its estimates."""
 
     source: Source  # name and people
     values: Mapping[tuple[str, str, str], PersonValue]  # by parameter, timing point and participant
-    # timing point -> % of the gait cycle, where it is known
+    # timing point -> % of the gait cycle, if known
     onsets_pct: Mapping[str, float] = field(default_factory=dict)
-    joint: str = ""  # empty where it is not known
-    recordings: str = ""  # hash of the study; empty where it is not known
-    version: str = ""  # of jointz that made them; empty where it is not known
+    # joint, hash of the study and version of jointz; empty if unknown
+    joint: str = ""
+    recordings: str = ""
+    version: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)  # of the analysis
     inputs: tuple[Mapping[str, Any], ...] = ()  # files that were read, with their hashes
     # participants with several sessions or sides, whose values are means over them
@@ -52,90 +53,85 @@ class Results:
 
     @cached_property
     def points(self) -> tuple[str, ...]:
-        """Timing points in the order of the gait cycle, else as they stand; without ``all``."""
-        found = list(dict.fromkeys(point for _, point, _ in self.values if point != ALL_POINTS))
-        if all(point in self.onsets_pct for point in found):
-            found.sort(key=self.onsets_pct.__getitem__)
-        return tuple(found)
+        """Timing points in the order of the gait cycle, else of the rows; without ``all``."""
+        points = list(dict.fromkeys(point for _, point, _ in self.values if point != ALL_POINTS))
+        if all(point in self.onsets_pct for point in points):
+            points.sort(key=self.onsets_pct.__getitem__)
+        return tuple(points)
 
     @cached_property
     def per_mass(self) -> bool:
-        """Whether the body mass of somebody is known, whatever became of the values."""
+        """Whether any body mass is known, even if the values are missing."""
         return any(
             v.status not in _MASSLESS for (parameter, _, _), v in self.values.items()
-            if parameter in _PER_MASS
+            if parameter in PER_MASS
         )  # fmt: skip
 
     @cached_property
     def shares_inertia(self) -> bool:
-        """Whether an inertia is one of all timing points."""
+        """Whether an inertia is shared by all timing points."""
         return any(
             parameter == "inertia" and point == ALL_POINTS for parameter, point, _ in self.values
         )
 
     def value(self, parameter: str, point: str, person: str) -> PersonValue:
-        """Return a value, ``absent`` where there is no row."""
+        """Return a value, with the status ``absent`` if there is no row."""
         name = self.source.name
         none = PersonValue(name, person, parameter, point, None, status="absent")
         return self.values.get((parameter, point, person), none)
 
     def shared_inertia(self, person: str) -> PersonValue:
         """Return a participant's inertia of all timing points, else the mean over them."""
-        one = self.value("inertia", ALL_POINTS, person)
-        if one.status != "absent":
-            return one
+        shared = self.value("inertia", ALL_POINTS, person)
+        if shared.status != "absent":
+            return shared
         rows = [self.value("inertia", point, person) for point in self.points]
-        held = [row for row in rows if row.value is not None]
-        if not held:
-            status = rows[0].status if rows else "absent"
-            return PersonValue(self.source.name, person, "inertia", ALL_POINTS, None, status=status)
-        return PersonValue(
-            self.source.name,
-            person,
-            "inertia",
-            ALL_POINTS,
-            float(np.mean([row.value for row in held])),
+        known = [row for row in rows if row.value is not None]
+        if not known:
+            return replace(shared, status=rows[0].status if rows else "absent")
+        return replace(
+            shared,
+            value=float(np.mean([row.value for row in known])),
             status="mean_over_points",
-            n_points=len(held),
-            n_lacking=len(rows) - len(held),
-            n_bounded=sum(row.at_bound for row in held),
+            n_points=len(known),
+            n_lacking=len(rows) - len(known),
+            n_bounded=sum(row.at_bound for row in known),
         )
 
 
-def read_sources(given: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]:
-    """Read everything that is compared."""
-    paths = result_paths(given)
-    twice = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
-    if twice:
-        raise DataError(f"{twice[0] or PUBLISHED}: given twice. Name every one of them once.")
-    names = _names(paths)
-    made = tuple(
+def read_sources(sources: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]:
+    """Read all sources of a comparison."""
+    paths = result_paths(sources)
+    repeated = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
+    if repeated:
+        raise DataError(f"{repeated[0] or PUBLISHED}: given twice. Name each source once.")
+    read = tuple(
         published_results() if path is None else read_results(path, name)
-        for path, name in zip(paths, names, strict=True)
+        for path, name in zip(paths, _names(paths), strict=True)
     )
-    joints = {results.joint for results in made if results.joint}
+    joints = {results.joint for results in read if results.joint}
     if len(joints) > 1:
         raise DataError(
             "compare: expected one joint, found "
-            + ", ".join(f"{r.joint} in {r.source.name}" for r in made)
-            + ". Impedances of unlike joints are no conditions of each other."
+            + ", ".join(f"{r.joint} in {r.source.name}" for r in read)
+            + ". Impedances of different joints cannot be compared."
         )
-    return made
+    return read
 
 
-def result_paths(given: Sequence[str | os.PathLike[str]]) -> list[Path | None]:
-    """Return the folders that are meant, None for the published tables."""
-    paths = [None if isinstance(one, str) and one == PUBLISHED else Path(one) for one in given]
+def result_paths(sources: Sequence[str | os.PathLike[str]]) -> list[Path | None]:
+    """Return the folders of the sources, None for the published tables."""
+    paths = [None if isinstance(s, str) and s == PUBLISHED else Path(s) for s in sources]
     if None in paths and Path(PUBLISHED).is_dir():
         raise DataError(
-            f"{PUBLISHED}: is a folder here, and the word for the dissertation's tables. Write "
+            f"{PUBLISHED}: is both a folder here and the word for the dissertation's tables. Write "
             f"./{PUBLISHED} for the folder; for the tables, call jointz from another folder."
         )
     return paths
 
 
 def _names(paths: Sequence[Path | None]) -> list[str]:
-    """Name folders by the end of their path, as short as tells them apart, never ``published``."""
+    """Name folders by the shortest distinct ends of their paths, never ``published``."""
     parts = [None if path is None else path.resolve().parts for path in paths]
     longest = max((len(p) for p in parts if p), default=1)
     for length in range(1, longest + 1):
@@ -149,7 +145,6 @@ def _names(paths: Sequence[Path | None]) -> list[str]:
 def published_results() -> Results:
     """Return tables 4.1 to 4.3 of the dissertation as results."""
     table = participant_table()
-    parameters = (*_PER_MASS, "inertia")
     values = {
         (parameter, str(row["timing_point"]), str(row["participant"])): PersonValue(
             PUBLISHED,
@@ -160,7 +155,7 @@ def published_results() -> Results:
             status="at_bound" if row[parameter] < NUMERICALLY_ZERO else "ok",
         )
         for row in table.to_dict("records")
-        for parameter in parameters
+        for parameter in (*PER_MASS, "inertia")
     }
     onsets = {str(point): float(pct) for point, pct in
               zip(table["timing_point"], table["onset_gait_pct"], strict=True)}  # fmt: skip
@@ -174,15 +169,15 @@ def read_results(folder: Path, name: str) -> Results:
     provenance = _provenance(folder)
     joint = _joint(provenance, folder)
     file = folder / _ESTIMATES
-    stated = [n for n in _UNIT if n in (list_columns(file, FilesSpec()) or ())]
-    labels = (*_LABELS, *stated)
+    units = [n for n in _UNIT if n in (list_columns(file, FilesSpec()) or ())]
+    labels = (*_LABELS, *units)
     table = read_table(file, numeric=_NUMBERS, labels=labels, files=FilesSpec(), as_written=True)
     values, averaged = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
     methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
     inputs = tuple(
-        {"file": f"{name}/{one}", "sha256": file_sha256(folder / one)}
-        for one in (_ESTIMATES, _PROVENANCE)
+        {"file": f"{name}/{required}", "sha256": file_sha256(folder / required)}
+        for required in (_ESTIMATES, _PROVENANCE)
     )
     return Results(
         Source(name, people, methods),
@@ -200,9 +195,9 @@ def read_results(folder: Path, name: str) -> Results:
 def _provenance(folder: Path) -> dict[str, Any]:
     for name in (_ESTIMATES, _PROVENANCE):
         if not (folder / name).is_file():
-            what = "is not there" if not folder.exists() else f"holds no {name}"
+            problem = "does not exist" if not folder.exists() else f"contains no {name}"
             raise DataError(
-                f"{folder}: {what}. Expected a results folder of jointz analyze, or the word "
+                f"{folder}: {problem}. Expected a results folder of jointz analyze, or the word "
                 f"'{PUBLISHED}' for the dissertation's tables."
             )
     file = folder / _PROVENANCE
@@ -222,38 +217,37 @@ def _provenance(folder: Path) -> dict[str, Any]:
 def _joint(provenance: Mapping[str, Any], folder: Path) -> str:
     """Return the joint of a walking study."""
     study, settings = provenance.get("study"), provenance.get("settings", {})
-    held = study if isinstance(study, dict) else {}
-    if not all(isinstance(held.get(key), str) and held[key] for key in ("kind", "joint")) or not (
-        isinstance(settings, dict)
-    ):
+    known = study if isinstance(study, dict) else {}
+    texts = [known.get(key) for key in ("kind", "joint")]
+    if not all(isinstance(t, str) and t for t in texts) or not isinstance(settings, dict):
         raise DataError(
             f"{folder / _PROVENANCE}: expected study with kind and joint, and settings, as jointz "
             f"analyze writes them; found study {study!r:.60}, settings {settings!r:.60}. Run "
             "jointz analyze again.",
             path=str(folder / _PROVENANCE),
         )
-    if held["kind"] == "bench":
+    if known["kind"] == "bench":
         raise DataError(
             f"{folder}: results of a bench study. Its participants are loads, and a mean over "
-            "unlike loads means nothing. Compare results of walking studies."
+            "different loads is meaningless. Compare results of walking studies."
         )
-    return str(held["joint"])
+    return str(known["joint"])
 
 
 def _values(
     table: RawTable, file: Path, name: str
 ) -> tuple[dict[tuple[str, str, str], PersonValue], tuple[str, ...]]:
-    """Return one value a person, and who has several sessions or sides."""
+    """Return one value for each person, and the people with several sessions or sides."""
     values: dict[tuple[str, str, str], dict[tuple[str, ...], PersonValue]] = {}
     columns = {key: column.tolist() for key, column in table.columns.items()}
     for i, parameter in enumerate(columns["parameter"]):
         row = {key: column[i] for key, column in columns.items()}
-        where = (parameter, row["timing_point"], row["participant"])
+        place = (parameter, row["timing_point"], row["participant"])
         unit = tuple(row[key] for key in _UNIT if key in row)
         line = table.first_row + i
-        if unit in values.get(where, ()):
+        if unit in values.get(place, ()):
             raise DataError(
-                f"{file}, row {line}: a second {' of '.join(where)}. Estimates have one row each; "
+                f"{file}, row {line}: a second {' of '.join(place)}. Each estimate has one row; "
                 "run jointz analyze again.",
                 path=str(file),
                 row=line,
@@ -261,32 +255,32 @@ def _values(
         if PARAMETER_UNITS.get(parameter) != row["unit"]:
             raise DataError(
                 f"{file}, row {line}: expected {parameter} in {PARAMETER_UNITS.get(parameter)}, "
-                f"found {row['unit']}. Values of other units cannot be compared.",
+                f"found {row['unit']}. Values in different units cannot be compared.",
                 path=str(file),
                 row=line,
             )
-        values.setdefault(where, {})[unit] = _value(row, name, file, line)
-    averaged = dict.fromkeys(person for (_, _, person), own in values.items() if len(own) > 1)
-    return {where: _of_person([*own.values()]) for where, own in values.items()}, tuple(averaged)
+        values.setdefault(place, {})[unit] = _value(row, name, file, line)
+    averaged = dict.fromkeys(person for (_, _, person), v in values.items() if len(v) > 1)
+    means = {place: _person_mean([*by_unit.values()]) for place, by_unit in values.items()}
+    return means, tuple(averaged)
 
 
-def _of_person(values: Sequence[PersonValue]) -> PersonValue:
-    """Return the mean over a person's sessions and sides; their errors count as shared."""
+def _person_mean(values: Sequence[PersonValue]) -> PersonValue:
+    """Return the mean over a person's sessions and sides; their errors count as common."""
     undecided = [v for v in values if v.status == "undecided"]
-    held = [v for v in values if v.value is not None]
-    if len(values) == 1 or undecided or not held:
+    known = [v for v in values if v.value is not None]
+    if len(values) == 1 or undecided or not known:
         return (undecided or values)[0]
-    status = "ok" if any(v.status == "ok" for v in held) else held[0].status
-    ends = [[getattr(v, key) for v in held] for key in ("value", "ci_low", "ci_high")]
-    means = [None if None in own else float(np.mean(own)) for own in ends]
-    value, ci_low, ci_high = means
-    return replace(held[0], value=value, ci_low=ci_low, ci_high=ci_high, status=status)
+    status = "ok" if any(v.status == "ok" for v in known) else known[0].status
+    columns = ([getattr(v, key) for v in known] for key in ("value", "ci_low", "ci_high"))
+    value, low, high = (None if None in column else float(np.mean(column)) for column in columns)
+    return replace(known[0], value=value, ci_low=low, ci_high=high, status=status)
 
 
 def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonValue:
-    stands = row["status"] in _STANDING
+    available = row["status"] in _AVAILABLE
     number = _number(row["value"])
-    if stands == (number is None):
+    if available == (number is None):
         raise DataError(
             f"{file}, row {line}: status {row['status']!r} with "
             f"{'no value' if number is None else 'a value'}. Run jointz analyze again.",
@@ -297,7 +291,8 @@ def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonVa
     if max(abs(x or 0.0) for x in (number, low, high)) > _LARGEST:
         raise DataError(
             f"{file}, row {line}: {row['parameter']} {row['value']:g} [{row['ci_low']:g}, "
-            f"{row['ci_high']:g}] is no value of a joint. Correct it, or run jointz analyze again.",
+            f"{row['ci_high']:g}] is not a possible value of a joint. Correct it, or run jointz "
+            "analyze again.",
             path=str(file),
             row=line,
         )
@@ -315,6 +310,5 @@ def _onsets(table: RawTable) -> dict[str, float]:
     for point in dict.fromkeys(points.tolist()):
         known = onsets[(points == point) & np.isfinite(onsets)]
         if point != ALL_POINTS and known.size:
-            turns = np.exp(2j * np.pi * known / 100.0)
-            means[str(point)] = float(np.angle(turns.mean()) / (2 * np.pi) * 100.0 % 100.0)
+            means[str(point)] = circular_mean_pct(known)
     return means

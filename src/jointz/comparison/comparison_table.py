@@ -1,4 +1,4 @@
-"""A table of one's own for the mixed model: read as files are read, blanks missing."""
+"""Reader of a user's table for the mixed model, with blank cells as missing values."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,8 @@ def read_responses(
     names = [*responses, within, participant]
     if len(set(names)) < len(names):
         raise DataError(
-            f"{file.name}: expected unlike columns, got {', '.join(names)}. Name every column once."
+            f"{file.name}: expected different columns, got {', '.join(names)}. Name each column "
+            "once."
         )
     labels = (within, participant)
     delimiter = _delimiter(file, names)
@@ -32,7 +33,7 @@ def read_responses(
     except DataError as exc:
         if delimiter != ";":
             raise
-        try:  # where semicolons stand between columns, commas are decimal signs
+        try:  # with semicolons between columns, commas may be decimal signs
             files = FilesSpec(delimiter=delimiter, decimal=",")
             table = _read(file, responses, labels, files)
         except DataError:
@@ -52,14 +53,14 @@ def _read(
 
 
 def _delimiter(file: Path, names: Sequence[str]) -> str | None:
-    """Return what stands between the columns: that by which most names are found."""
+    """Return the delimiter that finds most of the names."""
     if not file.name.lower().endswith(_TEXT) or not file.is_file():
         return None
-    found = {}
+    matches = {}
     for delimiter in _DELIMITERS:
         try:
             columns = list_columns(file, FilesSpec(delimiter=delimiter)) or []
-        except DataError:  # several numbers instead of names: told when it is read
+        except DataError:  # several numbers instead of names: reported when it is read
             columns = ["", ""]
-        found[delimiter] = (len({*names} & {*columns}), len(columns))
-    return max(_DELIMITERS, key=found.__getitem__)
+        matches[delimiter] = (len({*names} & {*columns}), len(columns))
+    return max(_DELIMITERS, key=matches.__getitem__)

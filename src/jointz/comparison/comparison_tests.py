@@ -1,4 +1,4 @@
-"""Tests between sources, between timing points, and how well people repeat."""
+"""Tests between sources and between timing points, and repeatability."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jointz.comparison.comparison_cells import Cells, Own, standing
+from jointz.comparison.comparison_cells import Cells, Designs, PersonValues, Place, available
 from jointz.comparison.comparison_sources import Results
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
@@ -35,40 +35,36 @@ from jointz.stats.mixed_model import mixed_model
 
 _TOO_FEW = Failure.TOO_FEW_PARTICIPANTS.status
 _NO_SPREAD = "no_spread"
-Designs = Mapping[tuple[str, str], str]
 
 
 def between_sources(
-    read: Sequence[Results],
-    cells: Cells,
-    designs: Designs,
-    margin_pct: float | None,
+    results: Sequence[Results], cells: Cells, designs: Designs, margin_pct: float | None
 ) -> tuple[Difference, ...]:
-    """Return every pair of sources at every parameter and timing point, first minus second."""
+    """Return the differences of all pairs of sources at each place, first minus second."""
     rows = [
-        _difference(place, row[i], row[j], design=designs[names], margin_pct=margin_pct)
+        _difference(place, a, b, design=designs[names], margin_pct=margin_pct)
         for place, row in cells.items()
-        for i, j in combinations(range(len(read)), 2)
-        if row[i] and row[j] and (names := (read[i].source.name, read[j].source.name))
+        for (first, a), (second, b) in combinations(zip(results, row, strict=True), 2)
+        if a and b and (names := (first.source.name, second.source.name))
     ]
     return _adjusted(rows, "holm")
 
 
 def _difference(
-    place: tuple[str, str],
-    first: Own,
-    second: Own,
+    place: Place,
+    first: PersonValues,
+    second: PersonValues,
     *,
     design: str,
-    margin_pct: float | None,
+    margin_pct: float | None = None,
 ) -> Difference:
-    mine, theirs = standing(first), standing(second)
+    values, others = available(first), available(second)
     if design == PAIRED:
-        both = [person for person in mine if person in theirs]
-        mine, theirs = {p: mine[p] for p in both}, {p: theirs[p] for p in both}
-    a, b = np.array(list(mine.values())), np.array(list(theirs.values()))
-    used = [*(first[p] for p in mine), *(second[p] for p in theirs)]
-    made = Difference(
+        shared = [person for person in values if person in others]
+        values, others = ({p: own[p] for p in shared} for own in (values, others))
+    a, b = np.array(list(values.values())), np.array(list(others.values()))
+    used = [*(first[p] for p in values), *(second[p] for p in others)]
+    row = Difference(
         parameter=place[0],
         unit=PARAMETER_UNITS[place[0]],
         timing_point=place[1],
@@ -82,22 +78,19 @@ def _difference(
         mean_second=float(b.mean()) if b.size else None,
     )
     if min(a.size, b.size) < 2:
-        return replace(made, status=_TOO_FEW)
-    test: Callable[[np.ndarray, np.ndarray], MeanDifference] = (
-        paired_difference if design == PAIRED else group_difference
-    )
+        return replace(row, status=_TOO_FEW)
     try:
-        found = test(a, b)
+        test = paired_difference(a, b) if design == PAIRED else group_difference(a, b)
     except NoSpreadError:
-        return replace(made, difference=float(a.mean() - b.mean()), status=_NO_SPREAD)
+        return replace(row, difference=float(a.mean() - b.mean()), status=_NO_SPREAD)
     margin = None if margin_pct is None else abs(float(b.mean())) * margin_pct / 100.0
-    numbers = {name: getattr(found, name) for name in MeanDifference.__slots__ if name != "se"}
+    numbers = {name: getattr(test, name) for name in MeanDifference.__slots__ if name != "se"}
     return replace(
-        made,
+        row,
         **numbers,
-        effect="" if found.effect_size is None else ("g_z" if design == PAIRED else "g"),
+        effect="" if test.effect_size is None else ("g_z" if design == PAIRED else "g"),
         margin=margin,
-        p_equivalence=None if margin is None else found.equivalence_p(margin),
+        p_equivalence=None if margin is None else test.equivalence_p(margin),
     )
 
 
@@ -122,28 +115,25 @@ def _adjusted(rows: Sequence[Difference], adjust: str) -> tuple[Difference, ...]
 def between_points(
     tests: Sequence[FactorTest], cells: Cells, *, adjust: str, error: str
 ) -> tuple[Difference, ...]:
-    """Return the pairs of timing points of one source."""
+    """Return the differences of all pairs of timing points of one source."""
+    pairs = _paired_points if error == PAIRED else _pooled_points
     rows: list[Difference] = []
     for test in tests:
         if test.fit is None:
             continue
-        pairs = _paired_points if error == PAIRED else _pooled_points
-        made, sphericity = pairs(test, test.fit, cells), test.fit.repeated_measures
+        differences, sphericity = pairs(test, test.fit, cells), test.fit.repeated_measures
         if sphericity is not None:
-            numbers: dict[str, Any] = {
-                "epsilon": sphericity.epsilon,
-                "p_epsilon": sphericity.p_epsilon,
-            }
-            made = [replace(row, **numbers) for row in made]
-        rows += made
+            epsilon, p_epsilon = sphericity.epsilon, sphericity.p_epsilon
+            differences = [replace(d, epsilon=epsilon, p_epsilon=p_epsilon) for d in differences]
+        rows += differences
     return _adjusted(rows, adjust)
 
 
 def _paired_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[Difference]:
-    own = {point: cells[test.parameter, point][0] for point in fit.levels}
+    values = {point: cells[test.parameter, point][0] for point in fit.levels}
     return [
         replace(
-            _difference((test.parameter, ""), own[a], own[b], design=PAIRED, margin_pct=None),
+            _difference((test.parameter, ""), values[a], values[b], design=PAIRED),
             first=a,
             second=b,
         )
@@ -159,24 +149,24 @@ def _pooled_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[D
     rows = []
     for pair in fit.pairs("none").to_dict("records"):
         first, second = means[pair["first"]], means[pair["second"]]
-        numbers: dict[str, Any] = {key: float(pair[key]) for key in
-                   ("difference", "ci_low", "ci_high", "t", "df", "p")}  # fmt: skip
-        rows.append(
-            Difference(
-                parameter=test.parameter,
-                unit=test.unit,
-                timing_point="",
-                first=pair["first"],
-                second=pair["second"],
-                design=POOLED,
-                n_first=first.n_participants,
-                n_second=second.n_participants,
-                n_at_bound=at_bound[first.level] + at_bound[second.level],
-                mean_first=first.mean,
-                mean_second=second.mean,
-                **numbers,
-            )
+        numbers: dict[str, Any] = {
+            key: float(pair[key]) for key in ("difference", "ci_low", "ci_high", "t", "df", "p")
+        }
+        row = Difference(
+            parameter=test.parameter,
+            unit=test.unit,
+            timing_point="",
+            first=first.level,
+            second=second.level,
+            design=POOLED,
+            n_first=first.n_participants,
+            n_second=second.n_participants,
+            n_at_bound=at_bound[first.level] + at_bound[second.level],
+            mean_first=first.mean,
+            mean_second=second.mean,
+            **numbers,
         )
+        rows.append(row)
     return rows
 
 
@@ -184,60 +174,64 @@ def _pooled_points(test: FactorTest, fit: MixedModelFit, cells: Cells) -> list[D
 
 
 def factor_tests(
-    read: Sequence[Results], cells: Cells, designs: Designs, *, df: str
+    results: Sequence[Results], cells: Cells, designs: Designs, *, df: str
 ) -> tuple[FactorTest, ...]:
-    """Return a mixed model over timing points of one source, or over three and more sources."""
-    if len(read) == 1:
-        tests = []
-        for parameter in dict.fromkeys(parameter for parameter, _ in cells):
-            levels = {point: row[0] for (name, point), row in cells.items() if name == parameter}
-            tests.append(_factor((parameter, "timing_point", read[0].source.name), levels, df=df))
-        return tuple(tests)
-    if len(read) < 3 or GROUPS in designs.values():
+    """Return mixed models over timing points of one source, or over three and more sources."""
+    if len(results) == 1:
+        levels: dict[str, dict[str, PersonValues]] = {}
+        for (parameter, point), (values,) in cells.items():
+            levels.setdefault(parameter, {})[point] = values
+        name = results[0].source.name
+        return tuple(
+            _factor_test(parameter, "timing_point", name, values, df=df)
+            for parameter, values in levels.items()
+        )
+    if len(results) < 3 or GROUPS in designs.values():
         return ()
+    names = [result.source.name for result in results]
     return tuple(
-        _factor((parameter, "condition", point),
-                {r.source.name: own for r, own in zip(read, row, strict=True)}, df=df)
+        _factor_test(parameter, "condition", point, dict(zip(names, row, strict=True)), df=df)
         for (parameter, point), row in cells.items()
         if all(row)
-    )  # fmt: skip
+    )
 
 
-def _factor(of: tuple[str, str, str], levels: Mapping[str, Own], *, df: str) -> FactorTest:
-    parameter, factor, where = of
-    made = FactorTest(parameter, PARAMETER_UNITS[parameter], factor, where, None)
+def _factor_test(
+    parameter: str, factor: str, where: str, levels: Mapping[str, PersonValues], *, df: str
+) -> FactorTest:
+    test = FactorTest(parameter, PARAMETER_UNITS[parameter], factor, where, None)
     if set(levels) == {ALL_POINTS}:
-        return replace(made, reason="one value a participant, of all timing points")
+        return replace(test, reason="one value for each participant, of all timing points")
     rows = [
         (person, level, value)
-        for level, own in levels.items()
-        for person, value in standing(own).items()
+        for level, values in levels.items()
+        for person, value in available(values).items()
     ]
     if not rows:
-        return replace(made, reason="nobody has a value")
+        return replace(test, reason="no participant has a value")
     table = pd.DataFrame(rows, columns=["participant", factor, parameter])
     try:
         fit = mixed_model(
             table, response=parameter, within=factor, participant="participant", df=df
         )
     except (DataError, EstimationError) as exc:
-        return replace(made, reason=str(exc).removeprefix("mixed_model: "))
-    return replace(made, fit=fit)
+        return replace(test, reason=str(exc).removeprefix("mixed_model: "))
+    return replace(test, fit=fit)
 
 
-def repeats_at(place: tuple[str, str], row: Sequence[Own]) -> Repeatability:
-    """Return how well the people repeat who have a value in every source."""
-    held = [standing(own) for own in row]
-    people = [person for person in held[0] if all(person in own for own in held)]
-    made = Repeatability(place[0], PARAMETER_UNITS[place[0]], place[1], len(people), len(held))
+def repeats_at(place: Place, row: Sequence[PersonValues]) -> Repeatability:
+    """Return the repeatability over the people with a value in every source."""
+    sources = [available(values) for values in row]
+    people = [person for person in sources[0] if all(person in values for values in sources)]
+    result = Repeatability(place[0], PARAMETER_UNITS[place[0]], place[1], len(people), len(sources))
     if len(people) < 2:
-        return replace(made, status=_TOO_FEW)
+        return replace(result, status=_TOO_FEW)
     try:
-        found = repeatability(np.array([[own[p] for own in held] for p in people]))
+        statistics = repeatability(np.array([[values[p] for values in sources] for p in people]))
     except NoSpreadError:
-        return replace(made, status=_NO_SPREAD)
+        return replace(result, status=_NO_SPREAD)
     numbers: dict[str, Any] = {}
     for name in ("icc_agreement", "icc_consistency", "sem", "mdc"):
-        value, low, high = getattr(found, name)
+        value, low, high = getattr(statistics, name)
         numbers |= {name: value, f"{name}_low": low, f"{name}_high": high}
-    return replace(made, **numbers)
+    return replace(result, **numbers)

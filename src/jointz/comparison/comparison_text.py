@@ -1,18 +1,12 @@
-"""A comparison, and a mixed model, as tables of text for a terminal."""
+"""Tables of a comparison, and of a mixed model, for a terminal."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from jointz.comparison.comparison_result import Comparison
-from jointz.results.statistics.comparison_rows import (
-    GROUPS,
-    PAIRED,
-    Difference,
-    FactorTest,
-    Repeatability,
-    SourceMean,
-)
+from jointz.results.statistics.comparison_rows import GROUPS, PAIRED, Difference, FactorTest
 from jointz.results.statistics.mixed_model_fit import MixedModelFit
 
 #: Title, column names, cells.
@@ -21,51 +15,73 @@ TextTable = tuple[str, list[str], list[list[str]]]
 _DASH = "-"
 
 
-def comparison_tables(made: Comparison) -> list[TextTable]:
-    """Return the tables of a comparison that hold something."""
-    level = f"{100 * made.ci_level:g} % interval"
+def comparison_tables(comparison: Comparison) -> list[TextTable]:
+    """Return the tables of a comparison that are not empty."""
+    level = f"{100 * comparison.ci_level:g} % interval"
     tables = [
         (
             "Means over people",
             ["results", "timing point", "parameter", "mean", level, "SD", "unit", "people",
              "no value", "at bound"],
-            [_mean_row(m) for m in made.means],
+            [[m.source, m.timing_point, m.parameter, _number(m.mean),
+              _interval(m.ci_low, m.ci_high), _number(m.sd), m.unit, str(m.n),
+              _count(m.n_missing), _count(m.n_at_bound)] for m in comparison.means],
         ),
         (
             "Mixed models",
             ["parameter", "of", "where", "F", "df", "p", "epsilon", "p (Greenhouse-Geisser)",
              "people"],
-            [_test_row(t) for t in made.tests],
+            [_test_row(t) for t in comparison.tests],
         ),
-        *_difference_tables(made, level),
+        _differences_table(comparison, level),
         (
             "Repeatability (SEM without shifts between days; MDC of one person)",
             ["timing point", "parameter", "ICC(A,1)", level, "ICC(C,1)", level, "SEM", "MDC",
              level, "unit", "people"],
-            [_repeat_row(r) for r in made.repeatability],
+            [[r.timing_point, r.parameter,
+              _number(r.icc_agreement, 2) if r.status == "ok" else r.status,
+              _interval(r.icc_agreement_low, r.icc_agreement_high, decimals=2),
+              _number(r.icc_consistency, 2),
+              _interval(r.icc_consistency_low, r.icc_consistency_high, decimals=2),
+              _number(r.sem), _number(r.mdc), _interval(r.mdc_low, r.mdc_high), r.unit,
+              str(r.n)] for r in comparison.repeatability],
         ),
     ]  # fmt: skip
     return [table for table in tables if table[2]]
 
 
-def _difference_tables(made: Comparison, level: str) -> list[TextTable]:
-    single = len(made.sources) == 1
-    title = f"First minus second; every interval holds alone, p {made.adjusted} over a parameter"
-    if any(d.design == PAIRED for d in made.differences) and single:
-        title += "; every pair by itself"
-    header = ["pair", "parameter", "difference", level, "unit", adjusted_p(made), "people"]
+def _differences_table(comparison: Comparison, level: str) -> TextTable:
+    single, rows = len(comparison.sources) == 1, comparison.differences
+    title = (
+        "First minus second; each interval is for one difference, p "
+        f"{comparison.adjusted} over a parameter"
+    )
+    if single and any(d.design == PAIRED for d in rows):
+        title += "; each pair has its own error"
+    columns: list[tuple[str, Callable[[Difference], str]]] = [
+        ("pair", lambda d: f"{d.first} - {d.second}"),
+        ("parameter", lambda d: d.parameter),
+        ("difference", lambda d: _number(d.difference)),
+        (level, lambda d: _interval(d.ci_low, d.ci_high) if d.stands else d.status),
+        ("unit", lambda d: d.unit),
+        (adjusted_p(comparison), lambda d: p_text(d.p_adjusted)),
+    ]
     if not single:
-        header[:1] = ["timing point", "pair"]
-    if has_effects(made):
-        header[-1:] = ["effect", level, "people"]
-    if made.margin_pct is not None and not single:
-        header += [f"equivalent within {made.margin_pct:g} %"]
-    return [(title, header, [_difference_row(d, made) for d in made.differences])]
+        columns = [("timing point", lambda d: d.timing_point), *columns]
+    if has_effects(comparison):
+        columns += [
+            ("effect", _effect),
+            (level, lambda d: _interval(d.effect_low, d.effect_high, decimals=2)),
+        ]
+    columns += [("people", people_text)]
+    if comparison.margin_pct is not None and not single:
+        name = f"equivalent within {comparison.margin_pct:g} %"
+        columns += [(name, lambda d: equivalence_text(d, comparison.ci_level))]
+    return title, [name for name, _ in columns], [[cell(d) for _, cell in columns] for d in rows]
 
 
-def _mean_row(m: SourceMean) -> list[str]:
-    return [m.source, m.timing_point, m.parameter, _number(m.mean), _interval(m.ci_low, m.ci_high),
-            _number(m.sd), m.unit, str(m.n), _count(m.n_missing), _count(m.n_at_bound)]  # fmt: skip
+def _effect(d: Difference) -> str:
+    return _DASH if d.effect_size is None else f"{d.effect} {d.effect_size:.2f}"
 
 
 def _test_row(t: FactorTest) -> list[str]:
@@ -78,59 +94,32 @@ def _test_row(t: FactorTest) -> list[str]:
     return [*start, f"{f.F:.4g}", df, p_text(f.p), *sphericity, str(t.fit.n_participants)]
 
 
-def _difference_row(d: Difference, made: Comparison) -> list[str]:
-    row = [f"{d.first} - {d.second}", d.parameter, _number(d.difference),
-           _interval(d.ci_low, d.ci_high), d.unit, p_text(d.p_adjusted)]  # fmt: skip
-    if not d.stands:
-        row[3] = d.status
-    if len(made.sources) > 1:
-        row = [d.timing_point, *row]
-    if has_effects(made):
-        effect = _DASH if d.effect_size is None else f"{d.effect} {d.effect_size:.2f}"
-        row += [effect, _interval(d.effect_low, d.effect_high, digits=2)]
-    row.append(people_text(d))
-    if made.margin_pct is not None and len(made.sources) > 1:
-        row.append(equivalence_text(d, made.ci_level))
-    return row
-
-
-def has_effects(made: Comparison) -> bool:
+def has_effects(comparison: Comparison) -> bool:
     """Return whether there is an effect size to show."""
-    return any(d.effect for d in made.differences)
+    return any(d.effect for d in comparison.differences)
 
 
-def adjusted_p(made: Comparison) -> str:
-    """Return the head of a column of p."""
-    return "p (alone)" if made.adjust == "none" else f"p ({made.adjust.title()})"
+def adjusted_p(comparison: Comparison) -> str:
+    """Return the heading of the column of adjusted p."""
+    return "p (alone)" if comparison.adjust == "none" else f"p ({comparison.adjust.title()})"
 
 
 def people_text(d: Difference) -> str:
-    """Return how many people a difference is of."""
+    """Return the number of people of a difference."""
     if d.design == GROUPS or d.n_first != d.n_second:
         return f"{d.n_first} and {d.n_second}"
     return str(d.n_first)
 
 
 def equivalence_text(d: Difference, ci_level: float) -> str:
-    """Return whether two means are shown to be alike."""
+    """Return whether two means are shown to be equivalent."""
     if d.p_equivalence is None:
         return _DASH
     shown = d.p_equivalence < 1.0 - ci_level
     return f"{'yes' if shown else 'not shown'} (p {p_text(d.p_equivalence)})"
 
 
-def _repeat_row(r: Repeatability) -> list[str]:
-    return [
-        r.timing_point, r.parameter,
-        _number(r.icc_agreement, 2) if r.status == "ok" else r.status,
-        _interval(r.icc_agreement_low, r.icc_agreement_high, digits=2),
-        _number(r.icc_consistency, 2),
-        _interval(r.icc_consistency_low, r.icc_consistency_high, digits=2),
-        _number(r.sem), _number(r.mdc), _interval(r.mdc_low, r.mdc_high), r.unit, str(r.n),
-    ]  # fmt: skip
-
-
-# --- a mixed model of a table --------------------------------------------------------------------
+# --- mixed model of a table ----------------------------------------------------------------------
 
 
 def fit_tables(fit: MixedModelFit, *, adjust: str, error: str) -> list[TextTable]:
@@ -146,11 +135,11 @@ def fit_tables(fit: MixedModelFit, *, adjust: str, error: str) -> list[TextTable
          p_text(row["p"]), p_text(row["p_adjusted"]), str(row["n_participants"])]
         for row in fit.pairs(adjust, error=error).to_dict("records")
     ]  # fmt: skip
-    alone = "each alone" if adjust == "none" else "together"
+    coverage = "for each pair alone" if adjust == "none" else "simultaneous"
     return [
         (f"Means of {fit.response}", [fit.within, "mean", level, "people"], means),
         (
-            f"Pairs, {error} error, intervals hold {alone}",
+            f"Pairs, {error} error, intervals {coverage}",
             ["pair", "difference", level, "t", "df", "p", f"p ({adjust})", "people"],
             pairs,
         ),
@@ -158,18 +147,18 @@ def fit_tables(fit: MixedModelFit, *, adjust: str, error: str) -> list[TextTable
 
 
 def fit_dict(fit: MixedModelFit, *, adjust: str, error: str) -> dict[str, Any]:
-    """Return a mixed model with the pairs that were asked for, ready for JSON."""
+    """Return a mixed model with its pairs for JSON."""
     rows = fit.pairs(adjust, error=error).to_dict("records")
     plain = fit.to_dict() | {"formula": fit.formula, "adjust": adjust, "error": error}
     return _finite({**plain, "pairs": rows})  # type: ignore[no-any-return]
 
 
 def _finite(value: Any) -> Any:
-    """Return plain values with None for what JSON has no number for."""
+    """Return plain values, with None for numbers that JSON does not have."""
     if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
+        return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
+        return [_finite(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
@@ -179,7 +168,7 @@ def _finite(value: Any) -> Any:
 
 
 def p_text(p: float | None) -> str:
-    """Return a probability as it is read, a dash where there is none."""
+    """Write a probability, a dash if there is none."""
     if p is None or not np.isfinite(p):
         return _DASH
     return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
@@ -191,10 +180,10 @@ def _number(value: float | None, decimals: int | None = None) -> str:
     return f"{value:.4g}" if decimals is None else f"{value:.{decimals}f}"
 
 
-def _interval(low: float | None, high: float | None, *, digits: int | None = None) -> str:
+def _interval(low: float | None, high: float | None, *, decimals: int | None = None) -> str:
     if low is None or high is None or not np.isfinite(low):
         return _DASH
-    return f"{_number(low, digits)} to {_number(high, digits)}"
+    return f"{_number(low, decimals)} to {_number(high, decimals)}"
 
 
 def _count(n: int) -> str:

@@ -1,4 +1,4 @@
-"""Figures of a comparison: means with people behind them, differences with intervals."""
+"""Figures of a comparison: means with single people, and differences with intervals."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _LOOKS: Final = ((BLUE, "D"), (VERMILION, "o"), (GREEN, "s"), (PURPLE, "^"), (ORANGE, "P"))
 _PUBLISHED: Final = (MUTED, "v")
-#: Marks side by side at all timing points of a panel; with more, panels stand below each other.
+#: Marks in a panel; with more, panels are placed below each other.
 _MOST_IN_A_THIRD: Final = 18
 _LEFT_MM, _GAP_MM, _TOP_MM, _BELOW_MM = 13.0, 14.0, 13.0, 10.0
 _DODGE: Final = 0.8
@@ -49,53 +49,53 @@ _ALPHA: Final = 0.05
 _Panel = tuple[str, list[str]]
 
 
-def draw_comparison(made: Comparison) -> dict[str, str]:
+def draw_comparison(comparison: Comparison) -> dict[str, str]:
     """Draw the figures of a comparison."""
     with figure_style():
         figures = {}
-        if any(m.mean is not None for m in made.means):
-            figures["means"] = to_svg(_means(made))
-        if any(d.stands for d in made.differences):
-            figures["differences"] = to_svg(_differences(made))
+        if any(m.mean is not None for m in comparison.means):
+            figures["means"] = to_svg(_means(comparison))
+        if any(d.stands for d in comparison.differences):
+            figures["differences"] = to_svg(_differences(comparison))
         return figures
 
 
-def source_looks(made: Comparison) -> dict[str, tuple[str, str]]:
+def source_looks(comparison: Comparison) -> dict[str, tuple[str, str]]:
     """Return colour and mark of every source."""
-    own = [s.name for s in made.sources if not s.published]
+    own = [s.name for s in comparison.sources if not s.published]
     looks = {name: _LOOKS[k % len(_LOOKS)] for k, name in enumerate(own)}
-    return looks | {s.name: _PUBLISHED for s in made.sources if s.published}
+    return looks | {s.name: _PUBLISHED for s in comparison.sources if s.published}
 
 
 # --- means ---------------------------------------------------------------------------------------
 
 
-def _means(made: Comparison) -> "Figure":
-    panels = [(p, _points_of(made, p)) for p in made.parameters]
-    columns = _columns(made)
+def _means(comparison: Comparison) -> "Figure":
+    panels = [(p, _points_of(comparison, p)) for p in comparison.parameters]
+    columns = _columns(comparison)
     crowded = max(len(points) for _, points in panels) * len(columns) > _MOST_IN_A_THIRD
-    handles = _legend(made)
+    handles = _legend(comparison)
     figure, places = _placed(panels, stacked=crowded, top=_TOP_MM + _second_row_mm(handles))
     for axes, (parameter, points) in zip(places, panels, strict=True):
         for k, name in enumerate(columns):
             at = {point: i + _offset(k, len(columns)) for i, point in enumerate(points)}
-            _draw_column(axes, made, (parameter, name), at)
+            _draw_column(axes, comparison, (parameter, name), at)
         if not crowded or len(points) > 1:
-            _draw_people_lines(axes, made, parameter, points)
-        _draw_stated(axes, made, parameter, points)
+            _draw_people_lines(axes, comparison, parameter, points)
+        _draw_stated(axes, comparison, parameter, points)
         _finish_points(axes, parameter, points)
     _place_in_rows(figure, handles)
     return figure
 
 
-def _columns(made: Comparison) -> list[str]:
-    """Return what stands side by side at a timing point: the sources, then the published mean."""
-    beside = {r.name for r in made.references if r.value is not None}
-    return [*(s.name for s in made.sources), *sorted(beside)]
+def _columns(comparison: Comparison) -> list[str]:
+    """Return the names of a timing point's columns: the sources, then the published mean."""
+    beside = {r.name for r in comparison.references if r.value is not None}
+    return [*(s.name for s in comparison.sources), *sorted(beside)]
 
 
-def _points_of(made: Comparison, parameter: str) -> list[str]:
-    return list(dict.fromkeys(m.timing_point for m in made.means if m.parameter == parameter))
+def _points_of(comparison: Comparison, parameter: str) -> list[str]:
+    return list(dict.fromkeys(m.timing_point for m in comparison.means if m.parameter == parameter))
 
 
 def _placed(panels: Sequence[_Panel], *, stacked: bool, top: float) -> "tuple[Figure, list[Axes]]":
@@ -124,17 +124,17 @@ def _offset(k: int, n: int) -> float:
 
 
 def _draw_column(
-    axes: "Axes", made: Comparison, of: tuple[str, str], at: Mapping[str, float]
+    axes: "Axes", comparison: Comparison, of: tuple[str, str], at: Mapping[str, float]
 ) -> None:
-    """Draw people as dots, and the mean with its interval, of a source or the published."""
+    """Draw people as dots, and the mean with its interval, of one column."""
     parameter, name = of
-    colour, mark = source_looks(made).get(name, _PUBLISHED)
-    dots = [(at[v.timing_point], v.value) for v in made.values
+    colour, mark = source_looks(comparison).get(name, _PUBLISHED)
+    dots = [(at[v.timing_point], v.value) for v in comparison.values
             if (v.source, v.parameter) == (name, parameter) and v.value is not None]  # fmt: skip
-    if dots and len(made.sources) > 1:
+    if dots and len(comparison.sources) > 1:
         axes.plot(*zip(*dots, strict=True), ".", color=colour, alpha=0.45, markersize=3.8,
                   markeredgewidth=0.0, zorder=2)  # fmt: skip
-    for point, *bar in _bars(made, parameter, name):
+    for point, *bar in _bars(comparison, parameter, name):
         value, low, high = bar
         axes.vlines(at[point], low, high, colors=colour, linewidth=1.3, zorder=4)
         face = "white" if mark == _PUBLISHED[1] else colour
@@ -142,41 +142,43 @@ def _draw_column(
                   markeredgewidth=0.9, zorder=5)  # fmt: skip
 
 
-def _bars(made: Comparison, parameter: str, name: str) -> Iterator[tuple[str, float, float, float]]:
+def _bars(
+    comparison: Comparison, parameter: str, name: str
+) -> Iterator[tuple[str, float, float, float]]:
     """Yield timing point, mean and ends of its interval."""
-    for m in made.means:
+    for m in comparison.means:
         if (m.parameter, m.source) == (parameter, name) and m.mean is not None:
             yield m.timing_point, m.mean, m.ci_low or 0.0, m.ci_high or 0.0
-    for r in made.references:
+    for r in comparison.references:
         if (r.parameter, r.name) == (parameter, name) and r.value is not None:
             yield r.timing_point, r.value, r.low, r.high
 
 
 def _draw_people_lines(
-    axes: "Axes", made: Comparison, parameter: str, points: Sequence[str]
+    axes: "Axes", comparison: Comparison, parameter: str, points: Sequence[str]
 ) -> None:
-    """Join what is of one person: timing points of one source, or sources side by side."""
-    columns = _columns(made)
-    held = {(v.source, v.participant, v.timing_point): v for v in made.values
+    """Join the values of one person: timing points of one source, or adjacent sources."""
+    columns = _columns(comparison)
+    known = {(v.source, v.participant, v.timing_point): v for v in comparison.values
             if v.parameter == parameter and v.value is not None}  # fmt: skip
     segments = []
-    if len(made.sources) == 1:
-        source = made.sources[0]
+    if len(comparison.sources) == 1:
+        source = comparison.sources[0]
         for person in source.participants:
-            row = [held.get((source.name, person, point)) for point in points]
+            row = [known.get((source.name, person, point)) for point in points]
             x = np.arange(len(points)) + _offset(0, len(columns))
             segments.append((x, np.array([np.nan if v is None else v.value for v in row])))
-    paired = {(d.first, d.second) for d in made.differences if d.design == PAIRED}
+    paired = {(d.first, d.second) for d in comparison.differences if d.design == PAIRED}
     for k, (first, second) in enumerate(pairwise(columns)):
         if (first, second) in paired:
             x = np.array([_offset(k, len(columns)), _offset(k + 1, len(columns))])
-            segments += _slopes(held, first, second, x=x, points=points)
+            segments += _slopes(known, first, second, x=x, points=points)
     x, y = broken_line(segments)
     axes.plot(x, y, color=FAINT, linewidth=0.5, zorder=1)
 
 
 def _slopes(
-    held: Mapping[tuple[str, str, str], PersonValue],
+    known: Mapping[tuple[str, str, str], PersonValue],
     first: str,
     second: str,
     *,
@@ -185,14 +187,16 @@ def _slopes(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     return [
         (points.index(point) + x, np.array([v.value, other.value], dtype=float))
-        for (source, person, point), v in held.items()
-        if source == first and (other := held.get((second, person, point))) is not None
+        for (source, person, point), v in known.items()
+        if source == first and (other := known.get((second, person, point))) is not None
     ]
 
 
-def _draw_stated(axes: "Axes", made: Comparison, parameter: str, points: Sequence[str]) -> None:
-    """Draw the ranges that the literature states, as one bar where studies share it."""
-    stated = {(r.timing_point, r.low, r.high) for r in made.references
+def _draw_stated(
+    axes: "Axes", comparison: Comparison, parameter: str, points: Sequence[str]
+) -> None:
+    """Draw the ranges stated in the literature; equal ranges of studies share a bar."""
+    stated = {(r.timing_point, r.low, r.high) for r in comparison.references
               if r.value is None and r.parameter == parameter}  # fmt: skip
     for point, low, high in stated:
         axes.bar(points.index(point), high - low, bottom=low, width=0.9, color=PANEL,
@@ -208,24 +212,24 @@ def _finish_points(axes: "Axes", parameter: str, points: Sequence[str]) -> None:
     panel_heading(axes, parameter_label(parameter))
 
 
-def _legend(made: Comparison) -> "list[Artist]":
+def _legend(comparison: Comparison) -> "list[Artist]":
     handles: list[Artist] = []
-    looks = source_looks(made)
-    for name in _columns(made):
+    looks = source_looks(comparison)
+    for name in _columns(comparison):
         colour, mark = looks.get(name, _PUBLISHED)
         face = "white" if mark == _PUBLISHED[1] else colour
-        n = next((len(s.participants) for s in made.sources if s.name == name), None)
+        n = next((len(s.participants) for s in comparison.sources if s.name == name), None)
         label = f"{name}, {n} people" if n else f"{name} (dissertation)"
         handles.append(legend_line(label, colour, marker=mark, markerfacecolor=face))
-    handles.append(_people_handle(made))
-    ranges = sorted({r.name for r in made.references if r.value is None})
+    handles.append(_people_handle(comparison))
+    ranges = sorted({r.name for r in comparison.references if r.value is None})
     if ranges:
         handles.append(legend_line(f"{', '.join(ranges)}: range in words", FAINT, linewidth=4.0))
     return handles
 
 
 def _second_row_mm(handles: "Sequence[Artist]") -> float:
-    """Return the height of a second row of the legend, where one is too narrow."""
+    """Return the height of a second row of the legend, if one row is too narrow."""
     letters = sum(len(str(handle.get_label())) + 8 for handle in handles)
     return 4.5 if letters > _LETTERS_IN_A_ROW else 0.0
 
@@ -235,8 +239,8 @@ def _place_in_rows(figure: "Figure", handles: "Sequence[Artist]") -> None:
     place_legend(figure, handles, columns=halves)
 
 
-def _people_handle(made: Comparison) -> "Artist":
-    if len(made.sources) == 1 or any(d.design == PAIRED for d in made.differences):
+def _people_handle(comparison: Comparison) -> "Artist":
+    if len(comparison.sources) == 1 or any(d.design == PAIRED for d in comparison.differences):
         return legend_line("a person", FAINT, linewidth=0.7)
     return legend_line("a person", MUTED, marker=".", linestyle="none", alpha=0.5)
 
@@ -244,14 +248,14 @@ def _people_handle(made: Comparison) -> "Artist":
 # --- differences ---------------------------------------------------------------------------------
 
 
-def _differences(made: Comparison) -> "Figure":
-    shown = [d for d in made.differences if d.stands]
+def _differences(comparison: Comparison) -> "Figure":
+    shown = [d for d in comparison.differences if d.stands]
     series = _series(shown)
-    panels = [(p, _rows_of(shown, p)) for p in made.parameters]
+    panels = [(p, _rows_of(shown, p)) for p in comparison.parameters]
     panels = [(p, rows) for p, rows in panels if rows]
     longest = max(len(rows) for _, rows in panels)
     height = longest * max(4.6, 2.6 * len(series) + 1.5)
-    top = _TOP_MM + (4.0 if len(series) > 1 or made.margin_pct else -6.0)
+    top = _TOP_MM + (4.0 if len(series) > 1 or comparison.margin_pct else -6.0)
     figure = new_figure(top + height + _BELOW_MM)
     left, gap = 22.0 if not shown[0].timing_point else 16.0, 9.0
     same = all(rows == panels[0][1] for _, rows in panels)
@@ -265,12 +269,12 @@ def _differences(made: Comparison) -> "Figure":
         axes.tick_params(axis="y", length=0, labelleft=k == 0 or not same)
         axes.set_xlabel(f"{_contrast(series)} ({pretty_unit(PARAMETER_UNITS[parameter])})")
         panel_heading(axes, PARAMETERS[parameter][1])
-    _differences_legend(figure, made, series)
+    _differences_legend(figure, comparison, series)
     return figure
 
 
 def _series(shown: Sequence[Difference]) -> dict[tuple[str, str], tuple[str, str]]:
-    """Return colour and mark of every pair of sources; of timing points there is one series."""
+    """Return colour and mark of every pair of sources; timing points are one series."""
     if not shown[0].timing_point:
         return {("", ""): (INK, "o")}
     pairs = list(dict.fromkeys((d.first, d.second) for d in shown))
@@ -321,7 +325,7 @@ def _forest(
 
 
 def _differences_legend(
-    figure: "Figure", made: Comparison, series: Mapping[tuple[str, str], tuple[str, str]]
+    figure: "Figure", comparison: Comparison, series: Mapping[tuple[str, str], tuple[str, str]]
 ) -> None:
     handles: list[Artist] = []
     if len(series) > 1:
@@ -329,8 +333,8 @@ def _differences_legend(
             legend_line(f"{first} {MINUS} {second}", colour, marker=mark)
             for (first, second), (colour, mark) in series.items()
         ]
-    if made.margin_pct is not None and len(made.sources) > 1:
-        label = f"equivalence margin, {made.margin_pct:g} %"
+    if comparison.margin_pct is not None and len(comparison.sources) > 1:
+        label = f"equivalence margin, {comparison.margin_pct:g} %"
         handles.append(legend_line(label, FAINT, linewidth=4.0))
     if handles:
         _place_in_rows(figure, handles)

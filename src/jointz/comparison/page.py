@@ -1,11 +1,8 @@
-"""A comparison as one HTML page that needs nothing else."""
+"""Page of a comparison: one HTML file that needs no other."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from jointz.analysis.page.report_page import inline_svg
 from jointz.comparison.comparison_result import Comparison
 from jointz.comparison.comparison_text import (
     adjusted_p,
@@ -14,17 +11,19 @@ from jointz.comparison.comparison_text import (
     p_text,
     people_text,
 )
+from jointz.report.html_page import page_figures, render_template
 from jointz.report.wording import (
     DASH,
     MINUS,
-    PARAMETERS,
     format_interval,
     format_number,
     format_signed,
+    joined,
+    parameter_name,
     point_name,
-    pretty_unit,
 )
 from jointz.results.statistics.comparison_rows import (
+    GROUPS,
     PAIRED,
     POOLED,
     Difference,
@@ -38,8 +37,8 @@ _HASH_DIGITS: Final = 12
 _ALPHA: Final = 0.05
 
 _PAIRS: Final = {
-    PAIRED: "; every pair is compared by itself (paired t test), with p over all pairs.",
-    POOLED: "; pairs are compared by its error, which all pairs share.",
+    PAIRED: "; each pair has its own error (paired t test), with p adjusted over all pairs.",
+    POOLED: "; all pairs share the error of the model.",
 }
 _EFFECTS: Final = {
     "g_z": "g_z: mean over standard deviation of the differences of the same people.",
@@ -49,157 +48,148 @@ _EFFECTS: Final = {
 _Row = dict[str, Any]
 
 
-def render_comparison(made: Comparison, figures: Mapping[str, str]) -> str:
+def render_comparison(comparison: Comparison, figures: Mapping[str, str]) -> str:
     """Write a comparison as one HTML page with its figures and styles inside."""
-    environment = Environment(
-        loader=PackageLoader("jointz.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["unit"] = pretty_unit
-    single = len(made.sources) == 1
-    return environment.get_template("comparison.html.j2").render(
-        title=_title(made),
-        about=[str(made.provenance[key]) for key in ("created",) if key in made.provenance],
-        lead=_lead(made),
-        facts=_facts(made),
-        warnings=[n.removeprefix(_WARNING) for n in made.notes if n.startswith(_WARNING)],
-        notes=[n for n in made.notes if not n.startswith(_WARNING)],
-        figures={
-            name: {
-                "svg": inline_svg(svg, name, f"Figure {number}"),
-                "number": number,
-                "caption": _caption(name, made),
-            }
-            for number, (name, svg) in enumerate(figures.items(), start=1)
-        },
+    single = len(comparison.sources) == 1
+    margin = None if comparison.margin_pct is None or single else f"{comparison.margin_pct:g} %"
+    notes = comparison.notes
+    return render_template(
+        "comparison.html.j2",
+        title=_title(comparison),
+        about=[str(v) for key, v in comparison.provenance.items() if key == "created"],
+        lead=_lead(comparison),
+        facts=_facts(comparison),
+        warnings=[n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)],
+        notes=[n for n in notes if not n.startswith(_WARNING)],
+        figures=page_figures(
+            (name, svg, "", _caption(name, comparison)) for name, svg in figures.items()
+        ),
         single=single,
-        level=f"{100 * made.ci_level:g} %",
-        margin=None if made.margin_pct is None or single else f"{made.margin_pct:g} %",
-        means=_by_parameter([(m.parameter, m.unit, _mean(m)) for m in made.means]),
-        several=len({(d.first, d.second) for d in made.differences}) > 1,
-        contrast=_contrast(made),
-        effects=_effects(made),
-        adjusted_p=adjusted_p(made),
-        df=_df(made),
+        level=f"{100 * comparison.ci_level:g} %",
+        margin=margin,
+        means=_by_parameter(comparison.means, _mean),
+        several=len({(d.first, d.second) for d in comparison.differences}) > 1,
+        contrast=_contrast(comparison),
+        effects=_effects(comparison),
+        adjusted_p=adjusted_p(comparison),
+        df=_df(comparison),
         differences=_by_parameter(
-            [(d.parameter, d.unit, _difference(d, made)) for d in made.differences]
+            comparison.differences, lambda d: _difference(d, comparison.ci_level)
         ),
-        tests=[_test(t) for t in made.tests],
-        repeatability=_by_parameter(
-            [(r.parameter, r.unit, _repeat(r)) for r in made.repeatability]
-        ),
-        references=[r for r in made.references if r.value is None],
-        provenance=_provenance(made),
+        tests=[_test(t) for t in comparison.tests],
+        repeatability=_by_parameter(comparison.repeatability, _repeatability),
+        references=[r for r in comparison.references if r.value is None],
+        provenance=_provenance(comparison),
     )
 
 
-def _title(made: Comparison) -> str:
-    names = [source.name for source in made.sources]
+def _title(comparison: Comparison) -> str:
+    names = [source.name for source in comparison.sources]
     if not names:
         return "Comparison of nothing"
     if len(names) == 1:
         return f"Timing points of {names[0]}"
-    return f"{', '.join(names[:-1])} and {names[-1]}"
+    return joined(names)
 
 
-def _contrast(made: Comparison) -> str:
-    if not made.differences or len(made.sources) == 1:
+def _contrast(comparison: Comparison) -> str:
+    if not comparison.differences or len(comparison.sources) == 1:
         return "first minus second"
-    one = made.differences[0]
-    same = all((d.first, d.second) == (one.first, one.second) for d in made.differences)
-    return f"{one.first} {MINUS} {one.second}" if same else "first minus second"
+    pairs = {(d.first, d.second) for d in comparison.differences}
+    if len(pairs) > 1:
+        return "first minus second"
+    ((first, second),) = pairs
+    return f"{first} {MINUS} {second}"
 
 
-def _effects(made: Comparison) -> str:
-    """Return what the effect sizes are that are shown."""
-    shown = {d.effect for d in made.differences}
-    told = [words for name, words in _EFFECTS.items() if name in shown]
-    if not has_effects(made):
+def _effects(comparison: Comparison) -> str:
+    """Explain the effect sizes of the table."""
+    if not has_effects(comparison):
         return ""
-    both = "; one is not to be compared with the other" if len(told) > 1 else ""
+    shown = {d.effect for d in comparison.differences}
+    texts = [words for name, words in _EFFECTS.items() if name in shown]
+    both = "; the two kinds are not comparable" if len(texts) > 1 else ""
     return (
-        f"{' '.join(told)} With Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval "
+        f"{' '.join(texts)} With Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval "
         f"of the noncentral t distribution{both}."
     )
 
 
-def _df(made: Comparison) -> str:
-    methods = {t.fit.df_method for t in made.tests if t.fit is not None}
+def _df(comparison: Comparison) -> str:
+    methods = {t.fit.df_method for t in comparison.tests if t.fit is not None}
     return "Satterthwaite" if methods == {"satterthwaite"} else "Kenward and Roger"
 
 
-def _lead(made: Comparison) -> str:
-    told = "Every number counts people: pulses and resamples of one person are no people. "
-    designs = {d.design for d in made.differences}
-    if len(made.sources) == 1:
-        return told + (
-            "A mixed model with participants as a random factor asks whether timing points differ"
+def _lead(comparison: Comparison) -> str:
+    text = "n is the number of people; pulses and resamples of one person do not count as people. "
+    designs = {d.design for d in comparison.differences}
+    if len(comparison.sources) == 1:
+        return text + (
+            "A mixed model with participants as a random factor tests whether timing points differ"
             + _PAIRS.get(next(iter(designs), ""), ".")
         )
-    told += "Differences are first minus second. "
-    if "paired" in designs:
-        told += "The same people are compared with themselves (paired t test). "
-    if "groups" in designs:
-        told += "Different people are compared as groups (t test of Welch). "
-    return told + (
-        "That a difference is not found does not show that there is none: read its interval."
+    text += "Differences are first minus second. "
+    if PAIRED in designs:
+        text += "The same people are compared with themselves (paired t test). "
+    if GROUPS in designs:
+        text += "Different people are compared as groups (Welch's t test). "
+    return text + (
+        "A difference that is not significant is no evidence of equality: consider its interval."
     )
 
 
-def _facts(made: Comparison) -> list[tuple[str, str]]:
-    facts = [(str(len(s.participants)), f"people in {s.name}") for s in made.sources[:3]]
-    standing = [d for d in made.differences if d.stands]
-    if standing:
-        below = sum((d.p_adjusted or 0.0) < _ALPHA for d in standing)
-        facts.append((f"{below} of {len(standing)}", f"differences below 0.05, {made.adjusted}"))
-    elif made.differences:
-        facts.append(("0", "differences: nothing to test, see the notes"))
-    if n := len(made.missing):
-        words = "value missing, named" if n == 1 else "values missing, named"
-        facts.append((str(n), f"{words} in the notes"))
+def _facts(comparison: Comparison) -> list[tuple[str, str]]:
+    facts = [(str(len(s.participants)), f"people in {s.name}") for s in comparison.sources[:3]]
+    tested = [d for d in comparison.differences if d.stands]
+    if tested:
+        below = sum((d.p_adjusted or 0.0) < _ALPHA for d in tested)
+        facts.append(
+            (f"{below} of {len(tested)}", f"differences with p < 0.05, {comparison.adjusted}")
+        )
+    elif comparison.differences:
+        facts.append(("0", "differences can be tested, see the notes"))
+    if n := len(comparison.missing):
+        facts.append((str(n), f"{'value' if n == 1 else 'values'} missing, listed in the notes"))
     return facts
 
 
-def _caption(name: str, made: Comparison) -> str:
+def _caption(name: str, comparison: Comparison) -> str:
+    level = f"{100 * comparison.ci_level:g}"
     if name == "means":
-        thin = "Thin lines: people. "
-        if len(made.sources) > 1:
-            paired = any(d.design == PAIRED for d in made.differences)
-            thin = f"Dots: people{'; lines join those of the same person' if paired else ''}. "
-        beside = (
-            "Open triangles: the dissertation\N{RIGHT SINGLE QUOTATION MARK}s people, some of "
-            "whose values stand at a bound. "
-            if any(r.value is not None for r in made.references)
-            or any(s.published for s in made.sources)
-            else ""
-        )
-        stated = (
-            "Grey boxes: range that the dissertation states in words for another study."
-            if any(r.value is None for r in made.references)
-            else ""
-        )
-        level = f"{100 * made.ci_level:g}"
-        return f"Mean over people with {level} % interval over people. {thin}{beside}{stated}"
+        people = "Thin lines: people."
+        if len(comparison.sources) > 1:
+            paired = any(d.design == PAIRED for d in comparison.differences)
+            people = f"Dots: people{'; lines join those of the same person' if paired else ''}."
+        texts = [f"Mean over people with {level} % t interval.", people]
+        if any(r.value is not None for r in comparison.references) or any(
+            s.published for s in comparison.sources
+        ):
+            texts.append(
+                "Open triangles: the dissertation\N{RIGHT SINGLE QUOTATION MARK}s people, some of "
+                "whose values are at a bound."
+            )
+        if any(r.value is None for r in comparison.references):
+            texts.append(
+                "Grey boxes: ranges that the dissertation states in words for other studies."
+            )
+        return " ".join(texts)
     text = (
-        f"Differences with {100 * made.ci_level:g} % interval, each holding alone; filled: p below "
-        f"0.05, {made.adjusted} over all differences of the parameter."
+        f"Differences with {level} % interval, each for one difference. Filled: p below 0.05, "
+        f"{comparison.adjusted} over all differences of the parameter."
     )
-    if made.margin_pct is not None and len(made.sources) > 1:
+    if comparison.margin_pct is not None and len(comparison.sources) > 1:
         text += (
-            f" Boxes: {made.margin_pct:g} % of the second mean. Two means are shown to be alike "
-            "where the 90 % interval, a little shorter than the one drawn, lies inside."
+            f" Boxes: {comparison.margin_pct:g} % of the second mean. Two means are equivalent if "
+            "the 90 % interval, which is shorter than the one drawn, is inside the box."
         )
     return text
 
 
-def _by_parameter(rows: list[tuple[str, str, _Row]]) -> list[_Row]:
+def _by_parameter(rows: Sequence[Any], cells: Callable[[Any], _Row]) -> list[_Row]:
     groups: dict[str, _Row] = {}
-    for parameter, unit, row in rows:
-        name = PARAMETERS[parameter][0]
-        groups.setdefault(parameter, {"name": name, "unit": unit, "rows": []})["rows"].append(row)
+    for row in rows:
+        group: _Row = {"name": parameter_name(row.parameter), "unit": row.unit, "rows": []}
+        groups.setdefault(row.parameter, group)["rows"].append(cells(row))
     return list(groups.values())
 
 
@@ -217,7 +207,7 @@ def _mean(m: SourceMean) -> _Row:
     }
 
 
-def _difference(d: Difference, made: Comparison) -> _Row:
+def _difference(d: Difference, ci_level: float) -> _Row:
     pct = None
     if d.difference is not None and d.mean_second:
         pct = round(100.0 * d.difference / abs(d.mean_second)) + 0.0
@@ -237,13 +227,13 @@ def _difference(d: Difference, made: Comparison) -> _Row:
         "effect_name": d.effect,
         "effect": effect,
         "people": people_text(d),
-        "equivalent": equivalence_text(d, made.ci_level),
+        "equivalent": equivalence_text(d, ci_level),
         "status": "" if d.stands else d.status,
     }
 
 
 def _test(t: FactorTest) -> _Row:
-    row = {"parameter": PARAMETERS[t.parameter][0], "factor": t.factor.replace("_", " "),
+    row = {"parameter": parameter_name(t.parameter), "factor": t.factor.replace("_", " "),
            "where": t.where, "reason": t.reason}  # fmt: skip
     if t.fit is None:
         return row
@@ -258,7 +248,7 @@ def _test(t: FactorTest) -> _Row:
     }
 
 
-def _repeat(r: Repeatability) -> _Row:
+def _repeatability(r: Repeatability) -> _Row:
     return {
         "point": point_name(r.timing_point),
         "agreement": format_interval(r.icc_agreement, r.icc_agreement_low, r.icc_agreement_high),
@@ -272,9 +262,9 @@ def _repeat(r: Repeatability) -> _Row:
     }
 
 
-def _provenance(made: Comparison) -> list[tuple[str, str]]:
-    held = made.provenance
-    rows = [(key, str(held[key])) for key in ("jointz", "python", "created") if key in held]
-    rows += [(f"setting {k}", str(v)) for k, v in made.settings.items() if v is not None]
-    inputs = held.get("inputs", ())
-    return rows + [(one["file"], str(one["sha256"])[:_HASH_DIGITS]) for one in inputs]
+def _provenance(comparison: Comparison) -> list[tuple[str, str]]:
+    record = comparison.provenance
+    rows = [(key, str(record[key])) for key in ("jointz", "python", "created") if key in record]
+    rows += [(f"setting {k}", str(v)) for k, v in comparison.settings.items() if v is not None]
+    inputs = record.get("inputs", ())
+    return rows + [(file["file"], str(file["sha256"])[:_HASH_DIGITS]) for file in inputs]

@@ -1,4 +1,4 @@
-"""One look for all figures, and SVG text that is the same on every run."""
+"""Style of all figures, and files of them that are the same on every run."""
 
 import io
 import re
@@ -72,7 +72,7 @@ _RC: Mapping[str, Any] = {
 
 # Two decimals of a point are 4 micrometres. Numbers below one may be scales and stay.
 _LONG_NUMBER = re.compile(r"(?<![\w.#])(-?[1-9]\d*\.\d\d)\d+")
-#: Tables of a font that are for setting text only.
+#: Tables of a font that only typesetting needs.
 _LAYOUT_TABLES: Final = ("GDEF", "GPOS", "GSUB", "MATH", "kern")
 _PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
@@ -81,7 +81,7 @@ _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Set the look of figures drawn inside, and put the user's own back."""
+    """Set the style of figures drawn inside, and restore the user's afterwards."""
     import matplotlib
 
     with matplotlib.rc_context():
@@ -92,7 +92,7 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(height_mm: float, *, width_mm: float = WIDTH_MM) -> "Figure":
-    """Return an empty figure that pyplot does not know of."""
+    """Return an empty figure outside pyplot."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH))
@@ -114,6 +114,23 @@ def place_axes(
     return figure.add_axes(box)
 
 
+def place_panels(
+    figure: "Figure", count: int, *, left_mm: float, top_mm: float, height_mm: float
+) -> "list[Axes]":
+    """Add up to three panels side by side, each with a margin on its left."""
+    pitch = (WIDTH_MM - 2.0) / 3
+    return [
+        place_axes(
+            figure,
+            left_mm + column * pitch,
+            top_mm,
+            width_mm=pitch - left_mm - 1.0,
+            height_mm=height_mm,
+        )
+        for column in range(count)
+    ]
+
+
 def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
     """Write text at a place counted from the figure's upper left corner."""
     total = figure.get_figheight() * _MM_PER_INCH
@@ -123,7 +140,7 @@ def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **sty
 def place_legend(
     figure: "Figure", handles: "Sequence[Artist]", *, columns: int | None = None
 ) -> None:
-    """Put a legend at the top of a figure, in one row where nothing else is asked."""
+    """Put a legend at the top of a figure, by default in one row."""
     below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
     figure.legend(
         handles=handles,
@@ -186,7 +203,7 @@ def shade_phases(axes: "Axes", *, names: bool) -> None:
 
 
 def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Join curves to one with NaN between them: one path in place of many."""
+    """Join curves to one path, with NaN between them."""
     parts = [(np.append(x, np.nan), np.append(y, np.nan)) for x, y in segments]
     if not parts:
         return np.empty(0), np.empty(0)
@@ -194,7 +211,7 @@ def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.n
 
 
 def ticks_at(positions: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a path of short vertical strokes between two heights."""
+    """Return a path of vertical strokes between two heights."""
     return broken_line((np.array([x, x]), np.array([low, high])) for x in positions)
 
 
@@ -225,11 +242,11 @@ def to_pdf(figure: "Figure") -> bytes:
 
 @contextmanager
 def _letters_only() -> Iterator[None]:
-    """Embed the letters of fonts without the tables for setting text.
+    """Embed the letters of fonts without the tables for typesetting.
 
-    Text in a figure is set before it is written, and to cut those tables down takes most of the
-    time of a figure. matplotlib offers no choice of tables; where fontTools has no such list any
-    more, fonts are embedded as they were before, later.
+    Text in a figure is typeset before it is written, and reducing these tables takes most of the
+    time of a figure. matplotlib offers no choice of tables; if a later fontTools has no such list,
+    fonts are embedded with all tables.
     """
     from fontTools.subset import Options
 

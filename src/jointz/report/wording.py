@@ -1,9 +1,9 @@
-"""Words and numbers as people read them: names, units, significant digits, codes."""
+"""Names, numbers, units and codes as text."""
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion, Failure
@@ -23,20 +23,30 @@ PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     "inertia": ("Inertia", "J"),
 }
 
+#: What every method estimates, its symbols, and the values per kg of body mass.
+ABSOLUTE: Final = ("stiffness", "damping", "inertia")
+SYMBOLS: Final = ("K", "B", "J")
+PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
+
+_STATUS_MEANINGS: Final[Mapping[str, str]] = {
+    "ok": "the estimate and its two-sided interval are available",
+    "at_bound": "the value cannot be told from its bound; only an upper limit is available",
+    "undecided": "the data do not decide on a value, so none is given",
+}
 _METHOD_NAMES: Final[Mapping[str, str]] = {
     "full_record": "whole trials",
     "pre_pulse": "level before the pulse",
     "errors_in_variables": "errors in variables",
 }
 
-# Below this nothing in SI that a joint has is a quantity; it is rounding, such as 2e-14.
+# No quantity of a joint is this small in SI units; such numbers, as 2e-14, are rounding errors.
 _NEGLIGIBLE = 1e-9
 _SMALLEST_PLAIN = 1e-4
 _DIGITS = 3
-#: An end that is so small beside the others is as good as zero.
+#: An end that needs more digits than this beside the others is practically zero.
 _MOST_DIGITS = 6
 _ALMOST_ALL_PCT = 99.9
-#: A group by a channel, as its edges name it.
+#: Name of a group by a channel: its edges.
 _NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 _EDGES: Final = re.compile(rf"({_NUMBER})\.\.({_NUMBER})( .*)?")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -59,17 +69,17 @@ def format_number(value: float | None, *, like: float | None = None, digits: int
 
 
 def format_exact(value: float) -> str:
-    """Write a number that was set, not estimated, with the digits it has."""
+    """Write a setting, with all its digits."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     power = f" {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else ""
     return _signed(mantissa) + power
 
 
 def format_with_sd(value: float, sd: float, unit: str = "") -> str:
-    """Write a value with its standard deviation, to two digits of the latter."""
+    """Write a value with its standard deviation, which has two digits."""
     behind = f" {unit}" if unit else ""
     if sd <= 0.0:
-        return f"{format_exact(value)}{behind} (taken for exact)"
+        return f"{format_exact(value)}{behind} (taken as exact)"
     like = max(abs(value), sd)
     digits = 2 + math.floor(math.log10(like)) - math.floor(math.log10(sd))
     texts = (format_number(x, like=like, digits=digits) for x in (value, sd))
@@ -88,7 +98,7 @@ def format_interval(value: float | None, low: float | None, high: float | None) 
 def format_spread(
     sd: float | None, value: float | None, low: float | None, high: float | None
 ) -> str:
-    """Write an SD with the decimals of the value and the interval that it stands beside."""
+    """Write an SD with the decimals of its value and interval."""
     if not sd or value is None or low is None or high is None:
         return format_number(sd, like=value)
     like, digits = _extent(value, low, high)
@@ -96,11 +106,11 @@ def format_spread(
 
 
 def _extent(*numbers: float) -> tuple[float, int]:
-    """Return the largest of numbers, and the digits of it by which none but zero is shown as 0."""
+    """Return the largest number, and its digits if only zero may be shown as 0."""
     sizes = [abs(x) for x in numbers]
-    told = [x for x in sizes if x >= _NEGLIGIBLE]
+    nonzero = [x for x in sizes if x >= _NEGLIGIBLE]
     like = max(sizes)
-    needed = _places_between(like, min(told)) + 1 if told else 0
+    needed = _places_between(like, min(nonzero)) + 1 if nonzero else 0
     return like, needed if _DIGITS < needed <= _MOST_DIGITS else _DIGITS
 
 
@@ -109,7 +119,7 @@ def _places_between(large: float, small: float) -> int:
 
 
 def format_estimate(estimate: ParameterEstimate) -> str:
-    """Write an estimate as it may be read: a value, a bound, or a dash."""
+    """Write an estimate: a value with its interval, a bound with its limit, or a dash."""
     if not estimate.stands:
         return DASH
     if estimate.status == "at_bound":
@@ -120,7 +130,7 @@ def format_estimate(estimate: ParameterEstimate) -> str:
 
 
 def format_vaf(vaf_pct: float | None) -> str:
-    """Write a variance accounted for without its unit; never as 100 what is less."""
+    """Write a variance accounted for without its unit; values below 100 are never rounded to it."""
     if vaf_pct is None:
         return DASH
     return f"> {_ALMOST_ALL_PCT}" if vaf_pct > _ALMOST_ALL_PCT else _signed(f"{vaf_pct:.1f}")
@@ -137,8 +147,20 @@ def format_integer(count: int) -> str:
     return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
+def format_span(values: Iterable[float], write: Callable[[Any], str]) -> str:
+    """Write the smallest and the largest value, or the one value if both are written alike."""
+    known = list(values)
+    low, high = write(min(known)), write(max(known))
+    return low if low == high else f"{low} to {high}"
+
+
+def joined(texts: Sequence[str]) -> str:
+    """Join texts as a list in a sentence: ``a, b and c``."""
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
 def format_signed(value: float, *, decimals: int) -> str:
-    """Write a number with its sign, as an error is written."""
+    """Write a number with its sign, as for an error."""
     return f"{value:+.{decimals}f}".replace("-", MINUS) if math.isfinite(value) else DASH
 
 
@@ -148,7 +170,7 @@ def pretty_unit(unit: str) -> str:
 
 
 def method_name(method: str) -> str:
-    """Return a method as people say it."""
+    """Return the name of a method in words."""
     return _METHOD_NAMES.get(method, method.replace("_", " "))
 
 
@@ -158,7 +180,7 @@ def parameter_name(parameter: str) -> str:
 
 
 def point_name(timing_point: str) -> str:
-    """Return a timing point as tables name it."""
+    """Return the name of a timing point for tables."""
     if timing_point == ALL_POINTS:
         return "all points"
     edges = _EDGES.fullmatch(timing_point)
@@ -175,26 +197,19 @@ def parameter_label(parameter: str) -> str:
 
 def status_meaning(status: str) -> str:
     """Explain a status of ``estimates.csv`` in one sentence."""
-    known = {
-        "ok": "the estimate and its two-sided interval stand",
-        "at_bound": "the data do not tell the value from its bound: only an upper limit stands",
-        "undecided": "the data do not decide on a value, so none is given",
-    }
-    if status in known:
-        return known[status]
     code = status.removeprefix("failed:")
-    return _meaning(code, lambda text: Failure(text).meaning)
+    return _STATUS_MEANINGS.get(status) or _meaning(code, Failure)
 
 
 def exclusion_meaning(code: str) -> str:
-    """Explain why a stride or a pulse was left out."""
-    return _meaning(code, lambda text: Exclusion(text).meaning)
+    """Explain why a stride or a pulse was excluded."""
+    return _meaning(code, Exclusion)
 
 
-def _meaning(code: str, look_up: Callable[[str], str]) -> str:
-    # Results of a newer version may hold codes that this one does not know.
+def _meaning(code: str, codes: type[Exclusion] | type[Failure]) -> str:
+    """Return the meaning of a code; results of a newer version may have unknown ones."""
     try:
-        return look_up(code)
+        return codes(code).meaning
     except ValueError:
         return code.replace("_", " ")
 

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from jointz.analysis.page.report_page import inline_svg
+from jointz.report.html_page import inline_svg, render_template
 from jointz.report.style import figure_style, to_svg
-from jointz.report.wording import format_integer, pretty_unit
+from jointz.report.wording import format_integer
 from jointz.reproduction.chapter_tables import table_cells
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import ClaimTable, Table, texts
@@ -49,15 +48,8 @@ def render_validation(chapters: Sequence[tuple[Reproduction, Mapping[str, str]]]
 
 
 def _page(title: str, chapters: Sequence[tuple[Reproduction, Mapping[str, str]]]) -> str:
-    environment = Environment(
-        loader=PackageLoader("jointz.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["unit"] = pretty_unit
-    return environment.get_template("chapter.html.j2").render(
+    return render_template(
+        "chapter.html.j2",
         title=title,
         about=_about(chapters[0][0].provenance),
         chapters=[_chapter(reproduction, figures) for reproduction, figures in chapters],

@@ -11,7 +11,7 @@ import pytest
 
 import jointz
 from jointz.analysis import participant_jobs as participants
-from jointz.analysis.analyze import analyze, check_method
+from jointz.analysis.analyze import analyze
 from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
@@ -27,19 +27,41 @@ def cache_home(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def whole(small_study_source):
-    return analyze(small_study_source, resamples=50, seed=3)
+    """Analyse the study once; progress is reported before each participant and at the end."""
+    steps = []
+    analysis = analyze(
+        small_study_source, resamples=50, seed=3, progress=lambda *step: steps.append(step)
+    )
+    assert steps == [(0, 2, "S01"), (1, 2, "S02"), (2, 2, "done")]
+    return analysis
 
 
-def test_names_of_methods_are_checked():
-    assert check_method("recommended") == "recommended"
-    assert check_method("pre_pulse") == "pre_pulse"
-    with pytest.raises(ValueError, match=r"one of recommended, dissertation, .*'nope'"):
-        check_method("nope")
+@pytest.fixture
+def break_analysis(monkeypatch):
+    """Raise an error in the analysis of a participant."""
+    analyze_participant = participants.analyze_participant
+
+    def plant(person, error):
+        def analyze_or_raise(person_id, *arguments):
+            if person_id == person:
+                raise error
+            return analyze_participant(person_id, *arguments)
+
+        monkeypatch.setattr(participants, "analyze_participant", analyze_or_raise)
+
+    return plant
 
 
-def test_fewer_than_two_resamples_are_refused(small_study_source):
-    with pytest.raises(ValueError, match="resamples: expected at least 2, got 1"):
-        analyze(small_study_source, resamples=1)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "nope"}, r"one of recommended, dissertation, .*'nope'"),
+        ({"resamples": 1}, "resamples: expected at least 2, got 1"),
+    ],
+)
+def test_options_out_of_range_are_refused(small_study_source, options, message):
+    with pytest.raises(ValueError, match=message):
+        analyze(small_study_source, **options)
 
 
 def test_the_other_methods_stand_in_the_comparison(whole):
@@ -79,31 +101,24 @@ def test_problems_of_recordings_come_out_of_processes(small_study):
 
 
 def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
-    small_study_source, whole, monkeypatch
+    small_study_source, whole, break_analysis
 ):
-    def broken(person_id, *given):
-        if person_id == whole.cells[0].participant:
-            raise ZeroDivisionError("planted")
-        return analyze_participant(person_id, *given)
-
-    analyze_participant = participants.analyze_participant
-    monkeypatch.setattr(participants, "analyze_participant", broken)
+    break_analysis("S01", ZeroDivisionError("planted"))
     found = analyze(small_study_source, resamples=50, seed=3)
 
-    first = whole.cells[0].participant
     before, after = whole.to_frame(), found.to_frame()
-    told = after[after["participant"] == first]
-    assert set(told["status"]) == {"failed:analysis_broke"}
-    assert len(told) == (before["participant"] == first).sum()
+    failed = after[after["participant"] == "S01"]
+    assert set(failed["status"]) == {"failed:analysis_broke"}
+    assert len(failed) == (before["participant"] == "S01").sum()
     pd.testing.assert_frame_equal(
-        after[after["participant"] != first], before[before["participant"] != first]
+        after[after["participant"] != "S01"], before[before["participant"] != "S01"]
     )
     [note] = [n for n in found.statistics["notes"] if "the program failed" in n]
-    assert note.startswith(f"{first} (seed 3): the program failed (ZeroDivisionError: planted)")
+    assert note.startswith("S01 (seed 3): the program failed (ZeroDivisionError: planted)")
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "message"),
     [
         (WorkerLostError("S01: its worker was killed."), "S01: its worker was killed."),
         (
@@ -112,21 +127,15 @@ def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
         ),
     ],
 )
-def test_a_participant_who_takes_too_much_memory_is_told_as_no_failure_of_the_program(
-    small_study_source, monkeypatch, error, told
+def test_too_little_memory_is_not_reported_as_a_failure_of_the_program(
+    small_study_source, break_analysis, error, message
 ):
-    def lost(person_id, *given):
-        if person_id == "S01":
-            raise error
-        return analyze_participant(person_id, *given)
-
-    analyze_participant = participants.analyze_participant
-    monkeypatch.setattr(participants, "analyze_participant", lost)
+    break_analysis("S01", error)
     found = analyze(small_study_source, resamples=20, seed=3)
 
     frame = found.to_frame()
     assert set(frame.loc[frame["participant"] == "S01", "status"]) == {"failed:analysis_broke"}
-    assert told in found.statistics["notes"]
+    assert message in found.statistics["notes"]
     assert "report it" not in str(found.statistics["notes"])
 
 
@@ -221,18 +230,12 @@ def test_problems_are_not_kept_for_they_may_lie_outside_of_the_files(
 
 
 def test_who_is_kept_is_not_read_again_and_who_broke_is_done_again(
-    small_study, tmp_path, monkeypatch
+    small_study, tmp_path, monkeypatch, break_analysis
 ):
-    def broken(person_id, *given):
-        if person_id == "S02":
-            raise ZeroDivisionError("planted")
-        return analyze_participant(person_id, *given)
-
     store = TaskStore(tmp_path / "tasks")
-    analyze_participant = participants.analyze_participant
-    with monkeypatch.context() as patch:
-        patch.setattr(participants, "analyze_participant", broken)
-        assert "planted" in str(analyze(small_study.root, resamples=20, store=store).statistics)
+    break_analysis("S02", ZeroDivisionError("planted"))
+    assert "planted" in str(analyze(small_study.root, resamples=20, store=store).statistics)
+    break_analysis("", None)
     read = []
     monkeypatch.setattr(
         participants, "read_participant", noted(participants.read_participant, read)
@@ -274,7 +277,7 @@ def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):
 @pytest.mark.parametrize(
     ("method", "perturbations", "message"),
     [
-        ("full_record", "", "full_record is for bench studies; this study walks"),
+        ("full_record", "", "full_record is for bench studies; this is a walking study"),
         ("dissertation", 'baseline = "predicted"', 'dissertation has no baseline "predicted"'),
         ("recommended", 'baseline = "predicted"\nsource = "angle"', "dissertation has no baseline"),
     ],
@@ -316,12 +319,6 @@ def test_an_analysis_survives_json(whole):
     np.testing.assert_array_equal(again.cells[0].response.angle, whole.cells[0].response.angle)
 
 
-def test_progress_is_told_before_each_participant_and_at_the_end(small_study_source):
-    told = []
-    analyze(small_study_source, resamples=2, progress=lambda *a: told.append(a))
-    assert told == [(0, 2, "S01"), (1, 2, "S02"), (2, 2, "done")]
-
-
 def test_all_unreadable_recordings_stand_in_one_error(small_study):
     for file in ("S01_perturbed.csv", "S01_unperturbed.csv", "S02_perturbed.csv"):
         small_study.edit_table(file, lambda t: t.assign(angle=100.0 * t["angle"]))
@@ -342,10 +339,12 @@ def test_the_users_exclusions_are_honoured_and_a_line_without_effect_is_noted(sm
     (small_study.root / "exclusions.csv").write_text(text)
     found = analyze(small_study.root, resamples=20)
 
+    assert found.provenance["study"]["joint"] == "knee"
+    assert "exclusions.csv" in [entry["file"] for entry in found.provenance["inputs"]]
     left_out = [p for p in found.pulses if p.code == "user"]
     assert [p.onset_s for p in left_out] == [pulse.onset_s]
-    assert any("nothing begins at 0.123 s" in note for note in found.statistics["notes"])
-    assert not any("nothing begins" in note for note in whole.statistics["notes"])
+    assert any("no pulse or stride begins at 0.123 s" in note for note in found.statistics["notes"])
+    assert not any("no pulse or stride begins" in note for note in whole.statistics["notes"])
     same = (pulse.participant, pulse.timing_point)
     before, after = (
         next(c for c in a.cells if (c.participant, c.timing_point) == same) for a in (whole, found)
@@ -366,21 +365,17 @@ def test_a_stride_left_out_by_the_user_leaves_the_baseline(small_study, whole):
     assert before != after
 
 
-def test_a_participant_without_a_perturbed_recording_has_rows_that_say_so(small_study):
+def test_participants_without_a_perturbed_recording_have_rows_that_say_so(small_study):
     block = '\n[[recordings]]\nparticipant = "S02"\ncondition = "perturbed"\n'
     small_study.edit_toml(block + 'file = "S02_perturbed.csv"\n', "")
-    found = analyze(small_study.root, resamples=20).to_frame()
-
-    mine = found.query("participant == 'S02'")
-    assert len(mine) == 30
-    assert set(mine["status"]) == {"failed:no_perturbed_recording"}
-
-
-def test_a_participant_without_any_recording_has_rows_that_say_so(small_study):
     file = small_study.root / "study.toml"
     file.write_text(file.read_text() + '\n[[participants]]\nid = "idle"\n')
     found = analyze(small_study.root, resamples=20).to_frame()
-    assert set(found.query("participant == 'idle'")["status"]) == {"failed:no_perturbed_recording"}
+
+    for person in ("S02", "idle"):
+        rows = found[found["participant"] == person]
+        assert set(rows["status"]) == {"failed:no_perturbed_recording"}
+    assert (found["participant"] == "S02").sum() == 30
 
 
 def test_a_turned_sign_is_suspected_where_everything_is_zero(small_study):
@@ -400,13 +395,6 @@ def test_a_voltage_that_is_declared_as_a_switch_is_noted(small_study, whole):
     (note,) = (n for n in found.statistics["notes"] if n.startswith("contact in 1 recording"))
     assert all(word in note for word in (file.name, 'kind = "voltage"', 'unit = "V"'))
     assert not any(n.startswith("contact in") for n in whole.statistics["notes"])
-
-
-def test_provenance_holds_what_the_study_said_and_the_users_exclusions(small_study):
-    (small_study.root / "exclusions.csv").write_text(user_lines())
-    found = analyze(small_study.root, resamples=20)
-    assert found.provenance["study"]["joint"] == "knee"
-    assert "exclusions.csv" in [entry["file"] for entry in found.provenance["inputs"]]
 
 
 def test_a_file_behind_a_variable_goes_by_its_own_name(small_study, monkeypatch):

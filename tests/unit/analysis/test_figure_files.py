@@ -9,31 +9,22 @@ import matplotlib
 import numpy as np
 import pytest
 
-from jointz.analysis.page import figure_files as figures
+from jointz.analysis.page import figure_files
 from jointz.analysis.page.budget_figure import _LOOKS, _OTHERS, draw_budget, mean_shares
 from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
 from jointz.analysis.page.figure_files import (
     FIGURES,
-    draw_figure,
+    captions,
     draw_figures,
     draw_picture,
-    to_picture,
+    draw_truth_picture,
 )
-from jointz.analysis.page.method_figures import (
-    _method_looks,
-    draw_methods,
-    draw_truth,
-    truth_figure,
-)
+from jointz.analysis.page.impedance_figures import draw_impedance_column, draw_impedance_over_gait
+from jointz.analysis.page.method_figures import _method_looks, draw_methods
 from jointz.analysis.page.response_figures import draw_responses
 from jointz.core.events import PulseRecord
-from jointz.report.impedance_figures import (
-    draw_impedance_column,
-    draw_impedance_over_gait,
-    timing_points,
-)
-from jointz.report.prose import captions
-from jointz.report.style import figure_style, new_figure, to_svg
+from jointz.report.style import figure_style, new_figure, place_axes, to_svg
+from jointz.report.subjects import timing_points
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.statistics.pooled_estimates import POOLED_METHOD
 from jointz.results.study_analysis import StudyAnalysis
@@ -41,7 +32,19 @@ from jointz.results.study_analysis import StudyAnalysis
 
 @pytest.fixture(scope="module")
 def drawn(walking):
-    return draw_figures(walking)
+    start = time.process_time()
+    figures = draw_figures(walking)
+    assert time.process_time() - start < 6.0  # ten people and six timing points
+    return figures
+
+
+def plot(draw, analysis):
+    with figure_style():
+        return draw(analysis)
+
+
+def labels(texts):
+    return [t.get_text() for t in texts]
 
 
 def only_group(analysis, person, point):
@@ -50,12 +53,12 @@ def only_group(analysis, person, point):
 
 
 def panel(figure, heading):
-    return next(a for a in figure.axes if heading in [t.get_text() for t in a.texts])
+    return next(a for a in figure.axes if heading in labels(a.texts))
 
 
 def test_a_walking_study_has_every_figure(drawn):
     assert list(drawn) == [
-        "impedance_over_gait", "responses", "methods", "onset_accuracy", "strides",
+        "impedance_over_gait", "methods", "responses", "onset_accuracy", "strides",
         "impedance_column",
     ]  # fmt: skip
 
@@ -73,26 +76,19 @@ def test_every_figure_is_well_formed_svg_without_outside_references(drawn):
         assert "<metadata" not in svg
 
 
-def test_the_same_analysis_gives_the_same_text(walking, drawn):
-    assert draw_figures(walking) == drawn
-
-
 @pytest.fixture(scope="module")
 def pictures(recommended):
     return {name: draw_picture(recommended, name) for name in ("impedance_over_gait", "budget")}
 
 
-def test_a_picture_is_the_figure_of_the_page_beside_a_pdf_of_its_size(recommended, pictures):
-    for name, picture in pictures.items():
-        assert picture.svg == draw_figure(recommended, name)
+def test_a_picture_has_a_pdf_of_its_size_on_every_run_and_without_a_date(pictures, recommended):
+    again = draw_picture(recommended, "budget")
+    assert (again.svg, again.pdf) == (pictures["budget"].svg, pictures["budget"].pdf)
+    for picture in pictures.values():
         (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", picture.pdf)
         assert float(box) * 25.4 / 72.0 == pytest.approx(180.0, abs=0.01)
-
-
-def test_the_pdf_is_the_same_on_every_run_and_tells_no_date(recommended, pictures):
-    assert draw_picture(recommended, "budget").pdf == pictures["budget"].pdf
-    for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator"):
-        assert word not in pictures["budget"].pdf
+        for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator"):
+            assert word not in picture.pdf
 
 
 def test_the_pdf_holds_its_fonts_as_truetype(pictures):
@@ -108,11 +104,16 @@ def test_embedding_leaves_the_subsetter_as_it_was(pictures):
     assert "GSUB" not in Options().drop_tables
 
 
-def test_the_truth_is_a_picture_as_well(truth):
-    with figure_style():
-        picture = to_picture(truth_figure(truth))
-    assert picture.svg == draw_truth(truth)
+def test_the_truth_is_drawn_for_each_parameter(truth):
+    picture = draw_truth_picture(truth)
+    assert len(ET.fromstring(picture.svg).findall(".//*[@id='axes_3']")) == 1
     assert picture.pdf.startswith(b"%PDF")
+    assert draw_truth_picture(truth.iloc[:0]) is None
+
+
+@pytest.fixture(scope="module")
+def impedance(walking):
+    return plot(draw_impedance_over_gait, walking)
 
 
 def texts(figure):
@@ -124,7 +125,7 @@ def texts(figure):
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recommended, name):
     with figure_style():
-        drawn = [figures._DRAWN[name](a) for a in (walking, recommended)]
+        drawn = [figure_files._REPORT_FIGURES[name].draw(a) for a in (walking, recommended)]
         sizes = [t.get_fontsize() for f in drawn if f is not None for t in texts(f)]
     assert sizes
     assert min(sizes) >= 6.0
@@ -132,8 +133,8 @@ def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recomme
 
 def test_no_text_of_the_column_runs_off_its_edge(walking, bench):
     for analysis in (walking, bench):
+        figure = plot(draw_impedance_column, analysis)
         with figure_style():
-            figure = draw_impedance_column(analysis)
             figure.draw_without_rendering()
             page = figure.bbox
             boxes = [t.get_window_extent() for t in texts(figure)]
@@ -143,10 +144,9 @@ def test_no_text_of_the_column_runs_off_its_edge(walking, bench):
 
 
 def test_the_column_names_everybody_and_leaves_room_for_the_first_phase(walking):
-    with figure_style():
-        figure = draw_impedance_column(walking)
+    figure = plot(draw_impedance_column, walking)
     people = panel(figure, "Inertia")
-    assert [t.get_text() for t in people.get_xticklabels()] == [
+    assert labels(people.get_xticklabels()) == [
         *(f"S{i:02d}" for i in range(1, 11)), "mean",
     ]  # fmt: skip
     assert people.get_xlim() == (-0.6, 10.6)
@@ -194,8 +194,8 @@ def test_names_that_the_font_cannot_write_are_drawn_without_a_word(recommended):
 
 def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
     """A font that comes with matplotlib stands for one of Chinese."""
-    monkeypatch.setattr(figures, "_OTHER_FONTS", ("No Such Font", "DejaVu Sans Mono"))
-    with figure_style(), figures._any_script():
+    monkeypatch.setattr(figure_files, "_OTHER_FONTS", ("No Such Font", "DejaVu Sans Mono"))
+    with figure_style(), figure_files._fonts_of_any_script():
         figure = new_figure(20.0)
         figure.text(0.5, 0.5, "A\u2315B")  # a telephone recorder: in Mono only
         svg = to_svg(figure)
@@ -203,17 +203,9 @@ def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
     assert fonts == ["DejaVuSans", "DejaVuSansMono", "DejaVuSans"]
 
 
-def test_ten_people_and_six_timing_points_are_drawn_within_the_time_budget(walking):
-    start = time.process_time()
-    draw_figures(walking)
-    assert time.process_time() - start < 6.0
-
-
 def test_a_bench_study_has_its_groups_on_the_axis(bench):
-    with figure_style():
-        figure = draw_impedance_over_gait(bench)
-    labels = [t.get_text() for t in figure.axes[0].get_xticklabels()]
-    assert labels == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
+    figure = plot(draw_impedance_over_gait, bench)
+    assert labels(figure.axes[0].get_xticklabels()) == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
     assert set(draw_figures(bench)) == {"impedance_over_gait", "responses", "impedance_column"}
 
 
@@ -228,19 +220,16 @@ def test_one_participant_at_one_timing_point_is_drawn(walking):
     }  # fmt: skip
 
 
-def test_failed_and_undecided_estimates_are_counted_not_drawn(walking):
-    with figure_style():
-        figure = draw_impedance_over_gait(walking)
-    axes = panel(figure, "Stiffness per body mass")
-    assert "not drawn: 1 failed, 1 undecided" in [t.get_text() for t in axes.texts]
+def test_failed_and_undecided_estimates_are_counted_not_drawn(impedance):
+    axes = panel(impedance, "Stiffness per body mass")
+    assert "not drawn: 1 failed, 1 undecided" in labels(axes.texts)
     dots, triangles = axes.lines[0], axes.lines[1]
     assert len(dots.get_xdata()) == 60 - 4
     assert len(triangles.get_xdata()) == 2
 
 
 def test_an_estimate_at_its_bound_hangs_from_its_upper_limit(bench):
-    with figure_style():
-        figure = draw_impedance_over_gait(bench)
+    figure = plot(draw_impedance_over_gait, bench)
     axes = panel(figure, "Damping")
     limit = bench.cells[3].parameter("damping").ci_high
     triangles = axes.lines[1]
@@ -248,29 +237,24 @@ def test_an_estimate_at_its_bound_hangs_from_its_upper_limit(bench):
     np.testing.assert_allclose(triangles.get_ydata(), [limit])
 
 
-def test_people_of_a_timing_point_do_not_stand_on_each_other(walking):
-    with figure_style():
-        figure = draw_impedance_over_gait(walking)
-    dots = panel(figure, "Damping per body mass").lines[0]
+def test_people_of_a_timing_point_do_not_stand_on_each_other(impedance):
+    dots = panel(impedance, "Damping per body mass").lines[0]
     assert np.diff(np.sort(dots.get_xdata())).min() > 0.5  # % of the cycle
 
 
-def test_an_inertia_shared_by_all_timing_points_is_drawn_by_participant(walking):
-    with figure_style():
-        figure = draw_impedance_over_gait(walking)
-    labels = [t.get_text() for t in panel(figure, "Inertia").get_xticklabels()]
-    assert labels == [f"S{i:02d}" for i in range(1, 11)] + ["mean"]
+def test_an_inertia_shared_by_all_timing_points_is_drawn_by_participant(impedance):
+    people = labels(panel(impedance, "Inertia").get_xticklabels())
+    assert people == [f"S{i:02d}" for i in range(1, 11)] + ["mean"]
 
 
 def test_one_huge_interval_does_not_flatten_the_others(bench):
     first = bench.cells[0]
     wide = replace(first.parameters[0], ci_high=1e6)
     cells = (replace(first, parameters=(wide, *first.parameters[1:])), *bench.cells[1:])
-    with figure_style():
-        figure = draw_impedance_over_gait(replace(bench, cells=cells))
+    figure = plot(draw_impedance_over_gait, replace(bench, cells=cells))
     axes = panel(figure, "Stiffness")
     assert axes.get_ylim()[1] < 1000.0
-    assert "1 interval cut off" in [t.get_text() for t in axes.texts]
+    assert "1 interval cut off" in labels(axes.texts)
 
 
 def test_timing_points_about_heel_strike_are_ordered_on_the_circle(walking):
@@ -284,30 +268,28 @@ def test_timing_points_about_heel_strike_are_ordered_on_the_circle(walking):
 
 def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
     one = only_group(walking, "S01", "LRE")
-    with figure_style():
-        figure = draw_responses(one)
+    figure = plot(draw_responses, one)
     angle, torque = figure.axes
     degrees = np.degrees(one.cells[0].response.angle)
     np.testing.assert_allclose(angle.lines[0].get_ydata()[:-1], degrees)
     np.testing.assert_allclose(
         torque.lines[1].get_ydata()[:-1], one.cells[0].response.fitted_torque
     )
-    assert "n 48" in [t.get_text() for t in angle.texts]
-    assert f"{one.cells[0].vaf_pct:.1f} %" in [t.get_text() for t in torque.texts]
+    assert "n 48" in labels(angle.texts)
+    assert f"{one.cells[0].vaf_pct:.1f} %" in labels(torque.texts)
 
 
 def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(recommended):
     one = only_group(recommended, "S01", "LRE")
-    with figure_style():
-        figure = draw_responses(one)
+    figure = plot(draw_responses, one)
     angle, torque = figure.axes
     cell = one.cells[0]
     measured, fitted, _zero = angle.lines
     np.testing.assert_allclose(measured.get_ydata()[:-1], np.degrees(cell.response.angle))
     np.testing.assert_allclose(fitted.get_ydata()[:-1], np.degrees(cell.response.fitted_angle))
     assert len(torque.lines) == 2  # the measured one, and the level of zero
-    assert f"n 48\n{cell.vaf_pct:.1f} %" in [t.get_text() for t in angle.texts]
-    assert "angle of the fitted model (VAF)" in [t.get_text() for t in figure.legends[0].texts]
+    assert f"n 48\n{cell.vaf_pct:.1f} %" in labels(angle.texts)
+    assert "angle of the fitted model (VAF)" in labels(figure.legends[0].texts)
 
 
 def test_the_axis_of_steps_of_the_angle_names_no_command(walking):
@@ -317,14 +299,12 @@ def test_the_axis_of_steps_of_the_angle_names_no_command(walking):
         (one, "Time from commanded onset (ms)"),
         (steps, "Time from onset (ms)"),
     ):
-        with figure_style():
-            figure = draw_responses(analysis)
+        figure = plot(draw_responses, analysis)
         assert figure.axes[0].get_xlabel() == label
 
 
 def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
-    with figure_style():
-        figure = draw_budget(recommended)
+    figure = plot(draw_budget, recommended)
     assert [a.texts[-1].get_text() for a in figure.axes] == ["Stiffness", "Damping", "Inertia"]
     for axes, parameter in zip(figure.axes, ("stiffness", "damping", "inertia"), strict=True):
         tops = {}
@@ -338,9 +318,8 @@ def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
 
 
 def test_the_budget_says_how_large_the_whole_is(recommended):
-    with figure_style():
-        figure = draw_budget(recommended)
-    sizes = [t.get_text() for t in figure.axes[1].texts if t.get_text().endswith(" %")]
+    figure = plot(draw_budget, recommended)
+    sizes = [text for text in labels(figure.axes[1].texts) if text.endswith(" %")]
     assert sizes == ["5 %"] * 6  # as the fixture has them
 
 
@@ -350,21 +329,14 @@ def test_sources_that_matter_nowhere_are_drawn_together(recommended):
         replace(c, budget=dict.fromkeys(("stiffness", "damping", "inertia"), quiet))
         for c in recommended.cells
     )
-    with figure_style():
-        figure = draw_budget(replace(recommended, cells=cells))
-    assert [t.get_text() for t in figure.legends[0].texts] == ["strides that differ", "all others"]
-
-
-def test_a_method_without_a_budget_has_no_figure_of_it(walking):
-    assert draw_budget(walking) is None
-    assert "budget" not in draw_figures(walking)
+    figure = plot(draw_budget, replace(recommended, cells=cells))
+    assert labels(figure.legends[0].texts) == ["strides that differ", "all others"]
 
 
 def test_methods_are_named_as_people_say_them(recommended):
     other = tuple(replace(c, method="matched_strides") for c in recommended.comparison)
-    with figure_style():
-        figure = draw_methods(replace(recommended, comparison=other))
-    names = [t.get_text() for t in figure.legends[0].texts]
+    figure = plot(draw_methods, replace(recommended, comparison=other))
+    names = labels(figure.legends[0].texts)
     assert names == ["recommended (chosen)", "matched strides"]
 
 
@@ -373,8 +345,7 @@ def test_many_groups_are_wrapped_into_rows(bench):
         replace(bench.cells[i % 4], timing_point=f"case {i}", onset_gait_pct=None)
         for i in range(14)
     )
-    with figure_style():
-        figure = draw_responses(replace(bench, cells=cells))
+    figure = plot(draw_responses, replace(bench, cells=cells))
     assert len(figure.axes) == 2 * 3
 
 
@@ -383,10 +354,8 @@ def test_onset_deviations_are_taken_on_the_circle():
         PulseRecord("S01", "a.csv", float(i), 0.25, 17.0, "ICO", 1.0, pct)
         for i, pct in enumerate((99.0, 3.0))
     )
-    with figure_style():
-        figure = draw_onset_accuracy(StudyAnalysis(cells=(), pulses=pulses))
-    label = next(t.get_text() for t in figure.axes[0].texts)
-    assert label == "SD 2.83 %\nmean +0.00 %\nn 2"
+    figure = plot(draw_onset_accuracy, StudyAnalysis(cells=(), pulses=pulses))
+    assert labels(figure.axes[0].texts)[0] == "SD 2.83 %\nmean +0.00 %\nn 2"
 
 
 def test_onsets_are_skipped_without_targets(walking):
@@ -402,15 +371,7 @@ def test_names_with_markup_and_dollars_are_drawn_as_they_are(walking):
         assert "<script" not in svg
 
 
-def test_truth_is_drawn_for_each_parameter(truth):
-    svg = draw_truth(truth)
-    assert len(ET.fromstring(svg).findall(".//*[@id='axes_3']")) == 1
-    assert draw_truth(truth.iloc[:0]) == ""
-
-
 def test_coordinates_are_rounded_but_scales_are_not():
-    from jointz.report.style import new_figure, place_axes
-
     with figure_style():
         figure = new_figure(40.0)
         place_axes(figure, 10.0, 5.0, width_mm=100.0, height_mm=20.0).plot([0, 1], [0, 1])
@@ -434,10 +395,8 @@ def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):
     cells = tuple(
         replace(c, parameters=(c.parameters[0], nothing, *c.parameters[2:])) for c in bench.cells
     )
-    with figure_style():
-        figure = draw_impedance_over_gait(replace(bench, cells=cells))
-    told = [t.get_text() for axes in figure.axes for t in axes.texts]
-    assert not any("cut off" in text for text in told)
+    figure = plot(draw_impedance_over_gait, replace(bench, cells=cells))
+    assert not any("cut off" in text for axes in figure.axes for text in labels(axes.texts))
 
 
 def test_strides_that_hold_a_pulse_are_stroked_in_any_recording(walking):
@@ -446,25 +405,23 @@ def test_strides_that_hold_a_pulse_are_stroked_in_any_recording(walking):
                     onset_s=stride.start_s + 0.3)  # fmt: skip
     plain = replace(walking, strides=(stride,), pulses=(), gaps=())
     for analysis, strokes in ((plain, 0), (replace(plain, pulses=(pulse,)), 1)):
-        with figure_style():
-            figure = draw_strides(analysis)
-        legend = [t.get_text() for t in figure.legends[0].texts]
-        assert ("holds a pulse" in legend) is bool(strokes)
+        figure = plot(draw_strides, analysis)
+        legend = labels(figure.legends[0].texts)
+        assert ("contains a pulse" in legend) is bool(strokes)
         rug = figure.axes[0].lines[1].get_xdata()
         assert np.isfinite(rug).sum() == 2 * strokes
         caption = captions(analysis)["strides"]
         assert ("Grey strokes" in caption) is bool(strokes)
         assert "Marks" not in caption
     left_out = replace(plain, strides=(stride, replace(stride, code="missing_strike")))
-    assert "Marks: strides left out" in captions(left_out)["strides"]
+    assert "Marks: excluded strides" in captions(left_out)["strides"]
 
 
 def test_a_cut_interval_ends_below_the_names_of_the_phases_in_an_arrowhead(walking):
     one = only_group(walking, "S01", "LRE")
     cell = one.cells[0]
     long = tuple(replace(p, ci_high=10.0 * p.value) if p.value else p for p in cell.parameters)
-    with figure_style():
-        figure = draw_impedance_over_gait(replace(one, cells=(replace(cell, parameters=long),)))
+    figure = plot(draw_impedance_over_gait, replace(one, cells=(replace(cell, parameters=long),)))
     axes = panel(figure, "Stiffness per body mass")
     bars = [c for c in axes.collections if isinstance(c, matplotlib.collections.LineCollection)]
     (bar,) = bars[0].get_segments()
@@ -484,7 +441,7 @@ def test_a_caption_says_what_has_no_panel_and_why_means_differ(recommended):
         for c in recommended.cells
     )  # fmt: skip
     without = captions(replace(recommended, cells=cells))
-    assert "Not drawn: inertia: no estimate stands." in without["impedance_over_gait"]
+    assert "Not drawn: inertia (no estimate is available)." in without["impedance_over_gait"]
     pooled = tuple(replace(m, method=POOLED_METHOD) for m in recommended.population)
-    told = "each estimate counts by its own uncertainty, undecided ones too"
+    told = "each estimate is weighted by its uncertainty, undecided ones included"
     assert told in captions(replace(recommended, population=pooled))["methods"]

@@ -127,7 +127,7 @@ def test_pulses_without_an_estimate_of_their_own_are_counted():
 
 def test_a_case_that_needed_another_method_is_told():
     (note, *_) = statistics([cell(n_used=0), cell("B", "dissertation")], [])["notes"]
-    assert note.startswith("case-1 B: estimated by the method dissertation, not full_record")
+    assert note.startswith("case-1 B: estimated by the method dissertation instead of full_record")
 
 
 def test_a_bench_record_without_pulses_is_sent_elsewhere():

@@ -24,7 +24,7 @@ def test_a_small_sd_is_not_printed_as_none(recommended):
     assert "gain of the torque 1.0000 ± 0.0040" in calibrated(
         recommended, {"torque_gain": {"value": 1.0, "sd": 0.004}}
     )
-    assert "lag of the angle 6.5 ms (taken for exact)" in calibrated(
+    assert "lag of the angle 6.5 ms (taken as exact)" in calibrated(
         recommended, {"angle_lag_s": {"value": 0.0065, "sd": 0.0}}
     )
 
@@ -44,11 +44,11 @@ def test_what_is_not_carried_into_the_intervals_is_told_so(recommended, method):
         "angle_zero_rad": {"value": 0.0, "sd": 0.02},
     }
     text = calibrated(recommended, entries, method=method)
-    carried, _, not_carried = text.partition("the SD not in the intervals")
+    carried, _, not_carried = text.partition("the SD not included in the intervals")
     assert "zero of the angle 0.0 ± 1.1 degrees" in not_carried
-    friction = "true over stated friction of the actuator 1.00 ± 0.10"
+    friction = "actual over stated friction of the actuator 1.00 ± 0.10"
     assert friction in (carried if method == "recommended" else not_carried)
-    assert ("resonance of tissue" in text) == (method == "recommended")
+    assert ("resonance of the soft tissue" in text) == (method == "recommended")
 
 
 def test_what_was_done_with_the_calibration_is_told(recommended):
@@ -58,9 +58,9 @@ def test_what_was_done_with_the_calibration_is_told(recommended):
         "intrinsic_inertia": {"value": 0.01, "sd": 0.001},
     }
     fitted = calibrated(recommended, entries)
-    assert "Gains were divided out." in fitted
+    assert "The signals were divided by their gains." in fitted
     assert "The calibrated lag was a prior of the fit." in fitted
-    assert "as far as the motion of its motor was recorded, and the rest subtracted" in fitted
+    assert "as far as the motion of its motor was recorded; the rest was subtracted" in fitted
     shifted = calibrated(recommended, entries, method="dissertation")
-    assert "The calibrated lag was shifted out." in shifted
+    assert "The calibrated lag was corrected by a shift." in shifted
     assert "The impedance of the device was subtracted from the estimates." in shifted

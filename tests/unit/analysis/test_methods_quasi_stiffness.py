@@ -17,12 +17,11 @@ def test_where_nobody_was_perturbed_no_impedance_estimate_is_told_of(unperturbed
         assert never not in text
     for said in (
         "Walking was recorded without the device, 42 strides accepted",
-        "Recordings have 100 samples a second.",
-        "“KneeMoment”, its sign turned to that of the torque on the joint",
-        "42 a participant and side",
+        "Recordings have 100 samples per second.",
+        "“KneeMoment”, its sign inverted to that of the torque on the joint",
+        "42 for each participant and side",
         "over 6 % of the cycle",
-        "95 % intervals are Student's, with one degree of freedom less than strides",
-        "(Efron 1982)",
+        "95 % intervals are t intervals of the delete-one jackknife over strides (Efron 1982)",
         "Of 6 slopes and secants, 4 without doubt, 1 with doubts, 1 without a value (the angle",
         "Nobody was perturbed: no impedance was estimated.",
     ):
@@ -33,10 +32,10 @@ def test_where_nobody_was_perturbed_no_impedance_estimate_is_told_of(unperturbed
 @pytest.mark.parametrize(
     ("side", "positive", "said"),
     [
-        ("device", "flexion", "its sign turned to that of the torque on the joint"),
-        ("device", "extension", "as it stands"),  # turned twice, that is, not at all
-        ("joint", "flexion", "as it stands"),
-        ("joint", "extension", "its sign turned to that of the torque on the joint"),
+        ("device", "flexion", "its sign inverted to that of the torque on the joint"),
+        ("device", "extension", "its sign unchanged"),  # inverted twice, that is, not at all
+        ("joint", "flexion", "its sign unchanged"),
+        ("joint", "extension", "its sign inverted to that of the torque on the joint"),
     ],
 )
 def test_the_sign_of_the_moment_is_told_as_it_was_read(unperturbed, side, positive, said):

@@ -17,31 +17,23 @@ def model(name, *, lag_s=0.006, resonance=0.02, inertia=0.95, curve=0.0, strides
     return ParticipantModel(name, lag_s, 0.001, 1.0, 0.2, resonance, inertia, curve, strides)
 
 
-def test_the_lag_found_is_told_in_milliseconds_with_its_spread():
-    notes = _model_notes([model("S01"), model("S02", lag_s=0.0094)])
-    assert notes[0] == (
-        "lag: the angle was found to be 6.0 to 9.4 ms behind the torque (sd 1.0 ms); models.csv "
-        "has each."
+def test_models_are_summarised_with_spans_and_counts():
+    models = [
+        model("S01", inertia=0.99),
+        model("S02", lag_s=0.0094, inertia=0.5, strides=60),
+        model("S03", inertia=0.05),
+    ]
+    lag, resonance, inertia, _, strides = _model_notes(models)
+    assert lag == (
+        "estimated lag of the angle behind the torque: 6.0 to 9.4 ms (sd 1.0 ms); models.csv has "
+        "each."
     )
-
-
-def test_hypotheses_are_counted_as_likely_open_or_unlikely():
-    notes = _model_notes(
-        [model("S01", inertia=0.99), model("S02", inertia=0.5), model("S03", inertia=0.05)]
-    )
-    assert notes[2] == (
+    assert resonance.endswith("unlikely in 3 of 3.")
+    assert inertia == (
         "one inertia for all timing points: likely in 1, open in 1, unlikely in 1 of 3."
     )
-    assert notes[1].endswith("unlikely in 3 of 3.")
-
-
-def test_strides_learned_from_are_told_and_one_number_is_no_range():
-    assert "learned from 900 strides" in _model_notes([model("S01")])[-1]
-    spanned = _model_notes([model("S01"), model("S02", strides=60)])[-1]
-    assert "learned from 60 to 900 strides" in spanned
-
-
-def test_other_methods_have_no_such_notes():
+    assert "trained on 60 to 900 strides" in strides
+    assert "trained on 900 strides" in _model_notes(models[:1])[-1]
     assert _model_notes([]) == []
 
 
@@ -82,10 +74,10 @@ def test_unperturbed_motion_of_another_session_is_told_with_both_sessions():
     (note,) = note_of_sessions(*days)
 
     assert note.startswith(
-        "S01, b, left: no unperturbed recording of session 'b'; its unperturbed motion is that of "
-        "session 'a'."
+        "S01, b, left: no unperturbed recording of session 'b'; the unperturbed motion of "
+        "session 'a' is used."
     )
-    assert "own undisturbed strides" in note_of_sessions(*days, method="recommended")[0]
+    assert "own unperturbed strides" in note_of_sessions(*days, method="recommended")[0]
 
 
 @pytest.mark.parametrize("unperturbed", [("b", "left"), ("", ""), ("b", "")])

@@ -103,7 +103,7 @@ def test_rounded_stamps_fit_their_onsets_and_another_unit_does_not(small_study, 
 
     problem = problem_of(small_study)
 
-    assert (f"but they do at {1 / factor:.4g} times them" in problem) == (factor != 1.0)
+    assert (f"but they do at {1 / factor:.4g} times these onsets" in problem) == (factor != 1.0)
     assert ("no pulses begin" in problem) == (factor != 1.0)
 
 
@@ -119,4 +119,4 @@ def test_onsets_beyond_the_end_are_told_with_a_rate_at_which_they_fit(small_stud
 
     problem = problem_of(small_study)
 
-    assert ("2 of 5 onsets" in problem and "or less all lie within it" in problem) == refused
+    assert ("2 of 5 onsets" in problem and "or less all are within it" in problem) == refused

@@ -94,7 +94,7 @@ def old_folder(out, file):
 def test_a_folder_of_another_kind_is_kept(tmp_path, made_by):
     fill(tmp_path / "out", "old")
 
-    message = f"made it as analysis, not as {made_by}: it is kept"
+    message = f"made it as analysis, not as {made_by}. It is kept"
     with pytest.raises(OutputError, match=message):
         check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=made_by)
     with pytest.raises(OutputError, match=message):

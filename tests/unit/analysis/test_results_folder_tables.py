@@ -85,10 +85,10 @@ def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, an
     people = [p["id"] for p in provenance["study"]["participants"]]
 
     assert f"{len(people)} participants ({', '.join(people)})" in text
-    assert f"{len(pulses)} pulses of torque were found" in text
-    assert f"length {1e3 * pulses['duration_s'].unique().item():.0f} ms" in text
-    assert f"over {1e3 * settings['window_s']:g} ms from the commanded onset" in text
-    assert "Responses were analysed at 500 samples a second." in text
+    assert f"{len(pulses)} pulses of torque were detected" in text
+    assert f"duration {1e3 * pulses['duration_s'].unique().item():.0f} ms" in text
+    assert f"over {1e3 * settings['window_s']:g} ms after the commanded onset" in text
+    assert "Responses were analysed at 500 samples per second." in text
     for row in models.itertuples():
         assert f"{row.participant} {1e3 * row.lag_s:.1f} ± {1e3 * row.lag_sd_s:.1f}" in text
     for (_, code), own in excluded.groupby(["kind", "code"]):

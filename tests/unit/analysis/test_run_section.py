@@ -9,8 +9,8 @@ from jointz.results.run_report import RunReport
 @pytest.mark.parametrize(
     ("clamped", "told"),
     [
-        (0, "900 ticks, missed 2 slots and cut no torque."),
-        (7, "900 ticks, missed 2 slots, and sent less torque than was asked for in 7 ticks."),
+        (0, "900 ticks, missed 2 slots and limited no torque."),
+        (7, "900 ticks, missed 2 slots, and sent less torque than commanded in 7 ticks."),
     ],
 )
 def test_torque_that_was_cut_is_told(clamped, told):

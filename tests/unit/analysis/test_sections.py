@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.analysis.page.behind_section import behind_section, likely
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
+from jointz.analysis.page.uncertainty_section import likely, uncertainty_section
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
 
 from .test_report_page import Page, words
@@ -45,8 +45,8 @@ def test_a_lag_that_is_calibrated_away_sets_nothing_apart(recommended):
     people = [{"id": m.participant, "calibration": {"angle_lag_s": {"value": m.lag_s, "sd": 1e-4}}}
               for m in recommended.models]  # fmt: skip
     known = replace(recommended, provenance={"study": {"participants": people}})
-    assert "does not set them apart here" in reasons(known)["Lag."]
-    assert "takes them for simultaneous" in reasons(recommended)["Lag."]
+    assert "does not cause a difference here" in reasons(known)["Lag."]
+    assert "treats them as simultaneous" in reasons(recommended)["Lag."]
     for row in differences_section(known)["rows"]:
         assert row["cells"][0]["lag"] == "0 %"
 
@@ -59,14 +59,14 @@ def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study
     for condition, apart in (("perturbed", False), ("unperturbed", True)):
         held = [recording(condition, m) for m in recommended.models]
         known = replace(recommended, provenance={"study": {"recordings": held}})
-        assert ("does not set them apart here" in reasons(known)["Lag."]) is not apart
+        assert ("does not cause a difference here" in reasons(known)["Lag."]) is not apart
 
 
 def test_a_study_calibration_that_is_not_the_lag_found_leaves_the_rest(recommended):
     half = {**recommended.settings, "calibration": {"angle_lag_s": {"value": 0.002, "sd": 1e-4}}}
     text = reasons(replace(recommended, settings=half))["Lag."]
-    assert "leaves the rest" in text
-    assert "4.0 to 10.0 ms behind the torque" in text
+    assert "only, not the rest" in text
+    assert "4.0 to 10.0 ms." in text
 
 
 def test_a_calibrated_lag_that_one_method_shifts_out_sets_no_angles_apart(recommended):
@@ -88,17 +88,17 @@ def test_a_calibrated_lag_that_one_method_shifts_out_sets_no_angles_apart(recomm
 
 def test_methods_share_recordings_and_not_all_pulses(recommended):
     lead = differences_section(recommended)["lead"]
-    assert "same recordings; each leaves out the pulses that it cannot use" in lead
+    assert "same recordings; each excludes the pulses that it cannot use" in lead
     assert "same pulses" not in words(Page(render_report(recommended, {}, title="Knee")))
 
 
 def test_estimates_at_the_bound_are_counted(recommended):
-    assert "(none stands there)" in reasons(recommended)["Bounds."]
+    assert "(none is at zero)" in reasons(recommended)["Bounds."]
     first = recommended.comparison[0]
     bound = replace(first.parameters[0], value=0.0, status="at_bound")
     cells = (replace(first, parameters=(bound, *first.parameters[1:])), *recommended.comparison[1:])
     one = replace(recommended, comparison=cells)
-    assert "1 estimate stands there" in reasons(one)["Bounds."]
+    assert "1 estimate is at zero" in reasons(one)["Bounds."]
     assert differences_section(one)["rows"][0]["bound"] == "1 K"
 
 
@@ -114,11 +114,11 @@ def test_what_is_undecided_names_its_largest_source_and_what_would_decide_it(rec
     value = cells[k].parameter("stiffness").unbounded
     budget = {**cells[k].budget, "stiffness": {"lag": 0.4 * value, "noise": 0.1 * value}}
     cells[k] = replace(cells[k], budget=budget)
-    (row,) = behind_section(replace(recommended, cells=tuple(cells)))["undecided"]
+    (row,) = uncertainty_section(replace(recommended, cells=tuple(cells)))["undecided"]
     assert (row["participant"], row["name"], row["parameter"]) == ("S01", "ISW", "Stiffness")
     assert row["why"] == "lag and resonance of the sensor (94 %)"
     assert "angle_lag_s" in row["remedy"]
-    assert "±" in row["found"]
+    assert "±" in row["value"]
 
 
 @pytest.mark.parametrize(("part", "told"), [(0.8, True), (0.1, False)])
@@ -133,9 +133,9 @@ def test_what_a_measured_lag_would_decide_says_so_before_pulses(recommended, par
         budget={**cell.budget, "inertia": {"noise": 0.01}},
         through_instruments={"inertia": {"lag": 0.01 * part, "friction": 0.0}},
     )
-    (row,) = behind_section(replace(recommended, cells=(changed,)))["undecided"]
+    (row,) = uncertainty_section(replace(recommended, cells=(changed,)))["undecided"]
     assert row["why"].startswith("strides that differ")
-    assert ("also through the lag" in row["why"]) is told
+    assert ("uncertainty of the lag" in row["why"]) is told
     assert row["remedy"].startswith("a measured lag") is told
     assert ("which would leave ± 0.0060; then more or larger pulses" in row["remedy"]) is told
     assert "more or larger pulses" in row["remedy"]
@@ -157,13 +157,13 @@ def test_what_was_withheld_for_a_steep_change_is_not_told_to_be_too_wide(recomme
     steep = replace(person, doubts=("steep_change",))
     for model, told in ((person, False), (steep, True)):
         given = replace(recommended, cells=(changed,), models=(model,))
-        (row,) = behind_section(given)["undecided"]
+        (row,) = uncertainty_section(given)["undecided"]
         assert ("change steeply" in row["why"]) is told
         assert ("angle_lag_s" in row["remedy"]) is not told
 
 
 def test_details_hold_window_motion_gravity_and_unbounded_values(recommended):
-    section = behind_section(recommended)
+    section = uncertainty_section(recommended)
     first = section["details"][0]
     cell = recommended.cells[0]
     assert first["centre"] == f"{cell.centre_gait_pct:.1f}"
@@ -187,7 +187,7 @@ def test_the_page_shows_both_sections_and_is_well_formed(recommended):
     assert len(page.ids) == len(set(page.ids))
     assert {link[1:] for link in page.links} <= set(page.ids)
     for told in ("Why they differ", "VAF is not accuracy.", "What would decide it",
-                 "Error budget", "What was found about joint and sensor"):  # fmt: skip
+                 "Error budget", "Models of joint and sensor"):  # fmt: skip
         assert told in text
     assert "Window, motion, gravity and unbounded values of all 18 timing points" in text
 
@@ -214,10 +214,10 @@ def test_the_certificate_says_what_error_to_expect(certificate):
     section = certificate_section(certificate)
     assert section["sentence"] == (
         "In this study expect errors of 10 % in K, 10 % in B, 10 % in J (root mean square), and "
-        "intervals that hold the truth in 100 %, 100 %, 100 % of cases."
+        "intervals that contain the truth in 100 %, 100 %, 100 % of cases."
     )
     assert [row["name"] for row in section["rows"]] == ["all points", "LRE", "MSW"]
-    assert section["rows"][1]["cells"][0]["more"] == "mean +0.0, held 100 %, undecided 0 %"
+    assert section["rows"][1]["cells"][0]["more"] == "mean +0.0, coverage 100 %, undecided 0 %"
     assert "the unperturbed strides of 2 participants (2 times each)" in section["note"]
 
 
@@ -228,7 +228,7 @@ def test_what_was_given_and_who_was_left_out_of_the_certificate_is_told(certific
         left_out={"S03": "no unperturbed strides"},
     )
     note = certificate_section(told)["note"]
-    assert "given: lag in s 0.011." in note
+    assert "fixed values: lag in s 0.011." in note
     assert note.endswith("S03 was left out: no unperturbed strides.")
 
 
@@ -242,44 +242,39 @@ def test_errors_of_what_is_nearly_nothing_are_told_in_si_units_only(certificate)
     section = certificate_section(replace(certificate, errors=expected_errors(rows)))
 
     assert "10 % in K" in section["sentence"]
-    assert "Errors are told in SI units only for K at 1 timing point (MSW)" in section["note"]
+    assert "Errors are in SI units only for K at 1 timing point (MSW)" in section["note"]
     assert section["rows"][2]["cells"][0] == {
-        "rmse": "0.5 N·m/rad", "more": "held 100 %, undecided 0 %",
+        "rmse": "0.5 N·m/rad", "more": "coverage 100 %, undecided 0 %",
     }  # fmt: skip
     small = [e for e in rows if e.timing_point == "MSW"]
     alone = certificate_section(replace(certificate, errors=expected_errors(small)))
     assert "errors of 0.5 N·m/rad in K, 10 % in B, 10 % in J" in alone["sentence"]
 
 
+def undecided_section(certificate, which):
+    """Return the section if the estimates that are chosen are undecided."""
+    rows = [
+        replace(e, value=None, ci_low=None, ci_high=None, status="undecided") if which(e) else e
+        for e in certificate.estimates
+    ]
+    return certificate_section(replace(certificate, errors=expected_errors(rows)))
+
+
 def test_a_certificate_that_decides_nothing_says_so(certificate):
-    rows = [replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
-            for e in certificate.estimates]  # fmt: skip
-    empty = replace(certificate, errors=expected_errors(rows))
-    assert "expect no usable estimate" in certificate_section(empty)["sentence"]
+    section = undecided_section(certificate, lambda _: True)
+    assert "Expect no usable estimate" in section["sentence"]
     assert certificate_section(None) is None
 
 
-def test_a_parameter_that_is_seldom_decided_has_no_coverage(certificate):
-    rows = [
-        replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
-        if e.parameter == "inertia" and not (e.participant == "S01" and e.timing_point == "LRE")
-        else e
-        for e in certificate.estimates
-    ]
-    section = certificate_section(replace(certificate, errors=expected_errors(rows)))
+def test_a_parameter_that_is_seldom_or_never_decided_has_no_coverage(certificate):
+    section = undecided_section(
+        certificate,
+        lambda e: e.parameter == "inertia" and (e.participant, e.timing_point) != ("S01", "LRE"),
+    )
     assert section["sentence"] == (
         "In this study expect errors of 10 % in K, 10 % in B (root mean square), and intervals "
-        "that hold the truth in 100 %, 100 % of cases. J: undecided in 75 % of the injections."
+        "that contain the truth in 100 %, 100 % of cases. J: undecided in 75 % of the injections."
     )
-    assert "held" not in section["rows"][0]["cells"][2]["more"]
-
-
-def test_a_parameter_that_is_never_decided_is_named(certificate):
-    rows = [
-        replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
-        if e.parameter == "inertia"
-        else e
-        for e in certificate.estimates
-    ]
-    sentence = certificate_section(replace(certificate, errors=expected_errors(rows)))["sentence"]
-    assert sentence.endswith("J cannot be decided here.")
+    assert "coverage" not in section["rows"][0]["cells"][2]["more"]
+    never = undecided_section(certificate, lambda e: e.parameter == "inertia")
+    assert never["sentence"].endswith("J cannot be decided here.")

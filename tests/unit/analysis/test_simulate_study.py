@@ -93,7 +93,7 @@ def test_people_and_settings_of_ones_own_are_taken(tmp_path):
     ("options", "told"),
     [
         ({"participants": 0}, "1 to 1000 participants, got 0"),
-        ({"participants": [draw_person(0, seed=1)] * 2}, "unlike number, got S01, S01"),
+        ({"participants": [draw_person(0, seed=1)] * 2}, "different numbers, got S01, S01"),
         ({"unperturbed_strides": 0}, "one unperturbed stride or more"),
         ({"lag_sd_s": -1.0}, "lag_sd_s above 0"),
         ({"preset": "best"}, "expected one of clean"),

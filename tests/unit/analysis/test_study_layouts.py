@@ -83,73 +83,59 @@ def standing(analysis):
 
 
 PULSES = (6.2, 10.2, 14.2)
+CONDITIONS = (
+    '[channels.condition]\ncolumn = "phase"\nvalues = { "0" = "unperturbed", "1" = "perturbed" }\n'
+)
+TRIALS = '[channels.trial]\ncolumn = "run"\n'
+
+
+def three_trials():
+    trials = (("0", 1, ()), ("1", 2, PULSES), ("1", 3, PULSES))
+    return pd.concat([rows(phase=p, run=run, pulses=pulses) for p, run, pulses in trials])
 
 
 def test_one_file_with_conditions_and_trials_whose_time_restarts(tmp_path):
-    parts = [
-        rows(phase="0", run=1),
-        rows(phase="1", run=2, pulses=PULSES),
-        rows(phase="1", run=3, pulses=PULSES),
-    ]
-    values = '{ "0" = "unperturbed", "1" = "EWP" }'
-    toml = HEAD.format(kind="walking") + CONTACT + COMMAND
-    toml += f'[channels.condition]\ncolumn = "phase"\nvalues = {values}\n'
-    toml += '[channels.trial]\ncolumn = "run"\n' + PERSON + entry(None, "all.csv")
+    conditions = CONDITIONS.replace('"perturbed"', '"EWP"')
+    toml = HEAD.format(kind="walking") + CONTACT + COMMAND + conditions + TRIALS + PERSON
 
-    found = analyzed(tmp_path, toml, all=pd.concat(parts))
+    found = analyzed(tmp_path, toml + entry(None, "all.csv"), all=three_trials())
 
     (cell,) = standing(found)
     assert cell.timing_point == "MST"
     assert_finds_the_joint(cell, n_used=6)
 
 
+#: Two perturbed runs between others, and the onsets of their pulses.
+ONSETS = [*(np.array(PULSES) + 22.0), *(np.array(PULSES) + 66.0)]
+
+
+def several_runs():
+    runs = (("0", 0.0, ()), ("1", 22.0, PULSES), ("0", 44.0, ()), ("1", 66.0, PULSES))
+    return pd.concat([rows(phase=p, pulses=pulses, start_s=t) for p, t, pulses in runs])
+
+
+def analyzed_runs(folder, pulses):
+    toml = HEAD.format(kind="walking") + CONTACT + CONDITIONS + PERSON
+    toml += entry(None, "all.csv", perturbations="pulses.csv")
+    return analyzed(folder, toml, all=several_runs(), pulses=pd.DataFrame(pulses))
+
+
 def test_a_table_of_a_file_with_several_perturbed_runs_counts_each_pulse_once(tmp_path):
-    parts = [
-        rows(phase="0"),
-        rows(phase="1", pulses=PULSES, start_s=22.0),
-        rows(phase="0", start_s=44.0),
-        rows(phase="1", pulses=PULSES, start_s=66.0),
-    ]
-    onsets = [*(np.array(PULSES) + 22.0), *(np.array(PULSES) + 66.0)]
-    values = '{ "0" = "unperturbed", "1" = "perturbed" }'
-    toml = HEAD.format(kind="walking") + CONTACT
-    toml += f'[channels.condition]\ncolumn = "phase"\nvalues = {values}\n'
-    toml += PERSON + entry(None, "all.csv", perturbations="pulses.csv")
+    found = analyzed_runs(tmp_path, {"onset_s": ONSETS})
 
-    found = analyzed(tmp_path, toml, all=pd.concat(parts), pulses=pd.DataFrame({"onset_s": onsets}))
-
-    assert [p.onset_s for p in found.pulses] == pytest.approx(onsets)
+    assert [p.onset_s for p in found.pulses] == pytest.approx(ONSETS)
     assert [p.code for p in found.pulses] == [""] * 6
     (cell,) = standing(found)
     assert_finds_the_joint(cell, n_used=6)
 
 
-VALUES = 'values = { "0" = "unperturbed", "1" = "perturbed" }'
-RUNS = f'[channels.condition]\ncolumn = "phase"\n{VALUES}\n'
-
-
 def test_a_pulse_of_a_table_outside_every_perturbed_run_is_left_out_with_a_code(tmp_path):
-    parts = [
-        rows(phase="0"),
-        rows(phase="1", pulses=PULSES, start_s=22.0),
-        rows(phase="0", start_s=44.0),
-        rows(phase="1", pulses=PULSES, start_s=66.0),
-    ]
-    inside = [*(np.array(PULSES) + 22.0), *(np.array(PULSES) + 66.0)]
-    pulses = pd.DataFrame({"onset_s": [3.0, *inside, 50.0, 99.0], "timing_point": "MST"})
-    toml = (
-        HEAD.format(kind="walking")
-        + CONTACT
-        + RUNS
-        + PERSON
-        + entry(None, "all.csv", perturbations="pulses.csv")
-    )
-
-    found = analyzed(tmp_path, toml, all=pd.concat(parts), pulses=pulses)
+    onsets = [3.0, *ONSETS, 50.0, 99.0]
+    found = analyzed_runs(tmp_path, {"onset_s": onsets, "timing_point": "MST"})
 
     (cell,) = standing(found)
     assert_finds_the_joint(cell, n_used=6)
-    assert cell.n_used + cell.n_excluded == len(pulses)
+    assert cell.n_used + cell.n_excluded == len(onsets)
     left_out = found.excluded_frame().query("kind == 'pulse'")
     assert sorted(left_out["onset_s"]) == [3.0, 50.0, 99.0]
     assert set(left_out["code"]) == {"edge_of_record"}
@@ -168,21 +154,9 @@ def test_pulses_that_were_all_left_out_without_a_timing_point_are_not_said_to_be
 
 
 def test_a_table_for_trials_whose_time_restarts_is_refused(tmp_path):
-    parts = [
-        rows(phase="0", run=1),
-        rows(phase="1", run=2, pulses=PULSES),
-        rows(phase="1", run=3, pulses=PULSES),
-    ]
-    toml = (
-        HEAD.format(kind="walking")
-        + CONTACT
-        + RUNS
-        + COMMAND
-        + '[channels.trial]\ncolumn = "run"\n'
-        + PERSON
-    )
+    toml = HEAD.format(kind="walking") + CONTACT + CONDITIONS + COMMAND + TRIALS + PERSON
     toml += entry(None, "all.csv", perturbations="pulses.csv")
-    tables = {"all": pd.concat(parts), "pulses": pd.DataFrame({"onset_s": PULSES})}
+    tables = {"all": three_trials(), "pulses": pd.DataFrame({"onset_s": PULSES})}
 
     with pytest.raises(StudyError, match=r"all.csv: time starts again in its perturbed trials"):
         analyzed(tmp_path, toml, **tables)
@@ -240,7 +214,7 @@ def test_loads_of_a_bench_have_no_mean_and_the_results_say_so(tmp_path):
     assert found.population == ()
     assert NO_MEANS_ON_A_BENCH in found.statistics["notes"]
     assert NO_MEANS_ON_A_BENCH in render_report(found, {}, title="Loads")
-    assert "Means over participants carry" not in render_report(found, {}, title="Loads")
+    assert "Means over participants have" not in render_report(found, {}, title="Loads")
 
 
 def test_one_load_on_a_bench_needs_no_such_note(tmp_path):

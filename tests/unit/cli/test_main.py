@@ -106,7 +106,7 @@ def test_a_method_for_another_kind_of_study_is_bad_input_and_no_bug(jointz, smal
     outcome = jointz("analyze", small_study.root, *arguments)
 
     assert (outcome.code, outcome.json["error"]) == (2, "DataError")
-    assert "this study walks" in outcome.json["message"]
+    assert "this is a walking study" in outcome.json["message"]
     assert not (tmp_path / "r").exists()
 
 
@@ -269,11 +269,11 @@ def test_what_is_kept_stays_for_those_whose_analysis_broke(
     first = jointz(*words, "--json")
 
     assert (first.code, len(list(kept.iterdir()))) == (0, 1)
-    assert f"{kept}: keeps everybody whose analysis did not break" in first.err
+    assert f"{kept}: contains the participants whose analysis did not fail" in first.err
     monkeypatch.setattr(participants, "analyze_participant", analyzed)
     again = jointz(*words, "--overwrite")
     assert "analysis_broke" not in again.out
-    assert "keeps everybody" not in again.err
+    assert "whose analysis did not fail" not in again.err
     assert not kept.exists()
 
 
@@ -360,7 +360,7 @@ def test_one_person_reads_the_estimates_and_why_some_are_missing(jointz, small_s
     assert outcome.code == 1
     assert "Estimates" in outcome.out
     assert "S01 LRE\tall\t-\t-\t-\tfailed:" in outcome.out
-    assert "note: exclusions.csv: nothing begins at 0.1 s" in outcome.out
+    assert "note: exclusions.csv: no pulse or stride begins at 0.1 s" in outcome.out
     assert "without an estimate: failed:" in outcome.out
 
 

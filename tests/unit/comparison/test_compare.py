@@ -14,59 +14,8 @@ from jointz.comparison.page import render_comparison
 from jointz.core.errors import DataError, OutputError
 from jointz.reference.chapter4 import participant_table
 from jointz.report.wording import format_interval
-from jointz.results.estimates import ESTIMATE_COLUMNS
 
-POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5}
-UNITS = {
-    "stiffness": "N*m/rad",
-    "damping": "N*m*s/rad",
-    "inertia": "kg*m^2",
-    "stiffness_per_mass": "N*m/rad/kg",
-    "damping_per_mass": "N*m*s/rad/kg",
-}
-SIZES = {"stiffness": 75.0, "damping": 3.0, "inertia": 0.05}
-MASS_KG = 70.0
-
-
-def estimates(people, *, seed=0, scale=1.0):
-    """Return estimates.csv of people who keep their size, whatever the seed of the noise."""
-    rng = np.random.default_rng(seed)
-    rows = []
-    for k, person in enumerate(people):
-        for j, (point, onset) in enumerate(POINTS.items()):
-            for name, unit in UNITS.items():
-                size = SIZES[name.removesuffix("_per_mass")] / (MASS_KG if "mass" in name else 1.0)
-                value = scale * size * (1.0 + 0.1 * k - 0.2 * j + 0.03 * rng.standard_normal())
-                row = (person, point, onset, name, value, unit, 0.97 * value, 1.03 * value)
-                rows.append((*row, 0.95, 99.0, 50, 0, "recommended", "ok", "", ""))
-    return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))
-
-
-@pytest.fixture
-def results(tmp_path):
-    """Write a results folder and return its path."""
-
-    def write(name, people="ABCDE", *, table=None, kind="walking", joint="knee", **options):
-        folder = tmp_path / name
-        folder.mkdir(parents=True)
-        table = estimates(people, **options) if table is None else table
-        table.to_csv(folder / "estimates.csv", index=False)
-        study = {"kind": kind, "joint": joint}
-        content = {"study": study, "study_sha256": name, "settings": {"window_s": 0.1}}
-        (folder / "provenance.json").write_text(json.dumps(content))
-        return folder
-
-    return write
-
-
-def lose(table, person, point, parameter, *, status="undecided"):
-    """Return the table with a value that does not stand."""
-    table = table.copy()
-    at = (table["participant"] == person) & (table["timing_point"] == point)
-    at &= table["parameter"] == parameter
-    table.loc[at, ["value", "ci_low", "ci_high"]] = np.nan
-    table.loc[at, "status"] = status
-    return table
+from .results_folders import POINTS, STUDY, UNDECIDED, changed, estimates, said
 
 
 def of(table, parameter, point):
@@ -79,15 +28,11 @@ def row(made, parameter, point):
     return found
 
 
-def said(made, words):
-    return [note for note in made.notes if words in note]
-
-
 # --- designs -------------------------------------------------------------------------------------
 
 
 def test_the_same_people_are_compared_with_themselves(results):
-    before, after = estimates("ABCDE"), estimates("ABCDE", seed=1, scale=1.1)
+    before, after = estimates(), estimates(seed=1, scale=1.1)
     made = compare_results([results("after", table=after), results("before", table=before)])
 
     found = row(made, "stiffness_per_mass", "MST")
@@ -101,7 +46,7 @@ def test_the_same_people_are_compared_with_themselves(results):
 
 
 def test_people_are_matched_by_id_not_by_row(results):
-    table = estimates("ABCDE", seed=1)
+    table = estimates(seed=1)
     turned = table.iloc[::-1].reset_index(drop=True)
     base = results("base", "ABCDE")
 
@@ -114,7 +59,7 @@ def test_people_are_matched_by_id_not_by_row(results):
 
 
 def test_other_people_are_compared_as_groups(results):
-    mine, others = estimates("ABCDE"), estimates("VWXYZ", seed=1, scale=1.3)
+    mine, others = estimates(), estimates("VWXYZ", seed=1, scale=1.3)
     made = compare_results([results("a", table=mine), results("b", table=others)])
 
     found = row(made, "damping_per_mass", "LRE")
@@ -133,9 +78,9 @@ def test_people_in_one_folder_only_ask_for_a_decision(results):
 
     paired, apart = (compare_results(sources, paired=choice) for choice in (True, False))
     assert {d.n_first for d in paired.differences} == {3}
-    assert said(paired, "left out, as in one only: A, E")
+    assert said(paired, "excluded, as in one only: A, E")
     assert {(d.design, d.n_first) for d in apart.differences} == {("groups", 4)}
-    assert said(apart, "though 3 ids are the same")
+    assert said(apart, "although 3 ids are the same")
 
 
 def test_equal_ids_may_be_different_people(results):
@@ -195,7 +140,7 @@ def test_timing_points_that_do_not_vary_alike_are_told():
     frame = made.to_frame().query("parameter == 'stiffness_per_mass'")
     assert frame["epsilon"].to_list() == pytest.approx([rm.epsilon] * 15)
     assert frame["p_epsilon"].to_list() == pytest.approx([rm.p_epsilon] * 15)
-    (note,) = (n for n in said(made, "do not vary alike") if "stiffness" in n)
+    (note,) = (n for n in said(made, "unequal variances") if "stiffness" in n)
     assert f"epsilon {rm.epsilon:.2f}" in note
     assert not said(made, "--error pooled")
     assert said(pooled, "leave out --error pooled")
@@ -220,7 +165,7 @@ def test_one_folder_may_be_given_the_choices_of_a_table(results):
 def test_several_folders_have_no_choices_of_a_model(results, option):
     choice = {"df": "satterthwaite", "adjust": "holm", "error": "paired"}[option]
 
-    with pytest.raises(DataError, match=f"of a table or one results folder only: --{option}"):
+    with pytest.raises(DataError, match=f"--{option}: for a table or one results folder only"):
         compare_results([results("a"), results("b")], **{option: choice})
     with pytest.raises(DataError, match=f"expected --{option} .*got 'most'"):
         compare_results(["published"], **{option: "most"})
@@ -228,7 +173,7 @@ def test_several_folders_have_no_choices_of_a_model(results, option):
 
 @pytest.mark.parametrize("option", [{"margin_pct": 10.0}, {"paired": True}, {"paired": False}])
 def test_one_folder_has_no_other_to_be_paired_with_or_alike(option):
-    with pytest.raises(DataError, match="of two or more results only"):
+    with pytest.raises(DataError, match="for two or more results only"):
         compare_results(["published"], **option)
 
 
@@ -269,11 +214,11 @@ def test_two_conditions_and_the_published_people_are_compared_each_as_it_is(resu
     assert designs == {
         ("a", "b"): "paired", ("a", "published"): "groups", ("b", "published"): "groups",
     }  # fmt: skip
-    assert said(made, "published alone has PSW, ISW, MSW")
+    assert said(made, "published has PSW, ISW, MSW, which another result lacks")
 
 
 def test_days_tell_how_well_people_repeat(results):
-    days = [estimates("ABCDE", seed=k) for k in (0, 1)]
+    days = [estimates(seed=k) for k in (0, 1)]
     made = compare_results([results(f"d{k}", table=t) for k, t in enumerate(days)], days=True)
 
     (found,) = (r for r in made.repeatability
@@ -312,7 +257,8 @@ def test_a_margin_is_above_zero(results, margin):
 
 
 def test_a_missing_value_is_counted_and_named_and_costs_nobody_else(results):
-    table = lose(estimates("ABCDE"), "B", "MST", "stiffness_per_mass")
+    where = "participant == 'B' and timing_point == 'MST' and parameter == 'stiffness_per_mass'"
+    table = changed(estimates(), where, **UNDECIDED)
     made = compare_results([results("a", table=table), results("b", seed=1)])
 
     assert row(made, "stiffness_per_mass", "MST").n_first == 4
@@ -326,7 +272,7 @@ def test_a_missing_value_is_counted_and_named_and_costs_nobody_else(results):
 
 
 def test_a_value_at_its_bound_is_used_and_named(results):
-    table = estimates("ABCDE")
+    table = estimates()
     at = table.index[table["parameter"] == "damping_per_mass"][0]
     table.loc[at, ["value", "ci_low"]] = 0.0
     table.loc[at, "status"] = "at_bound"
@@ -335,17 +281,14 @@ def test_a_value_at_its_bound_is_used_and_named(results):
     found = row(made, "damping_per_mass", "LRE")
     assert (found.n_first, found.n_at_bound) == (5, 1)
     assert found.mean_first == pytest.approx(of(table, "damping_per_mass", "LRE").mean())
-    (note,) = said(made, "1 value stands at its bound")
+    (note,) = said(made, "1 value is at its bound")
     assert "a damping_per_mass (at_bound): A LRE" in note
 
 
 def test_without_masses_stiffness_itself_is_compared(results):
-    table = estimates("ABCDE")
-    for person in "ABCDE":
-        for point in POINTS:
-            for name in ("stiffness_per_mass", "damping_per_mass"):
-                table = lose(table, person, point, name, status="failed:mass_missing")
-    folder = results("light", table=table)
+    where = "parameter in ['stiffness_per_mass', 'damping_per_mass']"
+    missing = UNDECIDED | {"status": "failed:mass_missing"}
+    folder = results("light", table=changed(estimates(), where, **missing))
 
     made = compare_results([folder, results("b", seed=1)])
     beside = compare_results([folder, "published"])
@@ -357,11 +300,11 @@ def test_without_masses_stiffness_itself_is_compared(results):
 
 
 def test_an_inertia_of_all_points_is_beside_the_mean_over_points(results):
-    table = estimates("ABCDE")
+    table = estimates()
     shared = table.query("parameter == 'inertia' and timing_point == 'LRE'")
     shared = shared.assign(timing_point="all", onset_gait_pct=np.nan, value=0.05 + shared["value"])
     rest = table[table["parameter"] != "inertia"]
-    other = estimates("ABCDE", seed=1)
+    other = estimates(seed=1)
     made = compare_results(
         [results("one", table=pd.concat([rest, shared])), results("each", table=other)]
     )
@@ -375,26 +318,30 @@ def test_an_inertia_of_all_points_is_beside_the_mean_over_points(results):
 
 
 def test_unlike_methods_and_equal_recordings_are_a_warning(results):
-    other = estimates("ABCDE", seed=1).assign(method="dissertation")
+    other = estimates(seed=1).assign(method="dissertation")
     folders = [results("a"), results("b", table=other)]
     file = folders[1] / "provenance.json"
-    study = {"kind": "walking", "joint": "knee"}
-    settings = {"study": study, "study_sha256": "a", "settings": {"window_s": 0.2}}
+    settings = {"study": STUDY, "study_sha256": "a", "settings": {"window_s": 0.2}}
     file.write_text(json.dumps(settings))
 
     made = compare_results(folders)
 
-    assert said(made, "WARNING: estimates by unlike methods (a by recommended; b by dissertation)")
+    assert said(made, "WARNING: different methods (a by recommended; b by dissertation)")
     assert said(made, "WARNING: a and b are analyses of the same recordings")
-    assert said(made, "WARNING: a and b were analysed with unlike settings: window_s")
+    assert said(made, "WARNING: a and b were analysed with different settings: window_s")
 
 
 def test_badly_measured_people_are_told(results):
-    table = estimates("ABCDE")
+    table = estimates()
     table["ci_low"], table["ci_high"] = 0.7 * table["value"], 1.3 * table["value"]
 
-    assert said(compare_results([results("a", table=table)]), "a large share of the variance")
-    assert not said(compare_results([results("b")]), "a large share of the variance")
+    assert said(
+        compare_results([results("a", table=table)]),
+        "a large share of the between-subject variance",
+    )
+    assert not said(
+        compare_results([results("b")]), "a large share of the between-subject variance"
+    )
 
 
 def test_folders_of_one_name_are_told_apart(results):
@@ -406,50 +353,41 @@ def test_folders_of_one_name_are_told_apart(results):
 # --- input that cannot be trusted ----------------------------------------------------------------
 
 
-def test_a_bench_is_refused(results):
-    with pytest.raises(DataError, match="participants are loads"):
-        compare_results([results("bench", kind="bench")])
-
-
-def test_another_joint_is_refused(results):
-    with pytest.raises(DataError, match="expected one joint, found knee in a, ankle in b"):
-        compare_results([results("a"), results("b", joint="ankle")])
-
-
-def test_other_units_are_refused(results):
-    table = estimates("AB").replace({"unit": {"N*m/rad": "N*m/deg"}})
-
-    with pytest.raises(DataError, match=r"row 2: expected stiffness in N.m/rad, found N.m/deg"):
-        compare_results([results("a", table=table)])
-
-
-def test_a_row_twice_is_refused(results):
-    table = estimates("AB")
-
-    with pytest.raises(DataError, match="row 32: a second stiffness of LRE of A"):
-        compare_results([results("a", table=pd.concat([table, table[:1]]))])
-
-
-def test_a_status_that_belies_its_value_is_refused(results):
-    table = estimates("AB").assign(status="undecided")
-
-    with pytest.raises(DataError, match="row 2: status 'undecided' with a value"):
-        compare_results([results("a", table=table)])
-
-
-def test_no_timing_point_in_common_is_refused(results):
-    other = estimates("ABCDE").replace({"timing_point": dict(zip(POINTS, "xyz", strict=True))})
-
-    with pytest.raises(DataError, match="no timing point in common: a has LRE, MST, TST; b has x"):
-        compare_results([results("a"), results("b", table=other)])
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        (lambda t: t, {"kind": "bench"}, "participants are loads"),
+        (lambda t: t, {"joint": "ankle"}, "expected one joint, found knee in a, ankle in b"),
+        (
+            lambda t: t.replace({"unit": {"N*m/rad": "N*m/deg"}}),
+            {},
+            r"row 2: expected stiffness in N.m/rad, found N.m/deg",
+        ),
+        (lambda t: pd.concat([t, t[:1]]), {}, "row 77: a second stiffness of LRE of A"),
+        (lambda t: t.assign(status="undecided"), {}, "row 2: status 'undecided' with a value"),
+        (
+            lambda t: changed(t, "participant == 'B' and timing_point == 'MST'", value=1e300),
+            {},
+            r"row 22: stiffness 1e\+300 .* not a possible value of a",
+        ),
+        (
+            lambda t: t.replace({"timing_point": dict(zip(POINTS, "xyz", strict=True))}),
+            {},
+            "no timing point in common: a has LRE, MST, TST; b has x",
+        ),
+    ],
+)
+def test_results_that_cannot_be_compared_are_refused(results, change, options, message):
+    with pytest.raises(DataError, match=message):
+        compare_results([results("a"), results("b", table=change(estimates()), **options)])
 
 
 def test_what_is_no_results_folder_is_refused(results, tmp_path):
     folder = results("a")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DataError, match=r"holds no estimates\.csv"):
+    with pytest.raises(DataError, match=r"contains no estimates\.csv"):
         compare_results([tmp_path / "empty"])
-    with pytest.raises(DataError, match="is not there"):
+    with pytest.raises(DataError, match="does not exist"):
         compare_results([tmp_path / "nowhere"])
     with pytest.raises(DataError, match="given twice"):
         compare_results([folder, f"{folder}/."])

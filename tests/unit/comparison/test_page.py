@@ -91,7 +91,7 @@ def test_the_page_states_people_effect_and_equivalence():
     assert "3 and 2" in cells
     assert any(cell.startswith("g \N{MINUS SIGN}0.30 [") for cell in cells)
     assert "not shown (p 0.38)" in cells
-    assert "t test of Welch" in page
+    assert "Welch&#39;s t test" in page
     assert "25 %" in cells  # of the variance between people is measurement error
 
 
@@ -117,10 +117,10 @@ def test_the_page_of_one_source_speaks_of_one(published):
 
     assert "Thin lines: people. Open" in page
     assert "two results" not in page
-    assert "every pair is compared by itself" in page
+    assert "each pair has its own error" in page
     assert "g_z: mean over" in page
     assert "p (Holm)" in page
-    assert "pairs are compared by its error" in other
+    assert "all pairs share the error of the model" in other
     assert "g_z" not in other
     assert "Satterthwaite\N{RIGHT SINGLE QUOTATION MARK}s degrees" in other
     assert "Holm" not in other

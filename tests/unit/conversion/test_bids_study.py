@@ -231,7 +231,7 @@ def test_every_part_of_a_file_has_its_own_pulses_of_the_table(study, tmp_path):
     np.testing.assert_allclose(events[2], [10.0])
     assert events[0] == []
     assert written.notes == (
-        "all.csv: 1 pulse(s) of its table lie outside its perturbed samples and are left out: "
+        "all.csv: 1 pulse(s) of its table are outside its perturbed samples and are excluded: "
         "onset 1 s.",
     )
 

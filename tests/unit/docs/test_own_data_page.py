@@ -134,7 +134,7 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
         (62.496, "unusual_response")
     ]
     report = Path("results/report.html").read_text(encoding="utf-8")
-    assert "What stands behind the estimates" in report
+    assert "Uncertainty of the estimates" in report
     named = re.findall(r"^\d\. \*\*(.*?)\*\*", PAGE, re.MULTILINE)
     assert len(named) == 4
     assert [name for name in named if name not in report] == []

@@ -1,4 +1,4 @@
-"""The error budget: which part of the uncertainty of K, B and J comes from what."""
+"""Figure of the error budget: the sources of the uncertainty of K, B and J."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from jointz.analysis.page.details_tables import SOURCES, variance_shares
-from jointz.report.impedance_figures import timing_points
+from jointz.analysis.summary import counted_people
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -20,13 +20,13 @@ from jointz.report.style import (
     SMALL_PT,
     TINY_PT,
     VERMILION,
-    WIDTH_MM,
     new_figure,
     panel_heading,
-    place_axes,
     place_legend,
+    place_panels,
 )
-from jointz.report.wording import parameter_name
+from jointz.report.subjects import subjects, timing_points
+from jointz.report.wording import ABSOLUTE, parameter_name
 from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import StudyAnalysis
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Source -> (name as people say it, colour, hatch). Eleven colours are too many for a grey print:
-#: neighbours in the stack differ by their hatch.
+#: Source -> (name in words, colour, hatch). Neighbours in the stack differ by their hatch, as
+#: eleven colours cannot be told apart in a grey print.
 _LOOKS: Final[Mapping[str, tuple[str, str, str]]] = {
     "noise": ("strides that differ", BLUE, ""),
     "lag": ("lag and resonance of the sensor", VERMILION, "////"),
@@ -45,24 +45,22 @@ _LOOKS: Final[Mapping[str, tuple[str, str, str]]] = {
     "cross_talk": ("torque seen as angle", "#c9b458", "++"),
     "inertia_model": ("inertia over the cycle", GREEN, "\\\\\\\\"),
     "drift": ("K and B inside the window", SKY, ""),
-    "reflex": ("answer of the muscles", "#8c6d5a", "----"),
+    "reflex": ("reflexes of the muscles", "#8c6d5a", "----"),
     "prior": ("prior knowledge", FAINT, "...."),
     "model": ("which model holds", PURPLE, "xxxx"),
     "gain": ("gains of angle and torque", MUTED, "++++"),
     "intrinsic": ("impedance of the device", INK, "||||"),
 }
 _OTHERS: Final = ("all others", PANEL, "")
-_PARAMETERS: Final = ("stiffness", "damping", "inertia")
-#: A source that nowhere reaches this share is drawn with the others of its kind.
+#: Sources that never reach this share are drawn together.
 _SMALL: Final = 0.02
 _LEFT_MM: Final = 12.0
-_PITCH_MM: Final = (WIDTH_MM - 2.0) / 3
 _LEGEND_COLUMNS: Final = 4
 _LEGEND_ROW_MM: Final = 4.6
 
 
 def source_name(source: str) -> str:
-    """Return a source of uncertainty as people say it.
+    """Return the name of a source of uncertainty in words.
 
     Parameters
     ----------
@@ -90,28 +88,39 @@ def draw_budget(analysis: StudyAnalysis) -> "Figure | None":
     """Draw the share of each source in the variance, stacked, by timing point and parameter."""
     budgeted = person_cells([c for c in analysis.cells if c.budget])
     names = timing_points(budgeted)
-    found = {
+    by_parameter = {
         parameter: [
             mean_shares([c for c in budgeted if c.timing_point == name], parameter)
             for name in names
         ]
-        for parameter in _PARAMETERS
+        for parameter in ABSOLUTE
     }
-    shown = _shown([shares for rows in found.values() for shares in rows])
+    shown = _shown([shares for rows in by_parameter.values() for shares in rows])
     if not shown:
         return None
     lines = int(np.ceil((len(shown) + 1) / _LEGEND_COLUMNS))
     top = 7.0 + lines * _LEGEND_ROW_MM
     figure = new_figure(top + 51.0)
-    for column, (parameter, rows) in enumerate(found.items()):
-        left = _LEFT_MM + column * _PITCH_MM
-        axes = place_axes(figure, left, top, width_mm=_PITCH_MM - _LEFT_MM - 1.0, height_mm=43.0)
+    panels = place_panels(figure, len(ABSOLUTE), left_mm=_LEFT_MM, top_mm=top, height_mm=43.0)
+    for axes, (parameter, rows) in zip(panels, by_parameter.items(), strict=True):
         _draw_bars(axes, rows, shown)
         sizes = [_relative_sd(budgeted, name, parameter) for name in names]
-        _finish(axes, names, sizes, first=column == 0)
+        _finish(axes, names, sizes, first=axes is panels[0])
         panel_heading(axes, parameter_name(parameter))
     place_legend(figure, _legend(shown), columns=_LEGEND_COLUMNS)
     return figure
+
+
+def budget_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure."""
+    return (
+        "Error budget: share of each source in the variance of the estimates, mean over "
+        f"{subjects(analysis).many}, undecided estimates included. Above the bars: standard "
+        "deviation, % of the estimate (median). Strides that differ: errors of the predicted "
+        "unperturbed motion, including the uncertainty of the lag that they cause; more pulses or "
+        "a measured lag reduce them. Prior knowledge: what the data leave to prior assumptions. "
+        f"n: {counted_people(analysis)}."
+    )
 
 
 def _shown(every: Sequence[Mapping[str, float]]) -> list[str]:

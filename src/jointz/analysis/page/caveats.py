@@ -1,89 +1,93 @@
-"""What every reader of a report should know, in plain words."""
+"""Caveats that every reader of a report should know."""
 
 from typing import Final
 
 from jointz.report.subjects import subjects
 from jointz.results.study_analysis import StudyAnalysis
 
-_VAF_CAVEAT: Final = (
+_VAF: Final = (
     "VAF is not accuracy.",
-    "The variance accounted for says how well the model follows the average response, not how "
-    "close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
-    "wrong baseline can spoil all three while VAF stays near 99 %.",
+    "The variance accounted for measures how closely the model follows the average response, not "
+    "how close stiffness, damping and inertia are to the truth. A lag of a few milliseconds or a "
+    "wrong baseline can bias all three while VAF stays near 99 %.",
+)
+_JOINT_AND_DEVICE: Final = (
+    "Inertia is that of joint and device together.",
+    "It includes everything that moves with the joint: limb, brace and what is attached to them, "
+    "unless a calibrated device inertia was subtracted.",
+)
+_DISPLACEMENT: Final = (
+    "The values belong to the displacement and the window of the measurement.",
+    "Large displacements are no longer a small disturbance, reflexes may act within the window, "
+    "and stiffness that changes inside it is averaged.",
+)
+_GAIN: Final = (
+    "Intervals do not include the gain of the torque.",
+    "An error of the torque's gain changes stiffness, damping and inertia in proportion. To "
+    "include it in the intervals, give the gain under [calibration] with its standard deviation.",
 )
 _WALKING: Final = (
-    _VAF_CAVEAT,
+    _VAF,
+    _JOINT_AND_DEVICE,
     (
-        "Inertia is that of joint and device together.",
-        "Everything that moves with the joint is in it: limb, brace and what hangs on them, unless "
-        "a calibrated device inertia was subtracted.",
+        "Intervals from resampled pulses include only differences from pulse to pulse.",
+        "They do not include errors common to all pulses: a lag between sensor and joint, a shift "
+        "between the unperturbed and the perturbed condition, the gain of the torque. To include "
+        "these, give them under [calibration] with their standard deviation.",
     ),
-    (
-        "Intervals from resampled pulses see only what differs from pulse to pulse.",
-        "Errors common to all pulses never show in them: a lag between sensor and joint, a shift "
-        "between the unperturbed and the perturbed condition, the gain of the torque. Give them "
-        "under [calibration] with their standard deviation to have them in the intervals.",
-    ),
-    (
-        "The values belong to the displacement and the window they were measured with.",
-        "Large displacements are no longer a small disturbance, reflexes may act within the "
-        "window, and stiffness that changes inside it is averaged.",
-    ),
+    _DISPLACEMENT,
 )
 _BENCH: Final = (
-    _VAF_CAVEAT,
+    _VAF,
     (
-        "Inertia is that of the load and of all that moves with it.",
-        "The bench's own is in it, and so are its stiffness and damping, unless a calibrated "
-        "intrinsic impedance was subtracted.",
+        "Inertia is that of the load and of everything that moves with it.",
+        "It includes the bench's own inertia. Stiffness and damping include the bench's, too, "
+        "unless a calibrated intrinsic impedance was subtracted.",
     ),
+    _GAIN,
     (
-        "Intervals do not know the gain of the torque.",
-        "Stiffness, damping and inertia follow an error of the torque's gain one to one. Give the "
-        "gain under [calibration] with its standard deviation to have it in the intervals.",
-    ),
-    (
-        "A load is taken to be linear.",
-        "Friction other than a constant one against the motion, play and stiffness that changes "
+        "The load is assumed to be linear.",
+        "Friction other than a constant one against the motion, play, and stiffness that changes "
         "with the deflection are averaged into the three numbers.",
     ),
 )
 _AT_REST: Final = (
-    _VAF_CAVEAT,
-    _WALKING[1],
+    _VAF,
+    _JOINT_AND_DEVICE,
     (
-        "The values belong to the posture, the muscles and the displacement they were measured "
-        "with.",
-        "A joint is stiffer where muscles are active and against small displacements, and reflexes "
-        "act from some 40 ms after an onset.",
+        "The values belong to the posture, the muscle activity and the displacement of the "
+        "measurement.",
+        "A joint is stiffer when muscles are active and against small displacements. Reflexes act "
+        "from about 40 ms after an onset.",
     ),
-    _BENCH[2],
+    _GAIN,
 )
 _RECOMMENDED: Final = (
     (
-        "The fit is that of the angle.",
-        "VAF of the recommended method is that of the angle, of the others that of the torque: the "
-        "two are not to be compared, and neither is accuracy.",
+        "The model is fitted to the angle.",
+        "VAF of the recommended method refers to the angle, that of the other methods to the "
+        "torque. The two are not comparable, and neither measures accuracy.",
     ),
-    _WALKING[1],
+    _JOINT_AND_DEVICE,
     (
-        "Intervals hold what the method can know of.",
-        "That is strides that differ, the lag, the friction model, the calibration and models "
-        "that explain the responses as well, a reflex among them. What no model in it has, such as "
-        "a gain that nobody calibrated or stiffness that falls with the displacement, is not.",
+        "Intervals cover the modelled sources of error only.",
+        "These are differences between strides, the lag, the friction model, the calibration, and "
+        "alternative models that explain the responses as well, such as a reflex. Unmodelled "
+        "errors, such as an uncalibrated gain or stiffness that falls with the displacement, are "
+        "not included.",
     ),
     (
-        "Undecided is an answer.",
-        "Where the interval reaches further than half the value, or an upper limit is no small "
-        "one, no value is given. The section on what stands behind the estimates says why, and "
-        "what would decide it.",
+        "Undecided is a result.",
+        "No value is given if the interval reaches further than half the value, or if an upper "
+        "limit is too large to be informative. The section on the uncertainty of the estimates "
+        "says why, and which measurement would decide it.",
     ),
-    _WALKING[3],
+    _DISPLACEMENT,
 )
 
 
 def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
-    """Return what every reader of a report should know, in plain words."""
+    """Return heading and text of each caveat that applies to an analysis."""
     words = subjects(analysis)
     if words.bench:
         return _BENCH if words.loads else _AT_REST

@@ -1,16 +1,16 @@
-"""The tables beside ``estimates.csv``: what stands behind each estimate, and behind each person."""
+"""Tables beside ``estimates.csv``: details of each estimate, and the model of each person."""
 
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.estimates import FIT_SOURCES, CellEstimate, ParameterEstimate
+from jointz.report.wording import ABSOLUTE
+from jointz.results.estimates import FIT_SOURCES, CellEstimate
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import StudyAnalysis
 
-#: Where the uncertainty of an estimate comes from, in the order of tables and figures.
+#: Sources of the uncertainty of an estimate, in the order of tables and figures.
 SOURCES: Final = (*FIT_SOURCES, "gain", "intrinsic")
 #: Columns of ``details.csv``.
 DETAIL_COLUMNS: Final = (
@@ -37,11 +37,10 @@ DETAIL_COLUMNS: Final = (
     "session",
     "side",
 )
-_PARAMETERS: Final = ("stiffness", "damping", "inertia")
 
 
 def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return what stands behind each K, B and J, one row a cell and parameter.
+    """Return the details of each K, B and J, one row for each cell and parameter.
 
     Parameters
     ----------
@@ -52,8 +51,8 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns :data:`DETAIL_COLUMNS`. ``sd_SOURCE`` are standard deviations, SI, and ``sd`` is
-        that of all together; none where a method makes no budget. The columns of gravity belong
-        to the stiffness.
+        that of all sources together; missing if the method has no error budget. The columns of
+        gravity belong to the stiffness.
 
     Examples
     --------
@@ -61,16 +60,17 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
     True
     """
     rows = [
-        _row(cell, estimate)
+        row | _details(cell, name)
         for cell in analysis.cells
-        for name in _PARAMETERS
-        if (estimate := cell.parameter(name)) is not None
+        for name in ABSOLUTE
+        for row in cell.rows()
+        if row["parameter"] == name
     ]
     return pd.DataFrame(rows, columns=list(DETAIL_COLUMNS))
 
 
 def models_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return what was found about each person's joint and sensor, one row a person."""
+    """Return the model of each person's joint and sensor, one row for each person."""
     columns = list(ParticipantModel.__slots__)
     rows = [model.to_dict() | {"doubts": " ".join(model.doubts)} for model in analysis.models]
     return pd.DataFrame(rows, columns=columns)
@@ -89,37 +89,24 @@ def variance_shares(cell: CellEstimate, parameter: str) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Source -> share; empty where the method makes no budget.
+        Source -> share; empty if the method has no error budget.
     """
     variances = {name: sd**2 for name, sd in cell.budget.get(parameter, {}).items()}
     total = sum(variances.values())
     return {name: value / total for name, value in variances.items()} if total > 0.0 else {}
 
 
-def _row(cell: CellEstimate, estimate: ParameterEstimate) -> dict[str, Any]:
-    budget = cell.budget.get(estimate.name, {})
-    corrected = cell.gravity_corrected if estimate.name == "stiffness" else None
+def _details(cell: CellEstimate, parameter: str) -> dict[str, Any]:
+    estimate, budget = cell.parameter(parameter), cell.budget.get(parameter, {})
+    corrected = cell.gravity_corrected if parameter == "stiffness" else None
     return {
-        "participant": cell.participant,
-        "timing_point": cell.timing_point,
-        "parameter": estimate.name,
-        "value": estimate.value,
-        "unit": PARAMETER_UNITS[estimate.name],
-        "ci_low": estimate.ci_low,
-        "ci_high": estimate.ci_high,
-        "ci_level": estimate.ci_level,
-        "status": estimate.status,
-        "unbounded": estimate.unbounded,
-        "share_at_bound": estimate.share_at_bound,
-        "onset_gait_pct": cell.onset_gait_pct,
+        "unbounded": estimate and estimate.unbounded,
+        "share_at_bound": estimate and estimate.share_at_bound,
         "centre_gait_pct": cell.centre_gait_pct,
         "displacement_rad": cell.displacement_rad,
-        "stiffness_gravity_corrected": corrected.value if corrected else None,
-        "gravity_corrected_ci_low": corrected.ci_low if corrected else None,
-        "gravity_corrected_ci_high": corrected.ci_high if corrected else None,
-        "method": cell.method,
+        "stiffness_gravity_corrected": corrected and corrected.value,
+        "gravity_corrected_ci_low": corrected and corrected.ci_low,
+        "gravity_corrected_ci_high": corrected and corrected.ci_high,
         "sd": float(np.linalg.norm(list(budget.values()))) if budget else None,
         **{f"sd_{source}": budget.get(source) for source in SOURCES},
-        "session": cell.session,
-        "side": cell.side,
     }

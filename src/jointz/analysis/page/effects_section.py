@@ -1,4 +1,4 @@
-"""The table of a bench report that says whether type and direction of pulses matter (2.2.4)."""
+"""Section of a bench report on effects of type and direction of pulses (2.2.4)."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -10,39 +10,42 @@ _METHODS: Final = {
     "pulse_likelihood": "errors-in-variables likelihood over 250 ms",
 }
 _SMALLEST_P: Final = 1e-4
-_EFFECTS: Final = ("type", "direction", "joint")
+_EFFECTS: Final = {
+    "type": "type",
+    "direction": "direction",
+    "joint": "type or direction",
+}
 
 
 def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return rows and notes of the table, None where no pulse went another way."""
-    found = statistics.get("pulse_effects")
-    if not found:
+    """Return rows and notes of the table, None if pulses had one direction only."""
+    effects = statistics.get("pulse_effects")
+    if not effects:
         return None
     tests: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
-    for test in found["tests"]:
+    for test in effects["tests"]:
         if test["effect"] in _EFFECTS:
             key = tuple(str(test[k]) for k in ("case", "trajectory", "response", "effect"))
             tests.setdefault(key, {})[test["analysis"]] = test
-    methods = found.get("methods") or ["dissertation"]
+    methods = effects.get("methods") or ["dissertation"]
     return {
-        "rows": [_row(key, pair, found["alpha"]) for key, pair in tests.items()],
+        "rows": [_row(key, pair, effects["alpha"]) for key, pair in tests.items()],
         "methods": " and ".join(_METHODS.get(name, name) for name in methods),
-        "notes": found["notes"],
+        "notes": effects["notes"],
     }
 
 
 def _row(
     key: tuple[str, ...], tests: Mapping[str, Mapping[str, Any]], alpha: float
 ) -> dict[str, Any]:
-    one_way, mixed = tests.get("one_way", {}), tests.get("mixed", {})
-    p_holm = mixed.get("p_holm")
+    case, trajectory, response, effect = key
+    p_holm = tests.get("mixed", {}).get("p_holm")
     return {
-        "case": key[0],
-        "trajectory": key[1],
-        "response": key[2],
-        "effect": "type or direction" if key[3] == "joint" else key[3],
-        "one_way": _test(one_way),
-        "mixed": _test(mixed),
+        "case": case,
+        "trajectory": trajectory,
+        "response": response,
+        "effect": _EFFECTS[effect],
+        **{name: _test(tests.get(name, {})) for name in ("one_way", "mixed")},
         "p_holm": _p(p_holm),
         "matters": p_holm is not None and p_holm < alpha,
     }

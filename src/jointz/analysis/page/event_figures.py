@@ -1,5 +1,6 @@
-"""What happened in the recordings: strides over time, and where pulses began."""
+"""Figures of the recordings: strides over time, and accuracy of the onsets."""
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Final
@@ -8,7 +9,6 @@ import numpy as np
 
 from jointz.core.codes import Exclusion
 from jointz.core.events import StrideRecord
-from jointz.report.prose import strides_with_pulse
 from jointz.report.style import (
     BLUE,
     GREEN,
@@ -28,7 +28,7 @@ from jointz.report.style import (
     place_text,
     ticks_at,
 )
-from jointz.report.wording import MINUS, format_signed
+from jointz.report.wording import MINUS, format_count, format_signed
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.description import onset_errors
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-# Strides with a pulse are left out by design and are many: a rug, not marks.
+# Strides with a pulse are excluded by design. They are many: strokes on the axis, not marks.
 _BY_DESIGN: Final = Exclusion.PULSE_IN_STRIDE.value
 _CODE_LOOKS: Final = ((VERMILION, "x"), (PURPLE, "^"), (ORANGE, "s"), (GREEN, "v"), (INK, "+"))
 _LEFT_MM: Final = 22.0
@@ -54,7 +54,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
     conditions = list(dict.fromkeys(s.condition for s in analysis.strides))
     grid = _stride_grid(analysis.strides)
     looks = _code_looks(analysis.strides)
-    held = strides_with_pulse(analysis)
+    with_pulse = strides_with_pulse(analysis)
     height = 24.0 if len(grid) <= 4 else 13.0
     pitch = height + 4.0
     figure = new_figure(15.0 + pitch * len(grid) + 7.0)
@@ -69,7 +69,7 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
         limits = _duration_limits([s for own in by_condition.values() for s in own])
         for (left, width), condition in zip(boxes[:-1], conditions, strict=True):
             axes = place_axes(figure, left, top, width_mm=width, height_mm=height)
-            _draw_recording(axes, by_condition.get(condition, ()), analysis, held)
+            _draw_recording(axes, by_condition.get(condition, ()), analysis, with_pulse)
             _draw_rejected(axes, by_condition.get(condition, ()), looks, limits)
             axes.set_xlim(0.0, longest[condition])
             _duration_axis(axes, limits, labelled=condition == conditions[0], last=last)
@@ -80,12 +80,43 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
         axes.set_xticks([])
         axes.set_xlabel("strides" if last else "")
     place_text(figure, 1.0, 11.0, "Stride time (s)", fontsize=7.0, va="center")
-    place_legend(figure, _stride_legend(looks, analysis, held))
+    place_legend(figure, _stride_legend(looks, analysis, with_pulse))
     return figure
 
 
+def strides_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of the strides, with the marks that occur in it."""
+    marks = ""
+    if any(s.code not in ("", _BY_DESIGN) for s in analysis.strides):
+        marks += " Marks: excluded strides, by code; those beyond the axis are drawn at its edge."
+    if strides_with_pulse(analysis):
+        marks += " Grey strokes: strides with a pulse; they are not used as unperturbed strides."
+    return (
+        "Stride times in each recording (line) and histogram of the accepted strides with "
+        f"mean ± SD.{marks} n: {format_count(len(analysis.strides), 'stride')}."
+    )
+
+
+def strides_with_pulse(analysis: StudyAnalysis) -> set[tuple[str, str, float]]:
+    """Return the strides in which a pulse begins, or that were excluded for a pulse."""
+    onsets: dict[tuple[str, str], list[float]] = {}
+    for pulse in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s):
+        onsets.setdefault((pulse.participant, pulse.recording), []).append(pulse.onset_s)
+    return {
+        (s.participant, s.recording, s.start_s)
+        for s in analysis.strides
+        if s.code == _BY_DESIGN or _has_onset(s, onsets.get((s.participant, s.recording), ()))
+    }
+
+
+def _has_onset(stride: StrideRecord, onsets_s: Sequence[float]) -> bool:
+    following = bisect_left(onsets_s, stride.start_s)
+    end_s = stride.start_s + stride.duration_s
+    return following < len(onsets_s) and onsets_s[following] < end_s
+
+
 def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw where in the cycle each pulse began, relative to its target."""
+    """Draw the onset of each pulse in the gait cycle, relative to its target."""
     pulses = onset_errors(analysis.pulses)
     errors = {key: known for key, all_ in pulses.items() if (known := all_[~np.isnan(all_)]).size}
     if not errors:
@@ -106,8 +137,19 @@ def draw_onset_accuracy(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
+def onset_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of the onsets."""
+    missing = sum(p.target_pct is not None and p.measured_pct is None for p in analysis.pulses)
+    return (
+        "Measured minus planned onset of every pulse, in % of the gait cycle: histogram (left) and "
+        "single pulses (right) of each timing point, with their mean (line), standard deviation "
+        "(SD) and number. The measured onset is the time since the heel strike over the duration "
+        f"of the same stride. Not drawn: {format_count(missing, 'pulse')} outside accepted strides."
+    )
+
+
 def _stride_grid(strides: Sequence[StrideRecord]) -> _Grid:
-    """Sort strides by participant and repeat of a condition, then by condition."""
+    """Group strides by participant and repetition of a condition, then by condition."""
     recordings: dict[tuple[str, str, str], list[StrideRecord]] = {}
     for stride in strides:
         key = (stride.participant, stride.condition, stride.recording)
@@ -145,7 +187,7 @@ def _column_boxes(longest_s: Sequence[float]) -> list[tuple[float, float]]:
 
 
 def _duration_limits(strides: Sequence[StrideRecord]) -> tuple[float, float]:
-    """Return limits that show accepted strides well; the others may lie beyond."""
+    """Return limits that fit the accepted strides; others may lie beyond."""
     usable = [s.duration_s for s in strides if s.code in ("", _BY_DESIGN)]
     durations = np.array(usable or [s.duration_s for s in strides])
     low, high = np.percentile(durations, [1.0, 99.0])
@@ -157,7 +199,7 @@ def _draw_recording(
     axes: "Axes",
     strides: Sequence[StrideRecord],
     analysis: StudyAnalysis,
-    held: AbstractSet[tuple[str, str, float]],
+    with_pulse: AbstractSet[tuple[str, str, float]],
 ) -> None:
     if not strides:
         axes.text(0.5, 0.5, "no recording", transform=axes.transAxes, ha="center", va="center",
@@ -172,7 +214,7 @@ def _draw_recording(
               markersize=2.5)  # fmt: skip
     rug = axes.get_xaxis_transform()
     where = (strides[0].participant, strides[0].recording)
-    holding = np.array([(*where, s) in held for s in start.tolist()], dtype=bool)
+    holding = np.array([(*where, s) in with_pulse for s in start.tolist()], dtype=bool)
     in_pulse = ticks_at(start[holding], 0.0, 0.09)
     axes.plot(*in_pulse, color=MUTED, linewidth=0.6, transform=rug)
     gaps = [g.start_s for g in analysis.gaps if (g.participant, g.recording) == where]
@@ -186,7 +228,7 @@ def _draw_rejected(
     looks: Mapping[str, tuple[str, str]],
     limits: tuple[float, float],
 ) -> None:
-    """Mark the strides left out; those far off stand at the edge, still telling their code."""
+    """Mark the excluded strides by their code; those beyond the limits at the edge."""
     inset = 0.11 * (limits[1] - limits[0])
     for code, (colour, marker) in looks.items():
         own = [s for s in strides if s.code == code]
@@ -225,11 +267,11 @@ def _draw_histogram(
 def _stride_legend(
     looks: Mapping[str, tuple[str, str]],
     analysis: StudyAnalysis,
-    held: AbstractSet[tuple[str, str, float]],
+    with_pulse: AbstractSet[tuple[str, str, float]],
 ) -> "list[Line2D]":
     handles = [legend_line("accepted", BLUE)]
-    if held:
-        handles.append(legend_line("holds a pulse", MUTED, marker="|", linestyle="none"))
+    if with_pulse:
+        handles.append(legend_line("contains a pulse", MUTED, marker="|", linestyle="none"))
     handles += [
         legend_line(code.replace("_", " "), colour, marker=marker, linestyle="none")
         for code, (colour, marker) in looks.items()

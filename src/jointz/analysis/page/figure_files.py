@@ -1,37 +1,75 @@
-"""All figures of an analysis, as SVG text and as PDF."""
+"""Figures of an analysis: how each is drawn, captioned, written and placed on the page."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from jointz.analysis.page.budget_figure import draw_budget
-from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
-from jointz.analysis.page.method_figures import draw_methods
-from jointz.analysis.page.response_figures import draw_responses
-from jointz.report.impedance_figures import draw_impedance_column, draw_impedance_over_gait
+import pandas as pd
+
+from jointz.analysis.page.budget_figure import budget_caption, draw_budget
+from jointz.analysis.page.event_figures import (
+    draw_onset_accuracy,
+    draw_strides,
+    onset_caption,
+    strides_caption,
+)
+from jointz.analysis.page.impedance_figures import (
+    draw_impedance_column,
+    draw_impedance_over_gait,
+    impedance_caption,
+)
+from jointz.analysis.page.method_figures import (
+    TRUTH_CAPTION,
+    draw_methods,
+    draw_truth,
+    methods_caption,
+)
+from jointz.analysis.page.response_figures import draw_responses, responses_caption
+from jointz.report.html_page import page_figures
 from jointz.report.style import figure_style, to_pdf, to_svg
-from jointz.report.subjects import subjects
 from jointz.results.study_analysis import StudyAnalysis
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from matplotlib.figure import Figure
 
-_DRAWN: "Final[Mapping[str, Callable[[StudyAnalysis], Figure | None]]]" = {
-    "impedance_over_gait": draw_impedance_over_gait,
-    "responses": draw_responses,
-    "methods": draw_methods,
-    "budget": draw_budget,
-    "onset_accuracy": draw_onset_accuracy,
-    "strides": draw_strides,
-    "impedance_column": draw_impedance_column,
-}
 Format = TypeVar("Format")
-#: Fonts for what the figures' own cannot write, as a name in Chinese; none of them comes along.
-_OTHER_FONTS: "Final" = (
+
+
+@dataclass(frozen=True, slots=True)
+class _ReportFigure:
+    """How a figure is drawn from an analysis, and its heading, caption and place on the page."""
+
+    draw: "Callable[[StudyAnalysis], Figure | None] | None"  # None: drawn from the truth
+    heading: str = ""
+    caption: Callable[[StudyAnalysis], str] | None = None  # None: not on the page
+    section: str = ""  # of the template ``report.html.j2``
+
+
+#: In the order of the page.
+_REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
+    "impedance_over_gait": _ReportFigure(
+        draw_impedance_over_gait, "Impedance", impedance_caption, "impedance"
+    ),
+    "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
+    "budget": _ReportFigure(
+        draw_budget, "Sources of the uncertainty", budget_caption, "uncertainty"
+    ),
+    "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),
+    "responses": _ReportFigure(
+        draw_responses, "Responses to the pulses", responses_caption, "participants"
+    ),
+    "onset_accuracy": _ReportFigure(
+        draw_onset_accuracy, "Accuracy of the onset", onset_caption, "recordings"
+    ),
+    "strides": _ReportFigure(draw_strides, "Strides", strides_caption, "recordings"),
+    "impedance_column": _ReportFigure(draw_impedance_column),
+}
+#: Names of the figures that every analysis may have.
+FIGURES: Final = tuple(name for name, figure in _REPORT_FIGURES.items() if figure.draw)
+#: Fonts for scripts that the figures' own font lacks, such as Chinese; none is installed with it.
+_OTHER_FONTS: Final = (
     "Noto Sans CJK SC",
     "Noto Sans CJK JP",
     "Noto Sans CJK KR",
@@ -43,8 +81,6 @@ _OTHER_FONTS: "Final" = (
     "PingFang SC",
     "Arial Unicode MS",
 )
-#: Names of all figures, in the order of the report; what it does not show comes last.
-FIGURES = tuple(_DRAWN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,54 +92,80 @@ class Picture:
 
 
 def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
-    """Draw every figure the analysis has data for.
+    """Draw every figure that the analysis has data for, as SVG.
 
-    The same analysis gives the same text. Nothing of the user's matplotlib
-    settings is read or changed.
+    The same analysis gives the same text. The user's matplotlib settings are neither read nor
+    changed.
     """
-    drawn = {name: draw_figure(analysis, name) for name in FIGURES}
-    return {name: svg for name, svg in drawn.items() if svg is not None}
+    figures = {name: draw_figure(analysis, name) for name in FIGURES}
+    return {name: svg for name, svg in figures.items() if svg is not None}
 
 
 def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
-    """Draw one figure; None where the analysis has no data for it."""
-    return _drawn(analysis, name, to_svg)
+    """Draw one figure as SVG; None if the analysis has no data for it."""
+    return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
 
 
 def draw_picture(analysis: StudyAnalysis, name: str) -> Picture | None:
-    """Draw one figure once, and write it in every format; None where there is no data for it."""
-    return _drawn(analysis, name, to_picture)
+    """Draw one figure once, and write it in every format; None if there is no data for it."""
+    return _written(_REPORT_FIGURES[name].draw, analysis, _to_picture)
 
 
-def to_picture(figure: "Figure") -> Picture:
-    """Write a figure in every format; inside :func:`~jointz.report.style.figure_style` only."""
+def draw_truth_picture(truth: pd.DataFrame) -> Picture | None:
+    """Draw estimates against the truth of a simulation; None if there is nothing to compare."""
+    return _written(draw_truth, truth, _to_picture)
+
+
+def captions(analysis: StudyAnalysis) -> dict[str, str]:
+    """Return the caption of each figure on the page."""
+    return {
+        name: figure.caption(analysis)
+        for name, figure in _REPORT_FIGURES.items()
+        if figure.caption is not None
+    }
+
+
+def figures_by_section(
+    analysis: StudyAnalysis, svgs: Mapping[str, str]
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the figures of each section of the page, numbered in the order of the page."""
+    texts = captions(analysis)
+    names = [name for name in texts if name in svgs]
+    sections: dict[str, list[dict[str, Any]]] = {}
+    numbered = page_figures(
+        (name, svgs[name], _REPORT_FIGURES[name].heading, texts[name]) for name in names
+    )
+    for name, figure in numbered.items():
+        sections.setdefault(_REPORT_FIGURES[name].section, []).append(figure)
+    return sections
+
+
+def _to_picture(figure: "Figure") -> Picture:
     return Picture(to_svg(figure), to_pdf(figure))
 
 
-def _drawn(
-    analysis: StudyAnalysis, name: str, written: "Callable[[Figure], Format]"
+def _written(
+    draw: "Callable[[Any], Figure | None] | None",
+    data: StudyAnalysis | pd.DataFrame,
+    write: "Callable[[Figure], Format]",
 ) -> "Format | None":
-    loads = {c.participant for c in analysis.cells} if subjects(analysis).loads else ()
-    # The methods are compared by means, and those over unlike loads mean nothing.
-    if name == "methods" and len(loads) > 1:
-        return None
-    with figure_style(), _any_script():
-        figure = _DRAWN[name](analysis)
-        return None if figure is None else written(figure)
+    with figure_style(), _fonts_of_any_script():
+        figure = None if draw is None else draw(data)
+        return None if figure is None else write(figure)
 
 
 @contextmanager
-def _any_script() -> Iterator[None]:
-    """Write what the usual font lacks in another where there is one, else as boxes in silence.
+def _fonts_of_any_script() -> Iterator[None]:
+    """Use another font for letters that the usual one lacks, or boxes without a warning.
 
-    A letter that the usual font has is never taken from another: figures stay alike everywhere.
+    A letter of the usual font is never taken from another: figures stay alike everywhere.
     """
     import matplotlib
     from matplotlib.font_manager import fontManager
 
-    there = {font.name for font in fontManager.ttflist}
+    installed = {font.name for font in fontManager.ttflist}
     usual = matplotlib.rcParams["font.family"]
-    family = [*usual, *(name for name in _OTHER_FONTS if name in there)]
+    family = [*usual, *(name for name in _OTHER_FONTS if name in installed)]
     with matplotlib.rc_context({"font.family": family}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
         yield

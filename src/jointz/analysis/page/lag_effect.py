@@ -1,11 +1,11 @@
-"""What a lag of the angle alone does to a fit that takes angle and torque for simultaneous."""
+"""Effect of a lag of the angle on a fit that treats angle and torque as simultaneous."""
 
 import numpy as np
 
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.results.estimates import Response
 
-# The low-pass smears by a few periods of its cut-off; the pulse goes on behind the window.
+# The low-pass needs a few periods of its cut-off; the pulse continues after the window.
 _MARGIN_S = 0.3
 _STEP_S = 1e-3
 
@@ -18,11 +18,11 @@ def fit_with_lag(
     cutoff_hz: float,
     window_s: float,
 ) -> tuple[float, float, float]:
-    """Return the K, B, J that a regression reads when the angle is late and nothing else is wrong.
+    """Return the K, B, J that a regression gives if the angle is late and nothing else is wrong.
 
-    A linear joint at rest, a pure delay, no noise; torque regressed on angle, velocity and
-    acceleration (4.2). A sensor with a time constant differs little from a delay behind the
-    low-pass of 20 Hz.
+    The joint is linear and at rest, the lag a pure delay, and there is no noise; torque is
+    regressed on angle, velocity and acceleration (4.2). After the low-pass of 20 Hz a sensor with a
+    time constant differs little from a delay.
     """
     from scipy.optimize import nnls
     from scipy.signal import lsim
@@ -40,6 +40,6 @@ def fit_with_lag(
     motion = np.column_stack([smooth_angle, velocity, np.gradient(velocity, _STEP_S)])
     inside = (time >= -0.5 * _STEP_S) & (time <= window_s + 0.5 * _STEP_S)
     scale = np.abs(motion[inside]).max(axis=0)
-    found, _ = nnls(motion[inside] / scale, smooth_torque[inside])
-    k, b, j = found / scale
+    scaled, _ = nnls(motion[inside] / scale, smooth_torque[inside])
+    k, b, j = scaled / scale
     return float(k), float(b), float(j)

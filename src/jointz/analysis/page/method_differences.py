@@ -1,4 +1,4 @@
-"""The recommended method beside the dissertation's, and in plain words why they differ."""
+"""Section of the report that compares both methods and explains why they differ."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,18 +8,27 @@ import numpy as np
 
 from jointz.analysis.page.lag_effect import fit_with_lag
 from jointz.core.events import row_label
-from jointz.report.impedance_figures import timing_points
-from jointz.report.wording import DASH, MINUS, format_count, format_number, format_vaf
+from jointz.report.subjects import study_record, timing_points
+from jointz.report.wording import (
+    ABSOLUTE,
+    DASH,
+    MINUS,
+    SYMBOLS,
+    format_count,
+    format_number,
+    format_span,
+    format_vaf,
+    joined,
+)
 from jointz.results.estimates import CellEstimate, Response
 from jointz.results.study_analysis import StudyAnalysis
 
 METHOD: Final = "recommended"
 OTHER: Final = "dissertation"
-_PARAMETERS: Final = ("stiffness", "damping", "inertia")
-_SYMBOLS: Final = ("K", "B", "J")
-#: What the dissertation's method takes where a study says nothing (4.2.3).
+#: Defaults of the dissertation's method (4.2.3).
 _CUTOFF_HZ, _WINDOW_S = 20.0, 0.1
 _SAME_LAG_S: Final = 0.5e-3
+_SAME_LAG_MS: Final = 0.1
 _SMALL_PCT: Final = 5.0
 
 _Row = dict[str, Any]
@@ -29,28 +38,30 @@ _Row = dict[str, Any]
 class _Pair:
     """One participant and timing point by both methods."""
 
-    mine: CellEstimate
+    recommended: CellEstimate
     other: CellEstimate
-    lag_s: float
-    lag_alone: tuple[float, ...]
-    apart_deg: float
+    lag_s: float  # that the calibration does not remove
+    lag_alone: tuple[float, ...]  # effect of this lag on the other method's K, B and J, %
+    apart_deg: float  # largest distance between the average angles
 
 
 def differences_section(analysis: StudyAnalysis) -> _Row | None:
-    """Return what the page says of both methods, None where there are not both."""
+    """Return what the page shows of both methods, None unless there are estimates of both."""
     pairs = _pairs(analysis)
     if not pairs:
         return None
-    names = timing_points([p.mine for p in pairs])
+    names = timing_points([p.recommended for p in pairs])
     return {
         "lead": _unbroken(_lead(pairs)),
-        "rows": [_row(name, [p for p in pairs if p.mine.timing_point == name]) for name in names],
+        "rows": [
+            _row(name, [p for p in pairs if p.recommended.timing_point == name]) for name in names
+        ],
         "reasons": [(head, _unbroken(text)) for head, text in _reasons(analysis, pairs)],
     }
 
 
 def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float, float] | None:
-    """Return the lag found, and the part of it that the study's calibration does not take out."""
+    """Return the estimated lag, and the part of it that the calibration does not remove."""
     model = next((m for m in analysis.models if m.label == cell.label), None)
     if model is None:
         return None
@@ -59,13 +70,13 @@ def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float,
 
 def _calibrated_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> float:
     known = _calibration(analysis, cell)
-    return _seconds(known, "angle_lag_s") - _seconds(known, "torque_lag_s")
+    return _entry(known, "angle_lag_s") - _entry(known, "torque_lag_s")
 
 
 def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, Any]:
-    """Return what holds in the perturbed recordings of a cell."""
+    """Return the calibration of the perturbed recordings of a cell."""
     known = dict(analysis.settings.get("calibration") or {})
-    study = analysis.provenance.get("study") or {}
+    study = study_record(analysis)
     for person in study.get("participants") or ():
         if person.get("id") == cell.participant:
             known |= person.get("calibration") or {}
@@ -77,7 +88,7 @@ def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, An
     return known
 
 
-def _seconds(known: Mapping[str, Any], name: str) -> float:
+def _entry(known: Mapping[str, Any], name: str) -> float:
     return float((known.get(name) or {}).get("value", 0.0))
 
 
@@ -90,7 +101,7 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
         if cell.method != METHOD or other is None or lags is None or cell.response is None:
             continue
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
-        late_s = _seconds(_calibration(analysis, cell), "angle_lag_s")
+        late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
         apart_deg = _apart_deg(cell, other, late_s)
         pairs.append(_Pair(cell, other, lags[1], alone, apart_deg))
     return pairs
@@ -99,53 +110,55 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
 def _lag_alone(
     cell: CellEstimate, response: Response, lag_s: float, settings: Mapping[str, Any]
 ) -> tuple[float, ...]:
-    """Return what the lag does to the other method's K, B and J, % of each."""
-    known = [p.unbounded for name in _PARAMETERS if (p := cell.parameter(name)) is not None]
-    values = [v for v in known if v is not None and v > 0.0]
-    if len(values) < len(_PARAMETERS):
+    """Return the effect of the lag on the other method's K, B and J, % of each."""
+    estimates = [p for name in ABSOLUTE if (p := cell.parameter(name)) is not None]
+    values = [p.unbounded for p in estimates if p.unbounded is not None and p.unbounded > 0.0]
+    if len(values) < len(ABSOLUTE):
         return ()
-    impedance = (values[0], values[1], values[2])
-    found = fit_with_lag(
+    stiffness, damping, inertia = values
+    biased = fit_with_lag(
         response,
-        impedance,
+        (stiffness, damping, inertia),
         lag_s=lag_s,
         cutoff_hz=settings.get("cutoff_hz") or _CUTOFF_HZ,
         window_s=settings.get("window_s") or _WINDOW_S,
     )
-    return tuple(100.0 * (f / v - 1.0) for f, v in zip(found, impedance, strict=True))
+    return tuple(100.0 * (b / v - 1.0) for b, v in zip(biased, values, strict=True))
 
 
-def _apart_deg(mine: CellEstimate, other: CellEstimate, late_s: float) -> float:
-    """Return how far apart the two average angles are at most; mine is late by a known lag."""
-    a, b = mine.response, other.response
+def _apart_deg(recommended: CellEstimate, other: CellEstimate, late_s: float) -> float:
+    """Return the largest distance between the average angles, without the calibrated lag."""
+    a, b = recommended.response, other.response
     if a is None or b is None:
         return float("nan")
-    at = a.time_s - late_s  # the other method shifted it out
+    at = a.time_s - late_s  # the other method has removed this lag
     both = (at >= b.time_s[0]) & (at <= b.time_s[-1])
     apart = np.abs(a.angle[both] - np.interp(at[both], b.time_s, b.angle))
     return float(np.degrees(apart.max())) if apart.size else float("nan")
 
 
 def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
-    """Return the other method's estimates over ours, less one, %, where both stand."""
-    found = []
+    """Return the differences of the other method, % of ours, where both are available."""
+    differences = []
     for pair in pairs:
-        a, b = pair.mine.parameter(name), pair.other.parameter(name)
+        a, b = pair.recommended.parameter(name), pair.other.parameter(name)
         if a is None or b is None or not (a.stands and b.stands) or not a.value:
             continue
-        found.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
-    return np.array(found)
+        differences.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
+    return np.array(differences)
 
 
 def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
-    cells = []
-    for k, parameter in enumerate(_PARAMETERS):
-        alone = [p.lag_alone[k] for p in pairs if p.lag_alone]
-        found = _differences(pairs, parameter)
-        cells.append({"whole": _percent(found), "lag": _percent(alone)})
+    cells = [
+        {
+            "whole": _percent(_differences(pairs, parameter)),
+            "lag": _percent([p.lag_alone[k] for p in pairs if p.lag_alone]),
+        }
+        for k, parameter in enumerate(ABSOLUTE)
+    ]
     bound = [
         symbol
-        for symbol, parameter in zip(_SYMBOLS, _PARAMETERS, strict=True)
+        for symbol, parameter in zip(SYMBOLS, ABSOLUTE, strict=True)
         for p in pairs
         if (e := p.other.parameter(parameter)) is not None and e.status == "at_bound"
     ]
@@ -153,7 +166,7 @@ def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
         "name": name,
         "cells": cells,
         "apart": _degrees([p.apart_deg for p in pairs]),
-        "motion": _degrees([np.degrees(p.mine.displacement_rad or np.nan) for p in pairs]),
+        "motion": _degrees([np.degrees(p.recommended.displacement_rad or np.nan) for p in pairs]),
         "verdict": _verdict(pairs),
         "bound": ", ".join(f"{bound.count(s)} {s}" for s in dict.fromkeys(bound)) or DASH,
         "n": len(pairs),
@@ -161,7 +174,7 @@ def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
 
 
 def _verdict(pairs: Sequence[_Pair]) -> str:
-    """Say what sets the stiffnesses apart: the lag, the rest, or both against each other."""
+    """Name the cause of the difference in stiffness: the lag, the rest, or both."""
     whole = _differences(pairs, "stiffness")
     alone = [pair.lag_alone[0] for pair in pairs if pair.lag_alone]
     if not whole.size or not alone:
@@ -175,36 +188,39 @@ def _verdict(pairs: Sequence[_Pair]) -> str:
     if abs(lag) < 0.5 * abs(rest):
         return "mostly the baseline"
     if lag * rest < 0.0:
-        return "lag and baseline, against each other"
+        return "lag and baseline, with opposite effects"
     return "lag and baseline"
 
 
 def _percent(values: Sequence[float] | np.ndarray) -> str:
-    finite = np.asarray(values, dtype=float)
-    finite = finite[np.isfinite(finite)]
-    if not finite.size:
+    median = _median(values)
+    if median is None:
         return DASH
-    rounded = round(float(np.median(finite)))
-    return f"{rounded:+d} %".replace("-", MINUS) if rounded else "0 %"
+    return f"{round(median):+d} %".replace("-", MINUS) if round(median) else "0 %"
 
 
 def _degrees(values: Sequence[float]) -> str:
+    median = _median(values)
+    return DASH if median is None else f"{median:.1f}"
+
+
+def _median(values: Sequence[float] | np.ndarray) -> float | None:
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
-    return f"{float(np.median(finite)):.1f}" if finite.size else DASH
+    return float(np.median(finite)) if finite.size else None
 
 
 def _lead(pairs: Sequence[_Pair]) -> str:
     sizes = []
-    for symbol, name in zip(_SYMBOLS, _PARAMETERS, strict=True):
-        found = _differences(pairs, name)
-        if found.size:
-            sizes.append(f"{np.sqrt(np.mean(found**2)):.0f} % in {symbol}")
+    for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True):
+        percent = _differences(pairs, name)
+        if percent.size:
+            sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
     text = (
-        "Both had the same recordings; each leaves out the pulses that it cannot use. From the "
-        f"recommended estimates the {OTHER}'s method differs"
+        "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
+        f"The {OTHER}'s method differs from the recommended one"
     )
-    return f"{text} by {_listed(sizes)} (root mean square)." if sizes else f"{text}."
+    return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
 
 
 def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str, str]]:
@@ -219,132 +235,135 @@ def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str,
 
 
 def _vaf_reason(pairs: Sequence[_Pair]) -> str:
-    mine, other = (
+    recommended, other = (
         [v for c in cells if (v := c.vaf_pct) is not None]
-        for cells in ([p.mine for p in pairs], [p.other for p in pairs])
+        for cells in ([p.recommended for p in pairs], [p.other for p in pairs])
     )
-    if not mine or not other:
-        return "How well a curve is followed does not say how right its parameters are."
+    if not recommended or not other:
+        return "How closely a curve is followed does not show how accurate its parameters are."
     return (
-        f"Both follow the responses closely (mean VAF of the {OTHER}'s torque "
-        f"{format_vaf(float(np.mean(other)))} %, of the recommended angle "
-        f"{format_vaf(float(np.mean(mine)))} %), so VAF cannot say which of them is right. Wrong "
-        "stiffness, damping and inertia make up for a wrong lag or baseline."
+        "Both methods follow the responses closely (mean VAF "
+        f"{format_vaf(float(np.mean(other)))} % of the torque by the {OTHER}'s method, "
+        f"{format_vaf(float(np.mean(recommended)))} % of the angle by the recommended one), so VAF "
+        "does not show which of them is right. Errors of stiffness, damping and inertia can "
+        "compensate a wrong lag or baseline."
     )
 
 
 def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
-    labels = {p.mine.label for p in pairs}
-    found = [m.lag_s for m in analysis.models if m.label in labels]
-    told = f"The angle was found to be {_range_ms(found)} behind the torque."
-    left = [p.lag_s for p in pairs]
-    if max(map(abs, left)) < _SAME_LAG_S:
+    labels = {p.recommended.label for p in pairs}
+    lags = [1e3 * m.lag_s for m in analysis.models if m.label in labels]
+    text = f"The estimated lag of the angle behind the torque is {_span_ms(lags)}."
+    if max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S:
         return (
-            f"{told} That is what [calibration] says, and both methods take it out; the lag does "
-            "not set them apart here."
+            f"{text} It agrees with [calibration], and both methods correct it; the lag does not "
+            "cause a difference here."
         )
-    calibrated = any(abs(_calibrated_lag_s(analysis, p.mine)) > 0.0 for p in pairs)
-    taken = (
-        "takes out the lag under [calibration] and leaves the rest"
+    calibrated = any(abs(_calibrated_lag_s(analysis, p.recommended)) > 0.0 for p in pairs)
+    treatment = (
+        "corrects the lag under [calibration] only, not the rest"
         if calibrated
-        else "takes them for simultaneous, as no lag stands under [calibration]"
+        else "treats them as simultaneous, as [calibration] has no lag"
     )
     return (
-        f"{told} The {OTHER}'s method {taken}; a late angle passes for more or less of all three. "
-        "The recommended method finds the lag from the responses and carries what is left open "
-        "into the intervals. The columns “lag alone” say what this lag would do to the "
-        f"{OTHER}'s fit of the same joint if nothing else were wrong."
+        f"{text} The {OTHER}'s method {treatment}; a late angle biases K, B and J. The recommended "
+        "method estimates the lag from the responses, and its intervals include the uncertainty of "
+        "the lag. The columns “lag alone” show the effect that this lag alone would have on the "
+        f"{OTHER}'s fit of the same joint."
     )
 
 
-def _range_ms(values: Sequence[float]) -> str:
-    low, high = 1e3 * min(values), 1e3 * max(values)
-    same = high - low < 0.1
-    return f"{low:.1f} ms" if same else f"{low:.1f} to {high:.1f} ms"
+def _span_ms(values: Sequence[float]) -> str:
+    if max(values) - min(values) < _SAME_LAG_MS:
+        return f"{min(values):.1f} ms"
+    return f"{format_span(values, '{:.1f}'.format)} ms"
 
 
 def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     apart = [p.apart_deg for p in pairs if np.isfinite(p.apart_deg)]
     strides = [m.n_strides for m in analysis.models]
-    learned = f" ({min(strides)} strides at least)" if strides else ""
-    told = (
-        f"The {OTHER}'s method subtracts the mean unperturbed stride of another recording, with "
-        "its own posture and pace; what differs passes for response. The recommended method "
-        "predicts each pulse's unperturbed motion from the half second before it, learned from "
-        f"unperturbed strides of the same recording{learned}."
+    at_least = f" (at least {min(strides)} strides)" if strides else ""
+    text = (
+        f"The {OTHER}'s method subtracts the mean unperturbed stride of another recording; "
+        "differences in posture and pace between the recordings are taken as response. The "
+        "recommended method predicts the unperturbed motion of each pulse from the half second "
+        f"before it. It learns this from unperturbed strides of the same recording{at_least}."
     )
     if not apart:
-        return told
+        return text
     return (
-        f"{told} The two average angles, the low-passed one beside the one as sampled, lie up to "
+        f"{text} The two average angles, one low-pass filtered and one as sampled, are up to "
         f"{max(apart):.1f}° apart (median {np.median(apart):.1f}°)."
     )
 
 
 def _bounds_reason(pairs: Sequence[_Pair]) -> str:
-    estimates = [p.other.parameter(name) for p in pairs for name in _PARAMETERS]
+    estimates = [p.other.parameter(name) for p in pairs for name in ABSOLUTE]
     at_zero = sum(e is not None and e.status == "at_bound" for e in estimates)
-    stand = f"{format_count(at_zero, 'estimate')} {'stands' if at_zero == 1 else 'stand'} there"
-    made_up = f"{stand}, and the other two must make up for it" if at_zero else "none stands there"
+    verb = "is" if at_zero == 1 else "are"
+    count = (
+        f"{format_count(at_zero, 'estimate')} {verb} at zero, which the other two parameters "
+        "compensate"
+        if at_zero
+        else "none is at zero"
+    )
     return (
-        f"The {OTHER}'s method allows no value below zero ({made_up}). The recommended method fits "
-        "without bounds, states the unbounded value, and gives an upper limit where zero cannot "
-        "be excluded. Gravity and body weight can make an apparent stiffness negative."
+        f"The {OTHER}'s method allows no value below zero ({count}). The recommended method fits "
+        "without bounds, reports the unbounded value, and gives an upper limit if zero cannot be "
+        "excluded. Gravity and body weight can make an apparent stiffness negative."
     )
 
 
 def _inertia_reason(pairs: Sequence[_Pair]) -> str:
-    mine, other = (_inertia_spread(pairs, get) for get in (lambda p: p.mine, lambda p: p.other))
-    told = (
-        f"The {OTHER}'s method fits an inertia at each timing point by itself. The recommended "
-        "method lets a participant's timing points share one as far as the responses allow, and "
-        "tests that."
+    recommended, other = (
+        _inertia_spread(pairs, get) for get in (lambda p: p.recommended, lambda p: p.other)
     )
-    if mine is None or other is None:
-        return told
+    text = (
+        f"The {OTHER}'s method fits a separate inertia at each timing point. The recommended "
+        "method lets the timing points of a participant share one inertia as far as the responses "
+        "allow, and tests this."
+    )
+    if recommended is None or other is None:
+        return text
     return (
-        f"{told} Largest over smallest inertia of a participant: {other} by the {OTHER}'s method, "
-        f"{mine} by the recommended one (median)."
+        f"{text} Largest over smallest inertia of a participant: {other} by the {OTHER}'s method, "
+        f"{recommended} by the recommended one (median)."
     )
 
 
 def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]) -> str | None:
-    held: dict[str, list[float]] = {}
+    inertias: dict[str, list[float]] = {}
     for cell in map(get, pairs):
         estimate = cell.parameter("inertia")
         if estimate is not None and estimate.stands and estimate.value:
-            held.setdefault(cell.label, []).append(estimate.value)
-    ratios = [max(v) / min(v) for v in held.values() if len(v) > 1]
+            inertias.setdefault(cell.label, []).append(estimate.value)
+    ratios = [max(v) / min(v) for v in inertias.values() if len(v) > 1]
     return format_number(float(np.median(ratios))) if ratios else None
 
 
 def _interval_reason(pairs: Sequence[_Pair]) -> str:
-    mine, other = [p.mine for p in pairs], [p.other for p in pairs]
+    recommended, other = [p.recommended for p in pairs], [p.other for p in pairs]
     widths = [
-        f"{symbol} {_half_width(mine, name)} and {_half_width(other, name)}"
-        for symbol, name in zip(_SYMBOLS, _PARAMETERS, strict=True)
+        f"{symbol} {_half_width(recommended, name)} and {_half_width(other, name)}"
+        for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
     ]
     return (
-        f"Those of the {OTHER}'s method know only how pulses differ from one another; a lag or a "
-        "baseline that all pulses share never shows in them. Those of the recommended method hold "
-        "what the lag, the prediction, the calibration and the model leave open. Median half "
-        f"width, recommended and {OTHER}: {_listed(widths)}."
+        f"Intervals of the {OTHER}'s method include only differences between pulses; a lag or a "
+        "baseline error common to all pulses is not included. Intervals of the recommended method "
+        "include the uncertainty of the lag, the prediction, the calibration and the model. Median "
+        f"half width, recommended and {OTHER}: {joined(widths)}."
     )
 
 
 def _half_width(cells: Iterable[CellEstimate], name: str) -> str:
-    found = []
-    for cell in cells:
-        p = cell.parameter(name)
-        if p is not None and p.status == "ok" and p.value:
-            found.append(50.0 * ((p.ci_high or 0.0) - (p.ci_low or 0.0)) / p.value)
-    return f"{float(np.median(found)):.0f} %" if found else DASH
+    widths = [
+        50.0 * ((p.ci_high or 0.0) - (p.ci_low or 0.0)) / p.value
+        for cell in cells
+        if (p := cell.parameter(name)) is not None and p.status == "ok" and p.value
+    ]
+    return f"{float(np.median(widths)):.0f} %" if widths else DASH
 
 
 def _unbroken(text: str) -> str:
-    """Keep numbers and % together at the end of a line."""
+    """Keep a number and its % in one line."""
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-def _listed(texts: Sequence[str]) -> str:
-    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)

@@ -1,4 +1,4 @@
-"""The chosen method beside others, and estimates against a known truth."""
+"""Figures of the chosen method beside others, and of estimates against the truth."""
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from jointz.analysis.page.method_means import cells_by_method, method_mean, standing
+from jointz.analysis.page.method_means import available, cells_by_method, method_mean
+from jointz.analysis.summary import chosen_method, counted_people, has_pooled_means
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.report.impedance_figures import shown_parameters, timing_points
-from jointz.report.prose import chosen_method
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -22,14 +21,13 @@ from jointz.report.style import (
     SMALL_PT,
     VERMILION,
     WIDTH_MM,
-    figure_style,
     legend_line,
     new_figure,
     panel_heading,
-    place_axes,
     place_legend,
-    to_svg,
+    place_panels,
 )
+from jointz.report.subjects import shown_parameters, subjects, timing_points
 from jointz.report.wording import (
     PARAMETERS,
     format_count,
@@ -55,58 +53,65 @@ _LOOKS: Final = (
 )
 _TRUTH_TICKS: Final = 4  # more labels would touch
 _LEFT_MM: Final = 14.0
-_PITCH_MM: Final = (WIDTH_MM - 2.0) / 3
+#: Height of a panel as wide as it is high, with its margin.
+_SQUARE_MM: Final = (WIDTH_MM - 2.0) / 3 - _LEFT_MM - 4.0
+TRUTH_CAPTION: Final = (
+    "Estimates against the truth of the simulation. Filled: the interval contains the truth; "
+    "open: it does not. Line: equality."
+)
 
 
 def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
     """Draw the means of the chosen method beside those of the other methods.
 
-    The bars are Student's intervals over people, made alike for all methods
-    from the estimates that stand; for one person they are the person's own.
+    The bars are t intervals over people, calculated alike for all methods from the available
+    estimates; for one person they are the person's own. Means over unlike loads are not drawn.
     """
     parameters = shown_parameters(analysis)
-    if not analysis.comparison or not parameters:
+    unlike_loads = subjects(analysis).loads and len({c.participant for c in analysis.cells}) > 1
+    if not analysis.comparison or not parameters or unlike_loads:
         return None
     by_method = cells_by_method(analysis)
     chosen = chosen_method(analysis)
     looks = _method_looks(by_method, chosen)
     figure = new_figure(67.0)
-    for column, parameter in enumerate(parameters):
-        axes = place_axes(
-            figure,
-            _LEFT_MM + column * _PITCH_MM,
-            14.0,
-            width_mm=_PITCH_MM - _LEFT_MM - 1.0,
-            height_mm=46.0,
-        )
+    panels = place_panels(figure, len(parameters), left_mm=_LEFT_MM, top_mm=14.0, height_mm=46.0)
+    for axes, parameter in zip(panels, parameters, strict=True):
         _draw_method_panel(axes, analysis, parameter, looks)
     place_legend(figure, _method_legend(looks, chosen))
     return figure
 
 
-def draw_truth(truth: pd.DataFrame) -> str:
-    """Draw estimates against the truth of a simulated study, as SVG."""
-    with figure_style():
-        figure = truth_figure(truth)
-        return "" if figure is None else to_svg(figure)
+def methods_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of the methods."""
+    words = subjects(analysis)
+    other_means = (
+        " All methods thus have the same kind of mean. The means of the other figures and tables "
+        "differ: there each estimate is weighted by its uncertainty, undecided ones included."
+        if has_pooled_means(analysis)
+        else ""
+    )
+    return (
+        "The chosen method beside the others on the same recordings; each method excludes the "
+        f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "
+        f"t interval over {words.many}; with one {words.one}, the {words.one}'s own interval. An "
+        f"estimate at its bound counts with the value of the bound.{other_means} "
+        f"n: {counted_people(analysis)}."
+    )
 
 
-def truth_figure(truth: pd.DataFrame) -> "Figure | None":
-    """Draw estimates against the truth; inside :func:`~jointz.report.style.figure_style` only."""
+def draw_truth(truth: pd.DataFrame) -> "Figure | None":
+    """Draw estimates against the truth of a simulated study."""
     known = truth.dropna(subset=["truth", "estimate"])
     present = set(known["parameter"])
     parameters = [name for name in PARAMETERS if name in present][:3]
     if not parameters:
         return None
     figure = new_figure(66.0)
-    for column, parameter in enumerate(parameters):
-        axes = place_axes(
-            figure,
-            _LEFT_MM + column * _PITCH_MM,
-            13.0,
-            width_mm=_PITCH_MM - _LEFT_MM - 1.0,
-            height_mm=_PITCH_MM - _LEFT_MM - 4.0,
-        )
+    panels = place_panels(
+        figure, len(parameters), left_mm=_LEFT_MM, top_mm=13.0, height_mm=_SQUARE_MM
+    )
+    for axes, parameter in zip(panels, parameters, strict=True):
         _draw_truth_panel(axes, known[known["parameter"] == parameter], parameter)
     place_legend(figure, _truth_legend())
     return figure
@@ -125,14 +130,16 @@ def _draw_method_panel(
     looks: Mapping[str, tuple[str, str]],
 ) -> None:
     by_method = cells_by_method(analysis)
-    every = [c for cells in by_method.values() for c in cells]
-    holders = [c for c in every if (p := c.parameter(parameter)) is not None and p.stands]
-    names = timing_points(holders)
-    names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in holders) else []
+    every = [c for own in by_method.values() for c in own]
+    cells = [c for c in every if (p := c.parameter(parameter)) is not None and p.stands]
+    names = timing_points(cells)
+    names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in cells) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))
     for i, (method, (colour, marker)) in enumerate(looks.items()):
-        own = {name: standing(by_method[method], parameter, name) for name in names}
-        means = [method_mean(analysis, method, found, name) for name, found in own.items()]
+        means = [
+            method_mean(analysis, method, available(by_method[method], parameter, name), name)
+            for name in names
+        ]
         at = np.arange(len(names)) + (i - 0.5 * (len(looks) - 1)) * dodge
         _draw_method(axes, at, np.array(means, dtype=float), colour=colour, marker=marker)
     for edge in range(1, len(names)):
@@ -190,7 +197,7 @@ def _draw_truth_panel(axes: "Axes", rows: pd.DataFrame, parameter: str) -> None:
 
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(_TRUTH_TICKS))
-    note = f"{format_count(int(covered.sum()), 'interval')} of {covered.size} hold it"
+    note = f"{format_count(int(covered.sum()), 'interval')} of {covered.size} contain it"
     panel_heading(axes, parameter_name(parameter).replace(" per body mass", " / mass"))
     axes.text(
         0.97, 0.04, note, transform=axes.transAxes, ha="right", fontsize=SMALL_PT, color=MUTED
@@ -199,7 +206,7 @@ def _draw_truth_panel(axes: "Axes", rows: pd.DataFrame, parameter: str) -> None:
 
 def _truth_legend() -> "list[Line2D]":
     return [
-        legend_line("interval holds the truth", BLUE, marker="o"),
-        legend_line("interval misses it", VERMILION, marker="o", markerfacecolor="white"),
+        legend_line("interval contains the truth", BLUE, marker="o"),
+        legend_line("interval does not", VERMILION, marker="o", markerfacecolor="white"),
         legend_line("estimate = truth", FAINT),
     ]

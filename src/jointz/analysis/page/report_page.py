@@ -1,7 +1,6 @@
-"""The report of an analysis: one HTML page that needs nothing else."""
+"""Report of an analysis: one HTML page that needs no other file."""
 
 import hashlib
-import re
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,29 +8,28 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from jointz.analysis.page.behind_section import behind_section
 from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.effects_section import effects_section
+from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.quasi_stiffness_section import quasi_stiffness_section
 from jointz.analysis.page.run_section import run_section
 from jointz.analysis.page.truth_section import truth_section
+from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.analysis.paper.methods_text import methods_text
-from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.gait_phases import ALL_POINTS
-from jointz.report.impedance_figures import timing_points
-from jointz.report.prose import (
-    captions,
+from jointz.analysis.summary import (
     fitted_signals,
     mean_over_people_note,
     pulse_counts,
     summary_paragraph,
 )
-from jointz.report.subjects import subjects
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.gait_phases import ALL_POINTS
+from jointz.report.html_page import render_template
+from jointz.report.subjects import subjects, timing_points
 from jointz.report.wording import (
     DASH,
     PARAMETERS,
@@ -39,12 +37,10 @@ from jointz.report.wording import (
     format_estimate,
     format_integer,
     format_interval,
-    format_signed,
     format_spread,
     format_vaf,
     parameter_name,
     point_name,
-    pretty_unit,
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -53,20 +49,6 @@ from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 _FIRST_ROWS: Final = 12
 _HASH_DIGITS: Final = 12
-# In the order of the page.
-_FIGURE_NAMES: Final = {
-    "impedance_over_gait": "Impedance",
-    "methods": "Comparison of methods",
-    "budget": "Where the uncertainty comes from",
-    "truth": "Truth against estimate",
-    "responses": "Responses to the pulses",
-    "onset_accuracy": "Accuracy of the onset",
-    "strides": "Strides",
-}
-_ID: Final = re.compile(r'\bid="([^"]+)"')
-_REFERENCE: Final = re.compile(r'(href="#|url\(#)([^")]+)')
-_SVG_SIZE: Final = re.compile(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"')
-_SVG_STYLE: Final = re.compile(r'\s*<style type="text/css">.*?</style>', re.DOTALL)
 
 _Row = dict[str, Any]
 
@@ -80,72 +62,55 @@ def render_report(
     run: RunReport | None = None,
 ) -> str:
     """Write the report as one HTML page with its figures and styles inside."""
-    environment = Environment(
-        loader=PackageLoader("jointz.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"integer": format_integer, "signed": format_signed, "unit": pretty_unit}
     parameters = _parameters(analysis)
     columns = _columns(parameters)
     words = subjects(analysis)
-    script = Markup(environment.get_template("copy.js.j2").render())
-    return environment.get_template("report.html.j2").render(
+    provenance, statistics = analysis.provenance, analysis.statistics
+    inputs = _inputs(provenance)
+    script = Markup(render_template("copy.js.j2"))
+    return render_template(
+        "report.html.j2",
         title=title,
         words=words,
         settings=analysis.settings,
-        provenance=analysis.provenance,
+        provenance=provenance,
         facts=_facts(analysis),
         summary=summary_paragraph(analysis),
         heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters],
         population=_population_rows(analysis, parameters),
-        figures=_figures(analysis, figures),
+        figures=figures_by_section(analysis, figures),
         columns=[[PARAMETER_UNITS[name] for name in c] for c in columns],
         column_names=[parameter_name(c[0]) for c in columns],
         people=_people(analysis, columns),
         statuses=_statuses(analysis),
-        warnings=analysis.statistics.get("warnings", ()),
-        notes=analysis.statistics.get("notes", ()),
+        warnings=statistics.get("warnings", ()),
+        notes=statistics.get("notes", ()),
         excluded=_excluded(analysis),
-        names=_names(analysis.provenance),
-        onsets=analysis.statistics.get("onset_accuracy", ()),
+        names=_names(provenance),
+        onsets=statistics.get("onset_accuracy", ()),
         recordings=_recordings(analysis),
         methods=methods_text(analysis, simulated=truth is not None),
         caveats=caveats(analysis),
         mean_note=mean_over_people_note(analysis),
-        effects=effects_section(analysis.statistics),
-        packages=_packages(analysis.provenance),
-        inputs=_inputs(analysis.provenance),
-        study_hash=str(analysis.provenance.get("study_sha256", ""))[:_HASH_DIGITS],
+        effects=effects_section(statistics),
+        packages=_packages(provenance),
+        inputs=inputs,
+        study_hash=str(provenance.get("study_sha256", ""))[:_HASH_DIGITS],
         truth=None if truth is None else truth_section(truth),
         differences=differences_section(analysis),
-        behind=behind_section(analysis),
+        uncertainty=uncertainty_section(analysis),
         certificate=certificate_section(analysis.certificate),
         quasi_stiffness=quasi_stiffness_section(analysis),
         fitted=fitted_signals(analysis),
         run=None if run is None else run_section(run),
-        dash=DASH,
-        sizes=any(i.get("size_bytes") is not None for i in analysis.provenance.get("inputs") or ()),
+        sizes=any(row["size"] != DASH for row in inputs),
         script=script,
         script_hash=_script_hash(script),
     )
 
 
-def inline_svg(svg: str, name: str, label: str) -> Markup:
-    """Make an SVG fit to stand in a page beside others."""
-    text = svg[svg.index("<svg") :]
-    text = _ID.sub(rf'id="{name}-\1"', text)
-    text = _REFERENCE.sub(rf"\1{name}-\2", text)
-    text = _SVG_STYLE.sub("", text)
-    text = _SVG_SIZE.sub(r"\1", text, count=1)
-    attributes = Markup('<svg role="img" aria-label="{}" class="figure"').format(label)
-    return Markup(text.replace("<svg", attributes, 1))
-
-
 def _script_hash(script: str) -> str:
-    """Return what a Content-Security-Policy calls a script by."""
+    """Return the hash that a Content-Security-Policy allows a script by."""
     return f"sha256-{b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
@@ -155,22 +120,22 @@ def _parameters(analysis: StudyAnalysis) -> list[str]:
 
 
 def _columns(parameters: Sequence[str]) -> list[tuple[str, ...]]:
-    """Pair each parameter with its value per kg: they share a column of the long table."""
+    """Return parameters with their values per kg, which share a column of the long table."""
     pairs = (("stiffness", "stiffness_per_mass"), ("damping", "damping_per_mass"), ("inertia",))
     present = (tuple(name for name in pair if name in parameters) for pair in pairs)
     return [column for column in present if column]
 
 
 def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
-    """Return the four numbers at the top of the page."""
-    used, left_out = pulse_counts(analysis)
+    """Return the numbers at the top of the page."""
+    used, excluded = pulse_counts(analysis)
     total = sum(len(c.parameters) for c in analysis.cells)
     words = subjects(analysis)
     people = len({c.participant for c in analysis.cells})
     facts = [
         (str(people), words.one if people == 1 else words.many),
-        (format_integer(used), f"pulses used, {format_integer(left_out)} left out"),
-        (f"{analysis.n_standing} of {total}", "estimates stand"),
+        (format_integer(used), f"pulses used, {format_integer(excluded)} excluded"),
+        (f"{analysis.n_standing} of {total}", "estimates available"),
     ]
     vaf = analysis.statistics.get("vaf") or {}
     if vaf.get("mean_pct") is not None:
@@ -179,13 +144,12 @@ def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
 
 
 def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
-    held = {(m.timing_point, m.parameter): m for m in analysis.population}
     if not any(m.n_participants > 1 for m in analysis.population):
         return []
-    names = [*timing_points(analysis.cells), ALL_POINTS]
+    by_place = {(m.timing_point, m.parameter): m for m in analysis.population}
     rows = []
-    for name in names:
-        means = [held.get((name, p)) for p in parameters]
+    for name in (*timing_points(analysis.cells), ALL_POINTS):
+        means = [by_place.get((name, p)) for p in parameters]
         if any(means):
             rows.append({"name": point_name(name), "cells": [_mean_cell(m) for m in means]})
     return rows
@@ -198,26 +162,11 @@ def _mean_cell(mean: PopulationEstimate | None) -> _Row:
         return {"text": DASH, "note": status_meaning(mean.status)}
     shown = (mean.value, mean.ci_low, mean.ci_high)
     sd = f"SD {format_spread(mean.sd, *shown)}, " if mean.sd is not None else ""
-    text = format_interval(*shown)
-    return {"text": text, "note": f"{sd}n {mean.n_participants}"}
-
-
-def _figures(analysis: StudyAnalysis, figures: Mapping[str, str]) -> dict[str, _Row]:
-    texts = captions(analysis)
-    return {
-        name: {
-            "svg": inline_svg(figures[name], f"figure{number}", heading),
-            "caption": texts[name],
-            "number": number,
-        }
-        for number, (name, heading) in enumerate(
-            ((n, h) for n, h in _FIGURE_NAMES.items() if n in figures), start=1
-        )
-    }
+    return {"text": format_interval(*shown), "note": f"{sd}n {mean.n_participants}"}
 
 
 def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list[_Row]:
-    """Return participants with one row a timing point, in the order of the gait cycle."""
+    """Return participants, each with a row for each timing point in the order of the cycle."""
     order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
     by_person: dict[str, list[CellEstimate]] = {}
     for cell in analysis.cells:
@@ -235,7 +184,7 @@ def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list
 
 def _cell_row(cell: CellEstimate, columns: Sequence[tuple[str, ...]]) -> _Row:
     statuses = {p.status for p in cell.parameters}
-    # Where everything failed for one reason, one sentence says it better than five dashes.
+    # If everything failed for one reason, one sentence replaces five dashes.
     common = statuses.pop() if len(statuses) == 1 else ""
     shift = cell.displacement_rad
     return {
@@ -256,7 +205,7 @@ def _column_cells(cell: CellEstimate, names: Sequence[str]) -> list[_Row]:
     for row, estimate in zip(rows[1:], estimates[1:], strict=True):
         if estimate.status == estimates[0].status:
             row["badge"] = None
-    # A second dash for the same reason says nothing new.
+    # A second dash for the same reason would add nothing.
     return rows if rows and rows[0]["text"] != DASH else rows[:1]
 
 
@@ -292,7 +241,7 @@ def _excluded(analysis: StudyAnalysis) -> _Row:
 
 
 def _recordings(analysis: StudyAnalysis) -> list[_Row]:
-    """Return what was found in each recording; from its gaps alone where there are no strides."""
+    """Return strides and gaps of each recording; without strides, its gaps only."""
     rows = [dict(row) for row in analysis.statistics.get("strides", ())]
     if rows:
         return rows
@@ -306,12 +255,12 @@ def _recordings(analysis: StudyAnalysis) -> list[_Row]:
 
 
 def _packages(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
-    own = [(name, provenance[name]) for name in ("jointz", "python") if provenance.get(name)]
-    return own + sorted((provenance.get("packages") or {}).items())
+    first = [(name, provenance[name]) for name in ("jointz", "python") if provenance.get(name)]
+    return first + sorted((provenance.get("packages") or {}).items())
 
 
 def _names(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Return file as the study names it -> name to show."""
+    """Return the name to show of each file, by its name in the study."""
     inputs = provenance.get("inputs") or ()
     return {entry["file"]: entry["name"] for entry in inputs if entry.get("name")}
 

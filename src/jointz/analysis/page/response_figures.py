@@ -1,4 +1,4 @@
-"""Average responses to the pulses: angle, torque, and whichever of them the model was fitted to."""
+"""Figure of the average responses to the pulses, with the fitted model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from jointz.report.impedance_figures import timing_points
+from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     BLUE,
@@ -24,6 +24,7 @@ from jointz.report.style import (
     place_legend,
     place_text,
 )
+from jointz.report.subjects import timing_points
 from jointz.report.wording import DASH, format_vaf
 from jointz.results.estimates import CellEstimate, Response
 from jointz.results.study_analysis import StudyAnalysis
@@ -39,7 +40,7 @@ _BETWEEN_MM: Final = 11.0
 _BLOCK_MM: Final = (WIDTH_MM - _LEFT_MM - _BETWEEN_MM - 1.0) / 2
 _TOP_MM: Final = 17.0
 _GAP: Final = 0.12
-#: Letters of the names of all panels that fit side by side above them.
+#: Number of letters of all names that fit side by side above the panels.
 _NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
@@ -49,7 +50,7 @@ _Cells = Mapping[tuple[str, str], CellEstimate]
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """The panels that stand side by side: a participant at up to six timing points."""
+    """A row of panels: a participant at up to six timing points."""
 
     participant: str
     names: Sequence[str]
@@ -59,8 +60,8 @@ class _Row:
 def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     """Draw average angle and torque of every participant at every timing point.
 
-    The panels of a row share their axes. To stay quick with sixty and more
-    panels, the panels of a row are drawn side by side on one pair of axes.
+    The panels of a row are drawn side by side on one pair of axes, which is quick even with sixty
+    and more panels.
     """
     cells = {(c.label, c.timing_point): c for c in analysis.cells}
     responses = [c.response for c in analysis.cells if c.response is not None]
@@ -94,13 +95,27 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     return figure
 
 
+def responses_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure."""
+    fitted = fitted_signals(analysis)
+    driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
+    return (
+        "Average responses to the pulses after subtraction of the baseline: angle (left) and "
+        f"torque (right), with the {fitted} of the fitted model dashed{driven}. Panels of a row "
+        "share their axes. Grey numbers: pulses averaged (n) and variance accounted for (VAF, "
+        "beside the fitted signal). VAF measures how closely the curve is followed, not how "
+        f"accurate the estimates are. n: {counted_people_and_pulses(analysis)}; no intervals are "
+        "drawn."
+    )
+
+
 def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
     names = timing_points(cells)
     people = dict.fromkeys(c.label for c in cells)
-    held = {(c.label, c.timing_point) for c in cells}
+    known = {(c.label, c.timing_point) for c in cells}
     rows = []
     for person in people:
-        own = names if len(names) <= _MOST_COLUMNS else [n for n in names if (person, n) in held]
+        own = names if len(names) <= _MOST_COLUMNS else [n for n in names if (person, n) in known]
         chunks = [own[i : i + _MOST_COLUMNS] for i in range(0, len(own), _MOST_COLUMNS)]
         rows += [_Row(person, chunk, first=i == 0) for i, chunk in enumerate(chunks)]
     return rows
@@ -143,12 +158,12 @@ def _joined(
 
 
 def _fitted(response: Response) -> str:
-    """Return which signal the model was fitted to."""
+    """Return the signal that the model was fitted to."""
     return "torque" if response.fitted_angle is None else "angle"
 
 
 def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
-    """Return the number of pulses over the angle, and VAF over what was fitted."""
+    """Return the number of pulses above the angle, and VAF above the fitted signal."""
     if cell is None or cell.response is None:
         return DASH
     texts = [f"n {cell.n_used}"] if quantity == "angle" else []

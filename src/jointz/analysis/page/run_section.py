@@ -1,4 +1,4 @@
-"""The part of the report that says how the experiment went."""
+"""Section of the report about the experiment."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from jointz.results.run_report import RunReport
 
 
 def run_section(run: RunReport) -> dict[str, Any]:
-    """Return what the page shows of a run: pulses, onsets and time keeping."""
+    """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
     rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
     return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
 
@@ -17,19 +17,19 @@ def _gaps(run: RunReport) -> str:
         return ""
     fewest, most = min(g["fewest"] for g in run.gaps), max(g["most"] for g in run.gaps)
     longer = sum(g["longer_than_planned"] for g in run.gaps)
-    told = f"Pulses were {fewest} to {most} strides apart"
+    text = f"Pulses were {fewest} to {most} strides apart"
     if not longer:
-        return f"{told}, as planned."
-    return f"{told}; {longer} waited longer than planned, because a pulse before them was missed."
+        return f"{text}, as planned."
+    return f"{text}; {longer} came later than planned because the pulse before was missed."
 
 
 def _timing(run: RunReport) -> str:
-    ticks = sum(t["ticks"] for t in run.timing)
-    missed = sum(t["missed_slots"] for t in run.timing)
-    cut = sum(t["clamped_ticks"] for t in run.timing)
-    told = (
+    ticks, missed, limited = (
+        sum(t[key] for t in run.timing) for key in ("ticks", "missed_slots", "clamped_ticks")
+    )
+    text = (
         f"The control loop ran {format_integer(ticks)} ticks, missed {format_integer(missed)} slots"
     )
-    if not cut:
-        return f"{told} and cut no torque."
-    return f"{told}, and sent less torque than was asked for in {format_integer(cut)} ticks."
+    if not limited:
+        return f"{text} and limited no torque."
+    return f"{text}, and sent less torque than commanded in {format_integer(limited)} ticks."

@@ -1,6 +1,5 @@
-"""The part of a simulated study's report that sets estimates beside the truth."""
+"""Section of a simulated study's report: estimates beside the truth."""
 
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,26 +36,19 @@ def truth_section(truth: pd.DataFrame) -> _Row:
                     "n": len(rows),
                 }
             )
-    return {"summary": summary, "rows": _truth_rows(truth.to_dict("records"))}
+    return {"summary": summary, "rows": [_row(row) for row in truth.to_dict("records")]}
 
 
-def _truth_rows(records: Iterable[Mapping[Any, Any]]) -> list[_Row]:
-    return [
-        {
-            "participant": row["participant"],
-            "name": point_name(str(row["timing_point"])),
-            "parameter": parameter_name(row["parameter"]),
-            "unit": PARAMETER_UNITS[row["parameter"]],
-            "truth": format_number(row["truth"]),
-            "estimate": format_interval(
-                _number(row["estimate"]), _number(row["ci_low"]), _number(row["ci_high"])
-            ),
-            "error": f"{format_signed(row['error_pct'], decimals=1)} %",
-            "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
-        }
-        for row in records
-    ]
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)
+def _row(row: dict[Any, Any]) -> _Row:
+    numbers = (row[key] for key in ("estimate", "ci_low", "ci_high"))
+    finite = (None if x is None or not np.isfinite(x) else float(x) for x in numbers)
+    return {
+        "participant": row["participant"],
+        "name": point_name(str(row["timing_point"])),
+        "parameter": parameter_name(row["parameter"]),
+        "unit": PARAMETER_UNITS[row["parameter"]],
+        "truth": format_number(row["truth"]),
+        "estimate": format_interval(*finite),
+        "error": f"{format_signed(row['error_pct'], decimals=1)} %",
+        "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
+    }

@@ -1,4 +1,4 @@
-"""What a methods section cites, and when."""
+"""Citations of a methods section."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ CITATIONS: Final = {
     ),
     "dissertation": Citation(
         "dissertation, 4.2",
-        # The copy that jointz was made from bears neither author nor year: nothing is made up.
+        # The copy that jointz is based on names neither author nor year.
         "Estimation of Knee Joint Impedance During Walking and its Implications for Robotic "
         "Control and Beyond. Dissertation. [author, university and year to be added]",
     ),

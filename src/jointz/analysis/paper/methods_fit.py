@@ -1,20 +1,19 @@
-"""What a methods section says of estimation and intervals."""
+"""Sentences of a methods section about estimation and intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 from jointz.analysis.paper.citations import cite
 from jointz.analysis.paper.methods_calibration import lag_is_calibrated
 from jointz.analysis.paper.methods_recommended import decision_sentence, recommended_sentences
 from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
-from jointz.report.prose import interval_methods, mean_interval, mean_over_people_note
+from jointz.analysis.summary import interval_methods, mean_interval, mean_over_people_note
 from jointz.report.pulse_words import window_start
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_exact, method_name
-from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 
-#: What the dissertation took where its text says no more than "Butterworth".
+#: The dissertation's text says no more than "Butterworth".
 _FILTER: Final = "a fourth-order Butterworth filter run forward and backward"
 _BASELINES: Final[Mapping[str, str]] = {
     "unperturbed_mean": (
@@ -23,14 +22,14 @@ _BASELINES: Final[Mapping[str, str]] = {
     ),
     "pre_pulse": "The level before each pulse was subtracted from its response.",
     "matched_strides": (
-        "The mean of the unperturbed strides most like the perturbed one was subtracted from each "
-        "response."
+        "The mean of the unperturbed strides most similar to the perturbed one was subtracted from "
+        "each response."
     ),
 }
-#: On a bench a recording takes the place of the strides, where it has no cycles.
+#: Bench recordings may have no cycles; a recording then replaces the strides.
 _UNPERTURBED_TRIAL: Final = (
-    "The unperturbed recording most like it by session, side and trial, or the mean of those, was "
-    "subtracted from each response at the same time since {start}."
+    "The unperturbed recording most similar in session, side and trial, or the mean of several "
+    "such recordings, was subtracted from each response at the same time since {start}."
 )
 
 _BY_LEAST_SQUARES: Final = "fitted to the average response by least squares {bounds}"
@@ -42,33 +41,34 @@ _FITS: Final[Mapping[str, str]] = {
         "{bounds}"
     ),
     "output_error": (
-        "its angle simulated from the measured torque and fitted to the average angle, {driven}"
+        "the angle simulated from the measured torque and fitted to the average angle, {driven}"
     ),
     "errors_in_variables": (
-        "fitted to the average response with errors of both signals and a lag between them, "
+        "fitted to the average response with errors in both signals and a lag between them, "
         "{driven}"
     ),
     "weak_form": (
-        "fitted to the average response in its weak form, which takes no derivatives {weak_form}, "
+        "fitted to the average response in its weak form, which needs no derivatives {weak_form}, "
         "{bounds}"
     ),
 }
 _AS_SAMPLED: Final = ("output_error", "errors_in_variables", "weak_form")
-#: Methods whose resamples are spread as Student's t is.
+#: Methods whose bootstrap deviations are widened to Student's t.
 _WIDENED: Final = ("least_squares", "instrumental_variable", *_AS_SAMPLED)
 
 _WHOLE_TRIALS: Final = (
-    "Whole trials were used: nothing was cut out and no unperturbed motion subtracted. The torque "
-    "was modelled as K·angle + B·velocity + J·acceleration {model} with {friction}an offset for "
-    "each trial, recorded with {lag}. All were fitted together by least squares, the noise of the "
-    "angle taken out of the sums of squares {scores}. Angle and torque passed the same Gaussian "
-    "low-pass (standard deviation 40 Hz, or a tenth of the sampling rate where that is less){held}."
+    "Whole trials were used, without windows and without a baseline. The torque was modelled as "
+    "K·angle + B·velocity + J·acceleration {model} with {friction}an offset for each trial, and "
+    "recorded with {lag}. All parameters were estimated together by least squares, with the noise "
+    "of the angle removed from the sums of squares {scores}. Angle and torque passed the same "
+    "Gaussian low-pass filter (standard deviation 40 Hz, or a tenth of the sampling rate if that "
+    "is less){sticking}."
 )
-_STICKING: Final = ", and samples where friction may have held it still were left out"
+_STICKING: Final = ", and samples in which friction may have held the load were excluded"
 
 
 def estimation_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how responses were made and fitted."""
+    """Describe how responses were calculated and fitted."""
     used = used_methods(analysis)
     others = [m for m in used if m != FULL_RECORD]
     sentences = []
@@ -84,25 +84,30 @@ def estimation_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def interval_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Say how intervals were made, at which level, and what is no value."""
+    """Describe level and calculation of the intervals, and means over participants."""
     settings, used = analysis.settings, set(used_methods(analysis))
     level = f"{format_exact(100 * settings.get('ci_level', 0.95))} %"
-    made = interval_methods(analysis)
-    one = subjects(analysis).one
-    sentences = [f"{level} intervals of each {one}: {'; '.join(made)}{_basis(made)}."]
-    if not made:
-        sentences = []
-    resampled = used - {FULL_RECORD, RECOMMENDED} and any("bootstrap" in text for text in made)
+    methods = interval_methods(analysis)
+    words = subjects(analysis)
+    sentences = []
+    if methods:
+        text = "; ".join(methods)
+        cited = [k for k in ("bootstrap", "sandwich", "jackknife") if k in text]
+        sentences.append(
+            f"{level} intervals of each {words.one}: {' '.join([text, *map(cite, cited)])}."
+        )
+    resampled = used - {FULL_RECORD, RECOMMENDED} and any("bootstrap" in text for text in methods)
     if settings.get("resamples") and resampled:
-        sentences.append(f"Number of resamples: {settings['resamples']}{_seed(settings)}.")
+        seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
+        sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
         if used & set(_WIDENED):
             sentences.append("Deviations of the pulses were widened to Student's t.")
     if RECOMMENDED in used:
         sentences.append(decision_sentence())
     if any(m.value is not None for m in analysis.population):
         sentences.append(
-            f"Means over {subjects(analysis).many} carry "
-            f"{mean_interval(analysis, level=f'{level} ')}. {mean_over_people_note(analysis)}"
+            f"Means over {words.many} have {mean_interval(analysis, level=f'{level} ')}. "
+            f"{mean_over_people_note(analysis)}"
         )
     return sentences
 
@@ -111,23 +116,21 @@ def _whole_trials(analysis: StudyAnalysis) -> str:
     cells = [c for c in analysis.cells if c.method == FULL_RECORD and c.nuisance]
     sliding = sum(any(p.name == "coulomb_friction" for p in c.nuisance) for c in cells)
     some = "" if sliding == len(cells) else f" (in {sliding} of {len(cells)} cases)"
-    friction = (
-        f"a friction torque of constant size against the motion{some} and " if sliding else ""
-    )
+    friction = f"a constant friction torque against the motion{some} and " if sliding else ""
     lag = "a lag (a delay, a first-order filter or both)"
     if cells and lag_is_calibrated(analysis):
-        lag = "a delay about which the calibration was a prior"
+        lag = "a delay with the calibration as prior"
     return _WHOLE_TRIALS.format(
         model=cite("dissertation"),
         scores=cite("corrected_scores"),
         friction=friction,
         lag=lag,
-        held=_STICKING if sliding else "",
+        sticking=_STICKING if sliding else "",
     )
 
 
 def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
-    """Say how responses to pulses were cut, filtered and fitted."""
+    """Describe window, model, filter and baseline of the responses to pulses."""
     settings = analysis.settings
     if method == RECOMMENDED:
         return recommended_sentences(analysis)
@@ -138,21 +141,22 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
         if window_s
         else ""
     )
+    baseline = next((c.baseline for c in cells if c.baseline), str(settings.get("baseline") or ""))
     sentences = [
         "The torque response was modelled as K·angle + B·velocity + J·acceleration "
         f"{cite('dissertation')}{window}{_fit(method, bounded=settings.get('kind') != 'bench')}."
     ]
-    baseline = _baseline(settings, cells)
+    if method == "dissertation" and baseline == "unperturbed_mean":
+        sentences.append("The mean over the bootstrap resamples is reported.")
     return [
         *sentences,
-        *_reported(method, baseline),
         *_filter_sentences(settings, method),
         *_baseline_sentences(analysis, baseline),
     ]
 
 
 def _fit(method: str, *, bounded: bool) -> str:
-    """Return how the model was fitted; what is not on a bench may not be negative."""
+    """Describe the fit; only on a bench may parameters be negative."""
     if method not in _FITS:
         return ""
     bounds = "with K, B and J not negative" if bounded else "without bounds"
@@ -165,18 +169,6 @@ def _fit(method: str, *, bounded: bool) -> str:
     return f", {text}"
 
 
-def _baseline(settings: Mapping[str, Any], cells: Sequence[CellEstimate]) -> str:
-    """Return what was subtracted: a case that needed another method has that method's own."""
-    return next((c.baseline for c in cells if c.baseline), str(settings.get("baseline") or ""))
-
-
-def _reported(method: str, baseline: str) -> list[str]:
-    """Say which value is reported where that is not the fit to the average."""
-    if method == "dissertation" and baseline == "unperturbed_mean":
-        return ["The mean over the bootstrap resamples is reported."]
-    return []
-
-
 def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
     cutoff_hz = settings.get("cutoff_hz")
     if not cutoff_hz:
@@ -184,7 +176,7 @@ def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
     cutoff = f"{format_exact(cutoff_hz)} Hz"
     if method in _AS_SAMPLED:
         return [
-            "Angle and torque were fitted as sampled; the variance accounted for is that of the "
+            "Angle and torque were fitted as sampled; the variance accounted for refers to the "
             f"response after a low-pass filter ({cutoff})."
         ]
     return [f"Angle and torque passed the same low-pass filter ({cutoff}), {_FILTER}."]
@@ -197,14 +189,3 @@ def _baseline_sentences(analysis: StudyAnalysis, baseline: str) -> list[str]:
         start = "the beginning of the cycle" if analysis.strides else "the beginning"
         return [_UNPERTURBED_TRIAL.format(start=start)]
     return [_BASELINES.get(baseline, f"The baseline “{baseline}” was subtracted.")]
-
-
-def _basis(made: list[str]) -> str:
-    """Return the citation of how intervals were made."""
-    text = " ".join(made)
-    keys = [k for k in ("bootstrap", "sandwich", "jackknife") if k in text]
-    return "".join(f" {cite(key)}" for key in keys)
-
-
-def _seed(settings: Mapping[str, Any]) -> str:
-    return f", seed {settings['seed']}" if settings.get("seed") is not None else ""

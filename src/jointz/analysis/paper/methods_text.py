@@ -1,9 +1,10 @@
-"""The methods section of a paper, as the settings and the data say it."""
+"""Methods section of a paper, from the settings and the data."""
 
 from collections import Counter
 from typing import Final
 
 from jointz.analysis.paper.citations import cite, cited
+from jointz.analysis.paper.latex import to_latex
 from jointz.analysis.paper.methods_data import (
     exclusion_sentences,
     people_sentences,
@@ -13,8 +14,7 @@ from jointz.analysis.paper.methods_data import (
 from jointz.analysis.paper.methods_fit import estimation_sentences, interval_sentences
 from jointz.analysis.paper.methods_quasi_stiffness import quasi_stiffness_sentences
 from jointz.analysis.paper.methods_used import FULL_RECORD, used_methods, used_pulses
-from jointz.report.latex import to_latex
-from jointz.report.prose import pulse_counts
+from jointz.analysis.summary import pulse_counts
 from jointz.report.subjects import nobody_perturbed, subjects
 from jointz.report.wording import (
     format_count,
@@ -29,9 +29,9 @@ _HASH_DIGITS: Final = 12
 
 
 def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> list[str]:
-    """Write a methods section, one text a paragraph, ready to paste into a paper.
+    """Write a methods section, one text for each paragraph, ready to paste into a paper.
 
-    Only what settings and data say is written; what they do not hold is left out.
+    It contains only what settings and data say.
     """
     paragraphs = [
         [_SIMULATED] if simulated else [],
@@ -39,14 +39,14 @@ def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> l
         signal_sentences(analysis),
         *_estimation(analysis),
         quasi_stiffness_sentences(analysis),
-        [*exclusion_sentences(analysis), *_used(analysis), *_open(analysis)],
+        [*exclusion_sentences(analysis), *_pulses_used(analysis), *_statuses(analysis)],
         _software(analysis),
     ]
     return [" ".join(sentences) for sentences in paragraphs if sentences]
 
 
 def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
-    """Return the methods section and what it cites as plain text."""
+    """Return the methods section and its references as plain text."""
     paragraphs = methods_paragraphs(analysis, simulated=simulated)
     if references := cited(paragraphs):
         paragraphs.append("\n".join(("References", *references)))
@@ -54,18 +54,18 @@ def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
 
 
 def methods_latex(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
-    r"""Return the methods section and what it cites as LaTeX to ``\input``."""
+    r"""Return the methods section and its references as LaTeX to ``\input``."""
     paragraphs = methods_paragraphs(analysis, simulated=simulated)
     texts = list(map(to_latex, paragraphs))
     if references := cited(paragraphs):
-        # Ragged: identifiers are long, and LaTeX breaks none.
+        # Ragged, as LaTeX does not break long identifiers.
         listed = [rf"\noindent {to_latex(entry)}" for entry in references]
         texts += [r"\paragraph{References}", r"{\raggedright", *listed, "}"]
     return "\n\n".join(texts) + "\n"
 
 
 def _estimation(analysis: StudyAnalysis) -> list[list[str]]:
-    """Return what was done to estimate; without a pulse that was used nothing was."""
+    """Return the paragraphs on estimation; none if no pulse was used."""
     if not used_pulses(analysis):
         return []
     return [[_lead(analysis), *estimation_sentences(analysis)], interval_sentences(analysis)]
@@ -84,21 +84,21 @@ def _lead(analysis: StudyAnalysis) -> str:
     )
 
 
-def _used(analysis: StudyAnalysis) -> list[str]:
+def _pulses_used(analysis: StudyAnalysis) -> list[str]:
     if nobody_perturbed(analysis):
         return ["Nobody was perturbed: no impedance was estimated."]
     if analysis.cells and not used_pulses(analysis):
         return ["No pulse could be used: no impedance was estimated."]
-    used, left_out = pulse_counts(analysis)
+    used, excluded = pulse_counts(analysis)
     trials = used_methods(analysis) == [FULL_RECORD]
     return [
-        f"Of {format_count(used + left_out, 'pulse')}, {format_integer(used)} "
-        f"{'lie in the trials used' if trials else 'were used'}."
+        f"Of {format_count(used + excluded, 'pulse')}, {format_integer(used)} "
+        f"{'are in the trials used' if trials else 'were used'}."
     ]
 
 
-def _open(analysis: StudyAnalysis) -> list[str]:
-    """Say what has no value, and where only a limit stands."""
+def _statuses(analysis: StudyAnalysis) -> list[str]:
+    """Say how many estimates have which status."""
     statuses = Counter(p.status for c in analysis.cells for p in c.parameters)
     total = statuses.total()
     if not total or nobody_perturbed(analysis):

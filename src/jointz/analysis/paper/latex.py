@@ -41,7 +41,7 @@ _SPECIAL: Final = {
     "\r": " ",
 }
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-#: Marks of notes below a table.
+#: Marks that refer to the notes below a table.
 MARKS: Final = "ᵃᵇᶜᵈᵉᶠᵍʰⁱʲ"
 _LETTERS: Final = str.maketrans(MARKS, "abcdefghij")
 _TOKEN: Final = re.compile(
@@ -71,7 +71,7 @@ def latex_table(
     r"""Return a table as LaTeX, with the rules of booktabs."""
     columns = "".join(r"p{0.42\linewidth}" if name in wide else "l" for name in head)
     body = [" & ".join(map(to_latex, row)) + r" \\" for row in rows]
-    # A row that begins with a bracket would be taken for the argument of the \\ before it.
+    # LaTeX takes a bracket at the beginning of a row as the argument of the \\ before it.
     body = [rf"{{}}{line}" if line.startswith(("[", "*")) else line for line in body]
     parts = _Parts(
         layout=rf"{{@{{}}{columns}@{{}}}}",
@@ -87,7 +87,7 @@ def latex_table(
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What both kinds of table are made of, escaped."""
+    """Parts of a table, escaped."""
 
     layout: str
     title: str
@@ -138,7 +138,7 @@ def _long(parts: _Parts) -> list[str]:
 
 
 def _head(head: Sequence[str]) -> list[str]:
-    """Return the rows of the head: names, and below them units where there are any."""
+    """Return the rows of the head: names, and units below them if there are any."""
     parts = [name.partition(" (") for name in head]
     rows = [[rf"\textbf{{{to_latex(name)}}}" for name, _, _ in parts]]
     if any(unit for _, _, unit in parts):

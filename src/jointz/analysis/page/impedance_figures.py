@@ -1,11 +1,17 @@
-"""Impedance over the gait cycle, chosen method beside the others, estimate against truth."""
+"""Figures of impedance over the gait cycle, on a page and in a column."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from jointz.analysis.summary import (
+    counted_people_and_pulses,
+    has_onsets,
+    interval_methods,
+    mean_interval,
+)
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
     BLUE,
@@ -21,8 +27,8 @@ from jointz.report.style import (
     place_legend,
     shade_phases,
 )
-from jointz.report.subjects import subjects
-from jointz.report.wording import format_count, parameter_label, parameter_name
+from jointz.report.subjects import shown_parameters, subjects, timing_points
+from jointz.report.wording import ABSOLUTE, format_count, parameter_label, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
@@ -39,6 +45,10 @@ _NARROW_START_PCT: Final = -9.0
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
+_PHASE_NAMES: Final = (
+    "initial contact (ICO), loading response (LRE), mid-stance (MST), terminal stance (TST), "
+    "pre-swing (PSW), initial swing (ISW), mid-swing (MSW), terminal swing (TSW)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +68,14 @@ class _Layout:
         return self.width_mm < WIDTH_MM
 
 
+_CellParameter = tuple[CellEstimate, ParameterEstimate]
 _PAGE: Final = _Layout(WIDTH_MM, 42.0, 16.0, 9.0, -5.0)
 _COLUMN: Final = _Layout(COLUMN_MM, 32.0, 18.5, 10.5, -2.0, marks=0.7)
 
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """One estimate to draw: where, what, and whether it stands at its bound."""
+    """One estimate to draw: place, value, interval, and whether it is at its bound."""
 
     x: float
     value: float
@@ -73,35 +84,53 @@ class _Mark:
     at_bound: bool
 
 
-def shown_parameters(analysis: StudyAnalysis) -> list[str]:
-    """Return the parameters to draw: values per kg where there are any, else absolute."""
-    standing = {p.name for cell in analysis.cells for p in cell.parameters if p.stands}
-    pairs = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
-    picked = (next((name for name in pair if name in standing), None) for pair in pairs)
-    return [name for name in picked if name]
-
-
-def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
-    """Return timing points in the order of the gait cycle, groups as they come."""
-    by_name: dict[str, list[float]] = {}
-    for cell in cells:
-        if cell.timing_point != ALL_POINTS:
-            onsets = [] if cell.onset_gait_pct is None else [cell.onset_gait_pct]
-            by_name.setdefault(cell.timing_point, []).extend(onsets)
-    if not any(by_name.values()):
-        return list(by_name)
-    # A timing point without a measured onset has no place on the cycle and goes last.
-    return sorted(by_name, key=lambda name: _mean_onset(by_name[name], default=np.inf))
-
-
 def draw_impedance_column(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw what :func:`draw_impedance_over_gait` does at the width of a single column."""
+    """Draw the impedance at the width of a single column."""
     return _draw_impedance(analysis, _COLUMN)
 
 
 def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
-    """Draw each person's estimates and the means over people, one panel a parameter."""
+    """Draw each person's estimates and the means over people, one panel for each parameter."""
     return _draw_impedance(analysis, _PAGE)
+
+
+def impedance_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure."""
+    words = subjects(analysis)
+    walking = has_onsets(analysis)
+    intervals = "; ".join(interval_methods(analysis)) or "as stated by the method"
+    axis = (
+        "The participants of a timing point are spread sideways about the mean measured onset, in "
+        f"the order of the table. Bands: phases of the gait cycle, {_PHASE_NAMES}."
+        if walking
+        else f"{words.points.capitalize()} are in the order of the study."
+    )
+    return (
+        f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points with "
+        f"bars: estimates of each {words.one} with their intervals ({intervals})."
+        f"{_other_marks(analysis)} {axis}{_missing_panels(analysis)} "
+        f"n: {counted_people_and_pulses(analysis)}."
+    )
+
+
+def _other_marks(analysis: StudyAnalysis) -> str:
+    text = ""
+    if any(m.n_participants > 1 for m in analysis.population):
+        text += f" Diamonds: means over participants with {mean_interval(analysis)}."
+    if any(p.status == "at_bound" for c in analysis.cells for p in c.parameters):
+        text += (
+            " Open triangles: estimates at their bound, drawn at the upper limit of a one-sided "
+            "interval."
+        )
+    return text
+
+
+def _missing_panels(analysis: StudyAnalysis) -> str:
+    """Name the quantities without an available estimate: they have no panel."""
+    estimates = [p for c in analysis.cells for p in c.parameters]
+    missing = {p.name for p in estimates} - {p.name for p in estimates if p.stands}
+    names = [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
+    return f" Not drawn: {' and '.join(names)} (no estimate is available)." if names else ""
 
 
 def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | None":
@@ -129,27 +158,27 @@ def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | Non
 def _draw_parameter(
     axes: "Axes", analysis: StudyAnalysis, parameter: str, layout: "_Layout"
 ) -> None:
-    found = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
+    estimates = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
     means = _means(analysis, [parameter])
-    groups = {c.timing_point for c, p in found if p.stands}
+    groups = {c.timing_point for c, p in estimates if p.stands}
     if groups == {ALL_POINTS}:
-        marks, mean_marks = _draw_people_axis(axes, found, means)
+        marks, mean_marks = _draw_people_axis(axes, estimates, means)
     else:
-        positions, fan = _group_axis(axes, [c for c, _ in found])
-        marks = _fan_out(found, positions, fan, with_mean=bool(means))
+        positions, fan = _group_axis(axes, [c for c, _ in estimates])
+        marks = _fan_out(estimates, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
         mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
     low, high = _fit_height(axes, [*marks, *mean_marks])
     mean_size, mean_width = 4.0 * layout.marks, 1.8 * layout.marks
     beyond = _draw_cut_ends(axes, marks, low, high, colour=SKY, size=2.8 * layout.marks)
     beyond += _draw_cut_ends(axes, mean_marks, low, high, colour=INK, size=mean_size)
-    marks, mean_marks = ([_within(m, low, high) for m in own] for own in (marks, mean_marks))
+    marks, mean_marks = ([_clipped(m, low, high) for m in some] for some in (marks, mean_marks))
     _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
     _draw_marks(axes, mean_marks, colour=INK, size=mean_size, width=mean_width, marker="D")
     axes.set_ylabel(parameter_label(parameter))
     if layout.narrow:
         _fit_to_column(axes)
-    note = _note(found, len(marks), beyond)
+    note = _note([p for _, p in estimates], len(marks), beyond)
     panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
 
 
@@ -166,23 +195,23 @@ def _fit_to_column(axes: "Axes") -> None:
 
 
 def _means(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[PopulationEstimate]:
-    """Return means worth a mark: that of one person is the person."""
-    own = (m for m in analysis.population if m.parameter in parameters)
-    return [m for m in own if m.value is not None and m.n_participants > 1]
+    """Return the means over more than one participant."""
+    means = (m for m in analysis.population if m.parameter in parameters)
+    return [m for m in means if m.value is not None and m.n_participants > 1]
 
 
 def _draw_people_axis(
     axes: "Axes",
-    found: Sequence[tuple[CellEstimate, ParameterEstimate]],
+    estimates: Sequence[_CellParameter],
     means: Sequence[PopulationEstimate],
 ) -> tuple[list[_Mark], list[_Mark]]:
-    """Put people side by side: the axis of a value that their timing points share."""
-    people = list(dict.fromkeys(cell.label for cell, _ in found))
+    """Put people side by side, for a value that their timing points share."""
+    people = list(dict.fromkeys(cell.label for cell, _ in estimates))
     names = [*people, "mean"] if means else people
     axes.set_xlim(-0.6, len(names) - 0.4)
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
     axes.set_xlabel("Participant (one value for all timing points)")
-    marks = [_mark(p, people.index(c.label)) for c, p in found if p.stands]
+    marks = [_mark(p, people.index(c.label)) for c, p in estimates if p.stands]
     return marks, [_mean_mark(m, len(people)) for m in means[:1]]
 
 
@@ -208,24 +237,24 @@ def _group_axis(axes: "Axes", cells: Sequence[CellEstimate]) -> tuple[dict[str, 
 
 
 def _fan_out(
-    found: Sequence[tuple[CellEstimate, ParameterEstimate]],
+    estimates: Sequence[_CellParameter],
     positions: Mapping[str, float],
     fan: float,
     *,
     with_mean: bool,
 ) -> list[_Mark]:
     """Spread people around each position so that bars do not overlap."""
-    people = list(dict.fromkeys(cell.label for cell, _ in found))
+    people = list(dict.fromkeys(cell.label for cell, _ in estimates))
     offsets = dict(zip(people, _offsets(len(people), fan, gap=with_mean), strict=True))
     return [
         _mark(p, positions[c.timing_point] + offsets[c.label])
-        for c, p in found
+        for c, p in estimates
         if p.stands and c.timing_point in positions
     ]
 
 
 def _offsets(count: int, fan: float, *, gap: bool) -> np.ndarray:
-    """Return sideways offsets, with room for the mean in the middle where it is drawn."""
+    """Return sideways offsets, with a gap for the mean in the middle."""
     if not gap:
         return np.linspace(-fan, fan, count) if count > 1 else np.zeros(1)
     half = count // 2
@@ -255,7 +284,7 @@ def _draw_marks(
     width: float,
     marker: str = "o",
 ) -> None:
-    """Draw two-sided intervals as bars, one-sided ones hanging from an open triangle."""
+    """Draw two-sided intervals as bars, upper limits as open triangles."""
     with_bar = [m for m in marks if m.low is not None and m.high is not None]
     edge = BLUE if colour == SKY else colour
     zorder = 3 if colour == SKY else 5
@@ -297,7 +326,7 @@ def _draw_marks(
 def _draw_cut_ends(
     axes: "Axes", marks: Sequence[_Mark], low: float, high: float, *, colour: str, size: float
 ) -> int:
-    """Put an arrowhead where an interval is cut off; return how many are."""
+    """Draw an arrowhead at each end that is cut off; return their number."""
     above = [m.x for m in marks if m.high is not None and _beyond(m.high, low, high)]
     below = [m.x for m in marks if m.low is not None and _beyond(m.low, low, high)]
     heads = [(above, high, "^")] * bool(above) + [(below, low, "v")] * bool(below)
@@ -313,39 +342,39 @@ def _beyond(end: float, low: float, high: float) -> bool:
     return end > high + 1e-12 or end < low - 1e-12
 
 
-def _within(mark: _Mark, low: float, high: float) -> _Mark:
-    """Return a mark whose interval ends where the axis does: above stand the phases' names."""
+def _clipped(mark: _Mark, low: float, high: float) -> _Mark:
+    """Return a mark whose interval ends below the names of the phases."""
     ends = [None if e is None else min(max(e, low), high) for e in (mark.low, mark.high)]
     return replace(mark, low=ends[0], high=ends[1])
 
 
 def _fit_height(axes: "Axes", marks: Sequence[_Mark]) -> tuple[float, float]:
-    """Set the height to values and intervals; return between where intervals are drawn."""
+    """Set the limits of the axis; return those within which intervals are drawn."""
     values = np.array([m.value for m in marks] + [m.high for m in marks if m.at_bound and m.high])
     ends = np.array([e for m in marks for e in (m.low, m.high) if e is not None] or [0.0])
-    # Where no value is told from zero, as damping of a spring, intervals set the scale.
+    # If no value differs from zero, as the damping of a spring, intervals set the scale.
     usual = max(float(np.abs(values).max()), float(np.median(np.abs(ends))))
     reach = _LONGEST_INTERVAL * usual
     top = min(max(ends.max(), values.max()), reach)
     bottom = max(min(ends.min(), values.min(), 0.0), -reach)
     span = (top - bottom) or 1.0
-    # The upper margin is where the names of the gait phases stand.
+    # The upper margin is for the names of the gait phases.
     axes.set_ylim(bottom - (0.04 * span if bottom < 0 else 0.0), top + 0.14 * span)
     if bottom < 0:
         axes.axhline(0.0, color=FAINT, linewidth=0.6, zorder=1)
     return float(bottom), float(top)
 
 
-def _note(found: Sequence[tuple[CellEstimate, ParameterEstimate]], drawn: int, beyond: int) -> str:
-    failed = sum(p.status.startswith("failed") for _, p in found)
-    undecided = sum(p.status == "undecided" for _, p in found)
-    elsewhere = sum(p.stands for _, p in found) - drawn
-    parts = [f"{failed} failed"] if failed else []
-    parts += [f"{undecided} undecided"] if undecided else []
-    parts += [f"{elsewhere} without an onset"] if elsewhere else []
-    note = f"not drawn: {', '.join(parts)}" if parts else ""
-    clipped = f"{format_count(beyond, 'interval')} cut off" if beyond else ""
-    return " · ".join(text for text in (note, clipped) if text)
+def _note(estimates: Sequence[ParameterEstimate], drawn: int, beyond: int) -> str:
+    counts = {
+        "failed": sum(p.status.startswith("failed") for p in estimates),
+        "undecided": sum(p.status == "undecided" for p in estimates),
+        "without an onset": sum(p.stands for p in estimates) - drawn,
+    }
+    missing = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
+    texts = [f"not drawn: {missing}"] if missing else []
+    texts += [f"{format_count(beyond, 'interval')} cut off"] if beyond else []
+    return " · ".join(texts)
 
 
 def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]":
@@ -353,8 +382,8 @@ def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]
     level = f"{100 * drawn[0].ci_level:g} % interval"
     several = len({c.label for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
-    who = subjects(analysis).one if several else "estimate"
-    handles = [legend_line(f"{who}, {level}", SKY, **dot)]
+    label = subjects(analysis).one if several else "estimate"
+    handles = [legend_line(f"{label}, {level}", SKY, **dot)]
     if _means(analysis, parameters):
         diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
         handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))
@@ -362,7 +391,3 @@ def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]
         open_triangle = {"marker": "v", "markerfacecolor": "white", "markeredgecolor": BLUE}
         handles.append(legend_line("at its bound: upper limit only", SKY, **open_triangle))
     return handles
-
-
-def _mean_onset(onsets: Sequence[float], *, default: float) -> float:
-    return circular_mean_pct(onsets) if onsets else default
