@@ -1,4 +1,4 @@
-"""A base for files that people edit: every inconsistency reported at once, at its own key."""
+"""Base of the models of edited files: all inconsistencies are reported at once, each at its key."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ INCONSISTENT = "inconsistent"
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something in a file that cannot be."""
+    """A value of a file that is wrong."""
 
     # path of the key, from the model that found it; entries of lists count from 0
     key: tuple[str | int, ...]
@@ -34,7 +34,7 @@ class CheckedModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the fields; each check stands without the others."""
+        """Return the checks of relations between fields; each runs without the others."""
         return ()
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Middle and spread of numbers that a few strangers among them do not move."""
+"""Robust median and spread."""
 
 import numpy as np
 

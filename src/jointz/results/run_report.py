@@ -36,7 +36,7 @@ _COUNTS = _COLUMNS[4:-3]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class RunReport(Result):
-    """What a run did, one row a participant, condition and timing point."""
+    """Report of a run, one row a participant, condition and timing point."""
 
     SCHEMA: ClassVar[str] = SCHEMA
 
@@ -77,10 +77,10 @@ class RunReport(Result):
         lines = [f"{self.protocol}, seed {self.seed}: {count} session{'s' if count != 1 else ''}"]
         if table.empty:
             return "\n".join([*lines, *self.salvaged])
-        again = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
-        told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
+        repeated = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
+        repeated_text = ", ".join(f"{count} {name}" for name, count in repeated.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
-        lines.append(f"{done}; done again: {told}" if told else done)
+        lines.append(f"{done}; done again: {repeated_text}" if repeated_text else done)
         for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])
