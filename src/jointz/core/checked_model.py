@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 INCONSISTENT = "inconsistent"
+#: Of edited files: "17" is no torque and true is no count; lists of TOML stand for tuples.
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +32,7 @@ Check = Callable[[], Iterable[Problem]]
 class CheckedModel(BaseModel):
     """A strict, frozen model whose checks name the key that each problem belongs to."""
 
-    # strict: "17" is no torque and true is no count; lists of TOML stand for tuples all the same.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = STRICT
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks of relations between fields; each runs without the others."""

@@ -13,7 +13,7 @@ class Code(StrEnum):
     _value_: str
     meaning: str  # one sentence for tables, messages and tooltips
 
-    def __new__(cls, code: str, meaning: str) -> "Code":  # noqa: D102
+    def __new__(cls, code: str, meaning: str = "") -> "Code":  # noqa: D102
         member = str.__new__(cls, code)
         member._value_ = code
         member.meaning = meaning

@@ -11,9 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_validator
 
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+from jointz.core.checked_model import STRICT
 from jointz.core.gait_phases import ALL_POINTS
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
@@ -88,8 +89,7 @@ SchemaVersion = Annotated[Literal[1], BeforeValidator(_version)]
 
 
 class _Model(BaseModel):
-    # strict: "72" is no mass and true is no rate; lists of TOML stand for tuples all the same.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = STRICT
 
 
 class ChannelSpec(_Model):

@@ -60,8 +60,6 @@ class Result:
             return NotImplemented
         return self.to_dict() == other.to_dict()
 
-    __hash__ = None  # type: ignore[assignment]
-
     def summary(self) -> str:
         """Return a short text."""
         return ", ".join(f"{name}={value!r}"[:60] for name, value in _fields_of(self).items())[:300]

@@ -24,7 +24,6 @@ TIME = np.arange(5) / 100.0
 def problem(time, first_row: int = 1, **channels) -> str:
     with pytest.raises(DataError) as caught:
         build_recording(time, channels, first_row=first_row, file="a.csv")
-    assert caught.value.path == "a.csv"
     assert str(caught.value).startswith("a.csv: ")
     return str(caught.value).removeprefix("a.csv: ")
 
@@ -186,6 +185,13 @@ def test_all_problems_stand_in_one_message():
         "channel 'reference' must be in rad or N*m, got 's'. "
         "channel 'mine' has dimensions ('time', 'axis'), expected ('time',)."
     )
+
+
+def test_the_error_carries_the_file():
+    with pytest.raises(DataError) as caught:
+        build_recording(TIME[:1], {}, file="a.csv")
+
+    assert caught.value.path == "a.csv"
 
 
 # --- history -------------------------------------------------------------------------------------

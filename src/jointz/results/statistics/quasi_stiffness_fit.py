@@ -12,8 +12,6 @@ from jointz.results.base import PlottedResult, record_frame, summary_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.QuasiStiffness/1"
-
 #: Slope over the phase; slope over a window about the timing point; moment over angle.
 MEASURES = ("slope", "local_slope", "secant")
 
@@ -71,7 +69,7 @@ class QuasiStiffness(PlottedResult):
         What a reader of the numbers must know.
     """
 
-    SCHEMA: ClassVar[str] = SCHEMA
+    SCHEMA: ClassVar[str] = "jointz.QuasiStiffness/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.5)
 
     estimates: tuple[QuasiStiffnessEstimate, ...]
@@ -131,7 +129,7 @@ class QuasiStiffness(PlottedResult):
         """Return one row a timing point and measure."""
         table = record_frame(self.estimates, QuasiStiffnessEstimate.__slots__)
         table["doubts"] = [";".join(e.doubts) for e in self.estimates]
-        table.insert(table.columns.get_loc("value") + 1, "unit", self.unit)
+        table.insert(list(table.columns).index("value") + 1, "unit", self.unit)
         return table
 
     def summary(self) -> str:
