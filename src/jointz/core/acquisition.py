@@ -1,4 +1,4 @@
-"""What a file of any format holds: groups of signals, each with its own clock, and events.
+"""Content of a file of any format: groups of signals, each with its own clock, and events.
 
 A study's recording (:mod:`jointz.core.recording`) has one clock and SI units; a file of a
 laboratory has what its maker put there: markers at 100 Hz, analog channels at 1000 Hz, units as
@@ -32,11 +32,11 @@ class Signal:
 
     @property
     def is_text(self) -> bool:
-        """Whether it holds text."""
+        """Whether the samples are text."""
         return self.values.dtype.kind == "O"
 
     def equals(self, other: "Signal") -> bool:
-        """Return whether another says the same, sample for sample; NaN equals NaN."""
+        """Return whether another signal is the same, sample for sample; NaN equals NaN."""
         same_words = (self.name, self.unit, self.description) == (
             other.name,
             other.unit,
@@ -90,16 +90,20 @@ class SignalGroup:
         return self.start_s + np.arange(self.n_samples) / self.rate_hz
 
     def equals(self, other: "SignalGroup") -> bool:
-        """Return whether another holds the same, sample for sample."""
+        """Return whether the other has the same content, sample for sample."""
         same_clock = (self.name, self.rate_hz, self.start_s) == (
             other.name,
             other.rate_hz,
             other.start_s,
         )
-        mine, theirs = self.time_s, other.time_s
-        if not same_clock or (mine is None) != (theirs is None):
+        stamps, other_stamps = self.time_s, other.time_s
+        if not same_clock or (stamps is None) != (other_stamps is None):
             return False
-        if mine is not None and theirs is not None and not np.array_equal(mine, theirs):
+        if (
+            stamps is not None
+            and other_stamps is not None
+            and not np.array_equal(stamps, other_stamps)
+        ):
             return False
         return len(self.signals) == len(other.signals) and all(
             a.equals(b) for a, b in zip(self.signals, other.signals, strict=True)
@@ -117,7 +121,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Acquisition:
-    """All that a file holds."""
+    """The content of a file."""
 
     groups: tuple[SignalGroup, ...]  # in the order of the file
     events: tuple[Event, ...] = ()  # in order of time
@@ -131,15 +135,15 @@ class Acquisition:
             raise ValueError(f"more than one group of one name: {names}")
 
     def equals(self, other: "Acquisition") -> bool:
-        """Return whether another holds the same, sample for sample."""
+        """Return whether the other has the same content, sample for sample."""
         return (
             len(self.groups) == len(other.groups)
             and all(a.equals(b) for a, b in zip(self.groups, other.groups, strict=True))
-            and list(map(_told, self.events)) == list(map(_told, other.events))
+            and list(map(_comparable, self.events)) == list(map(_comparable, other.events))
             and dict(self.metadata) == dict(other.metadata)
         )
 
 
-def _told(event: Event) -> tuple[float, str, float | None]:
-    """Return an event for comparison: an unknown duration equals another."""
+def _comparable(event: Event) -> tuple[float, str, float | None]:
+    """Return an event as a comparable tuple; two unknown durations are equal."""
     return event.time_s, event.label, None if np.isnan(event.duration_s) else event.duration_s

@@ -1,4 +1,4 @@
-"""When the pulses of a bench fire: at points of a reference's cycle, or after rests."""
+"""Onsets of the pulses of a bench: at points of a reference's cycle, or after rests."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -9,7 +9,7 @@ _ROUNDING = 1e-9
 def onsets_in_cycle(
     points_pct: Sequence[float], *, cycle_s: float, apart_s: float
 ) -> tuple[float, ...]:
-    """Place pulses at points of a cycle that repeats, each as early as it can be."""
+    """Return the earliest onsets, s, at points of a repeating cycle."""
     onsets, earliest = [], apart_s
     for pct in points_pct:
         first = pct / 100.0 * cycle_s
@@ -20,5 +20,5 @@ def onsets_in_cycle(
 
 
 def onsets_after_rests(count: int, *, pause_s: float, duration_s: float) -> tuple[float, ...]:
-    """Place pulses one after the other, each after a rest."""
+    """Return the onsets, s, of pulses that each follow a rest."""
     return tuple(pause_s + k * (pause_s + duration_s) for k in range(count))

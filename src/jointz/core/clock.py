@@ -1,4 +1,4 @@
-"""Time, handed in: the machine's own or a virtual one that only moves when it is waited for.
+"""Clocks: the machine's own, and a virtual one that advances only when something waits for it.
 
 Everything that needs time takes a :class:`Clock`; minutes of walking pass in
 milliseconds under a virtual one, and the same code runs in real time under the
@@ -13,7 +13,7 @@ _SPIN_NS = 150_000
 
 
 class Clock(Protocol):
-    """What tells the time and waits; monotonic nanoseconds."""
+    """A clock: tells the time and waits, in monotonic nanoseconds."""
 
     def now_ns(self) -> int:
         """Return the time, ns."""
@@ -25,7 +25,7 @@ class Clock(Protocol):
 
 
 class VirtualClock:
-    """A clock that stands still until somebody waits for it.
+    """A clock that advances only when something waits for it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a protocol may ask of a device: decided before the device is switched on."""
+"""Check of a protocol against a device's limits, before the device is switched on."""
 
 from jointz.core.checked_model import place_of
 from jointz.core.errors import ProtocolError
@@ -11,16 +11,18 @@ from jointz.core.protocols.protocol_limit_checks import (
 
 
 def limits_on_device(
-    protocol: Protocol, own: SafetyLimits, *, torque_per_ampere: float
+    protocol: Protocol, device_limits: SafetyLimits, *, torque_per_ampere: float
 ) -> SafetyLimits:
-    """Return a device's limits as a protocol tightens them."""
-    limits = tightened(own, protocol.safety)
+    """Return a device's limits as tightened by a protocol; raise if the protocol exceeds them."""
+    limits = tightened(device_limits, protocol.safety)
     torque_nm = min(limits.torque_nm, limits.current_a * torque_per_ampere)
     limited = LimitsOverride.model_validate({**limits.model_dump(), "torque_nm": torque_nm})
-    asked = protocol.model_copy(update={"safety": limited})
-    problems = [problem for check in PROTOCOL_LIMIT_CHECKS for problem in check(asked)]
+    limited_protocol = protocol.model_copy(update={"safety": limited})
+    problems = [problem for check in PROTOCOL_LIMIT_CHECKS for problem in check(limited_protocol)]
     for i in range(len(protocol.conditions)):
-        problems += [problem for check in CONDITION_LIMIT_CHECKS for problem in check(asked, i)]
+        problems += [
+            problem for check in CONDITION_LIMIT_CHECKS for problem in check(limited_protocol, i)
+        ]
     if problems:
         raise ProtocolError(
             f"{protocol.name} with the limits of this device",

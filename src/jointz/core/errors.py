@@ -28,7 +28,7 @@ class JointzError(Exception):
     """Base of all errors that jointz raises on purpose."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Come whole out of a worker process, whatever ``__init__`` asks for."""
+        """Support pickling, whatever arguments ``__init__`` takes."""
         return _revived, (type(self), self.args, self.__dict__)
 
 
@@ -179,4 +179,4 @@ class WorkerLostError(JointzError):
 
 
 class EngineError(JointzError):
-    """What does the tasks of a job cannot go on: no task is to blame, nor is the input."""
+    """The engine that runs the tasks cannot continue; neither a task nor the input is to blame."""

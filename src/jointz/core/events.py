@@ -1,4 +1,4 @@
-"""What happened in a recording: strides, pulses, and what was left out."""
+"""Events of a recording: strides, pulses, gaps, with the reasons for exclusion."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class StrideRecord:
 
 @dataclass(frozen=True, slots=True)
 class PulseRecord:
-    """A perturbation pulse and what became of it."""
+    """A perturbation pulse, used or excluded."""
 
     participant: str  # where it was found
     recording: str
@@ -62,7 +62,7 @@ class GapRecord:
 
 @dataclass(frozen=True, slots=True)
 class SamplingRecord:
-    """How fast a recording was sampled."""
+    """The sampling rate of a recording."""
 
     participant: str
     recording: str
@@ -72,7 +72,7 @@ class SamplingRecord:
 
 @dataclass(frozen=True, slots=True)
 class PulseEstimate:
-    """Impedance from one pulse on a bench by itself (2.2.3)."""
+    """Impedance estimated from a single pulse on a bench (2.2.3)."""
 
     participant: str  # load, and case or reference
     timing_point: str

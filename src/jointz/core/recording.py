@@ -1,4 +1,4 @@
-"""A recording in memory: an ``xarray.Dataset`` that was validated once.
+"""Recording in memory: an ``xarray.Dataset``, validated once.
 
 Schema
 ------
@@ -121,7 +121,7 @@ def history_of(recording: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def deflection(recording: xr.Dataset) -> np.ndarray:
-    """Return the angle of a bench, (n,) rad, against its far side where that was recorded.
+    """Return the deflection of a bench, (n,) rad: angle minus that of the far side, if recorded.
 
     That is the channel ``position`` in rad; in another unit it is one of the user's own.
     """
@@ -132,7 +132,7 @@ def deflection(recording: xr.Dataset) -> np.ndarray:
 
 
 def damage_of(recording: xr.Dataset) -> np.ndarray:
-    """Return the stretches whose records were damaged and left out, by the recording's history."""
+    """Return the damaged stretches (n, 2), s, that the recording's history lists as left out."""
     holes = [hole for step in history_of(recording) for hole in step.get("damaged_s", ())]
     try:
         return np.array(holes, dtype=float).reshape(-1, 2)
@@ -146,7 +146,7 @@ def damage_of(recording: xr.Dataset) -> np.ndarray:
 
 
 def damage_near(damage_s: np.ndarray, begin_s: float, end_s: float) -> str:
-    """Return which damaged stretch reaches into a time, in words; "" for none."""
+    """Return the first damaged stretch that overlaps a time range, in words; "" for none."""
     near = damage_s[(damage_s[:, 0] <= end_s) & (damage_s[:, 1] >= begin_s)]
     return f"damaged from {near[0, 0]:.3f} to {near[0, 1]:.3f} s" if near.size else ""
 
@@ -161,8 +161,8 @@ def _time_problems(recording: xr.Dataset) -> list[str]:
     if "time" not in recording.coords:
         return ["it has no coordinate 'time'."]
     if recording["time"].dims != ("time",) or recording["time"].dtype.kind != "f":
-        found = f"{recording['time'].dtype} over {recording['time'].dims}"
-        return [f"its coordinate 'time' holds {found}, expected float64 seconds over ('time',)."]
+        kind = f"{recording['time'].dtype} over {recording['time'].dims}"
+        return [f"its coordinate 'time' holds {kind}, expected float64 seconds over ('time',)."]
     time = recording["time"].to_numpy()
     first_row = int(recording.attrs.get("first_row", 1))
     if time.size < 2:

@@ -1,4 +1,4 @@
-"""The crash-safe log of a session: its records, byte by byte.
+"""Format of the crash-safe log of a session: header and records.
 
 A log is a header and then records of one size, each with a CRC-32 of itself,
 written one tick at a time. What was written before a crash can be read; a record
@@ -184,15 +184,15 @@ def decode_header(content: bytes) -> LogHeader:
 
 
 def _intact_copy(content: bytes) -> tuple[bytes, int, str]:
-    """Return the header's text, where the records begin, and which copy is damaged."""
-    for found in _HEADER_BEGINS.finditer(content, 0, _LONGEST_HEADER_BYTES):
-        line, end, _ = content[found.start() : _LONGEST_HEADER_BYTES].partition(b"\n")
+    """Return the header's text, the offset of the records, and the damaged copy's name."""
+    for match in _HEADER_BEGINS.finditer(content, 0, _LONGEST_HEADER_BYTES):
+        line, end, _ = content[match.start() : _LONGEST_HEADER_BYTES].partition(b"\n")
         text = checked_text(line)
         if text is None:
             continue
         size = len(line + end)
-        if found.start() > 0:
-            return text, found.start() + size, "first"
+        if match.start() > 0:
+            return text, match.start() + size, "first"
         second = content[size : 2 * size]
         return text, min(2 * size, len(content)), "second" if second != line + end else ""
     line, end, _ = content[:_LONGEST_HEADER_BYTES].partition(b"\n")

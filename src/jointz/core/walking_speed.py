@@ -1,4 +1,4 @@
-"""What changes with the speed of walking."""
+"""Effects of walking speed."""
 
 from math import sqrt
 

@@ -1,4 +1,4 @@
-"""Heel strikes out of footswitches, vertical forces and stride counters.
+"""Detection of heel strikes in footswitches, vertical forces and stride counters.
 
 Every detector is a Schmitt trigger with a refractory time. Its thresholds are
 calibrated in two stages: coarse levels of the whole record first, then the
@@ -94,7 +94,7 @@ def find_heel_strikes(
 
 
 def is_unclean_switch(recording: xr.Dataset) -> bool:
-    """Tell whether a channel that is declared as a switch of two levels does not rest at two.
+    """Return whether a declared two-level switch does not rest at two levels.
 
     Every seventh of its samples or more lies away from both: a voltage that drifts or rises
     slowly. Edges of a few samples, bounces, missing samples and levels other than 0 and 1 are no
@@ -233,7 +233,7 @@ def _coarse_levels(x: np.ndarray) -> tuple[float, float]:
 
 
 def _thinned(x: np.ndarray) -> np.ndarray:
-    """Return at most so many samples, evenly spread: a level needs no more."""
+    """Return at most ``_LEVEL_SAMPLES`` samples, evenly spread."""
     return x[:: 1 + x.size // _LEVEL_SAMPLES]
 
 
@@ -263,7 +263,7 @@ def _block_count(t: np.ndarray, block_s: float) -> int:
 
 
 def _without_drift(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Subtract the slow wander of the middle between the levels, keeping its median."""
+    """Subtract the drift of the middle between the levels, keeping its median."""
     blocks = _block_count(t, _BLOCK_S)
     ends = np.array([np.percentile(b, [5, 95]) for b in np.array_split(x, blocks)])
     centre = np.array([b.mean() for b in np.array_split(t, blocks)])
@@ -312,7 +312,7 @@ def _trigger(
 
 
 def _debounced(t: np.ndarray, rise: np.ndarray, fall: np.ndarray) -> np.ndarray:
-    """Tell which rises begin a contact that is neither chatter, a blip, nor after a drop-out.
+    """Return which rises begin a contact, and are not chatter, a blip or the end of a drop-out.
 
     In this order: contacts apart by no more than chatter become one; contacts that
     are short against stance and against the low runs around them go; contacts apart
@@ -363,7 +363,7 @@ def _select(
 def _outside_refractory(
     time_s: np.ndarray, kept: np.ndarray, *, wait_s: float, expected: float
 ) -> np.ndarray:
-    """Return the rises that stand: of two closer than ``wait_s``, as a rule the first.
+    """Return the indices of accepted rises: of two closer than ``wait_s``, as a rule the first.
 
     The second stands, debounced or not, where the first came early and the second
     in time, by the median of the last five intervals: the first was a false contact.

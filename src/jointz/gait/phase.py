@@ -64,13 +64,13 @@ def stride_containing(t: np.ndarray, strides: Strides) -> np.ndarray:
 
 
 def measured_phase(t: np.ndarray, strides: Strides) -> np.ndarray:
-    """Return the phase of each time within its stride as it happened, % of the gait cycle."""
+    """Return the measured phase of each time within its stride, % of the gait cycle."""
     index = stride_containing(t, strides)
     inside = index >= 0
     inside[inside] = strides.accepted[index[inside]]
     pct = np.full(index.shape, np.nan)
-    held = index[inside]
-    pct[inside] = 100.0 * (t[inside] - strides.start_s[held]) / strides.duration_s[held]
+    stride = index[inside]
+    pct[inside] = 100.0 * (t[inside] - strides.start_s[stride]) / strides.duration_s[stride]
     return pct
 
 

@@ -1,4 +1,4 @@
-"""Strides between heel strikes, and which of them can be believed."""
+"""Strides between heel strikes, accepted or rejected."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Strides:
 def find_strides(
     strike_s: np.ndarray, gaps: np.ndarray, *, gap_tolerance_s: float | None = None
 ) -> Strides:
-    """Cut a recording into strides and say which can be believed.
+    """Cut a recording into strides and accept or reject each.
 
     A stride is accepted when it lasts 0.75 to 1.33 times the median of the last
     five accepted strides (at the start: the median of all intervals counts as
@@ -134,7 +134,7 @@ def _by_duration(length: float, expected: float) -> tuple[str, str]:
 
 
 def _longest_gap(strike_s: np.ndarray, gaps: np.ndarray) -> np.ndarray:
-    """Return the longest hole that reaches into each stride, 0 without one."""
+    """Return the longest gap that overlaps each stride, 0 without one."""
     length = gaps[:, 1] - gaps[:, 0]
     first = np.searchsorted(gaps[:, 1], strike_s[:-1], side="right")
     after = np.searchsorted(gaps[:, 0], strike_s[1:], side="left")

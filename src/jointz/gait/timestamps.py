@@ -1,4 +1,4 @@
-"""Time stamps of a recording: rate, holes, unbroken stretches, uniform grids.
+"""Time stamps of a recording: rate, gaps, unbroken stretches, uniform grids.
 
 The nominal rate of a recording is never assumed; everything here follows from
 the time stamps that were logged. Jittered stamps are resampled linearly, not
@@ -27,7 +27,7 @@ def rate_hz(time: np.ndarray) -> float:
 
 
 def longest_step_s(time: np.ndarray) -> float:
-    """Return the longest step between samples that is not a hole.
+    """Return the longest step between samples that is not a gap.
 
     It is 1.75 median steps. A clock that rounds its stamps (900 Hz written in
     whole milliseconds) or alternates short and long periods has long steps that
@@ -50,7 +50,7 @@ def _even(steps: np.ndarray, ratio: float) -> bool:
 
 
 def find_gaps(time: np.ndarray) -> np.ndarray:
-    """Find the holes in the time stamps."""
+    """Return the gaps in the time stamps, (n, 2): last sample before and first after, s."""
     if len(time) < 2:
         return np.empty((0, 2))
     steps = np.diff(time)

@@ -359,8 +359,8 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
     for i, entry in perturbed:
         if source == "table" and "perturbations" not in entry:
             yield f'recordings[{i}].perturbations: missing; perturbations.source is "table".'
-        told = {"command", "reference"} & set(channels) or "perturbations" in entry
-        if source is None and not told:
+        has_command = {"command", "reference"} & set(channels) or "perturbations" in entry
+        if source is None and not has_command:
             yield (
                 f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
                 'a table (perturbations = "FILE.csv"), or perturbations.source.'
@@ -401,8 +401,8 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
                 checked.add((name, *needed))
-                wanted = {n: columns[n] for n in needed}
-                problems += _column_problems(place, root, name, wanted, files)
+                needed_columns = {n: columns[n] for n in needed}
+                problems += _column_problems(place, root, name, needed_columns, files)
     return problems
 
 

@@ -1,14 +1,16 @@
 """Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import DeviceFileError, EntryError, ProtocolError, StudyError
+from jointz.core.errors import DataError, DeviceFileError, EntryError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
 
@@ -28,6 +30,16 @@ _EXPECTED = {
     "int_type": "a whole number",
     "bool_type": "true or false",
 }
+
+
+def file_content(name: str, *, absent: str) -> bytes:
+    """Return the bytes of a file; ``absent`` is the message where there is none."""
+    if not os.path.isfile(name):  # unlike Path.is_file it holds for names no system takes
+        raise DataError(absent, path=name)
+    try:
+        return Path(name).read_bytes()
+    except OSError as exc:
+        raise DataError(f"{name}: cannot be read ({exc.strerror}).", path=name) from exc
 
 
 def parse_toml(

@@ -1,21 +1,26 @@
-"""What result types have in common: JSON, a short ``repr``, and the parameters of a fit."""
+"""Base of result types: JSON, text, tables, figures, and the parameters of a fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 import pandas as pd
 from pydantic import BeforeValidator, InstanceOf, TypeAdapter
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from jointz.results.estimates import ParameterEstimate
 
-_SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
+#: Impedance parameter -> its symbol.
+SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _PLAIN = {bool, int, float, str, type(None)}
 _REPR_LINES = 10
+_HTML_ROWS = 10
 
 
 def _as_array(value: Any) -> Any:
@@ -46,8 +51,14 @@ class Result:
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild from :meth:`to_dict`; raise ValueError for another schema or wrong values."""
         values = checked_values(data, cls.SCHEMA) if cls.SCHEMA else dict(data)
-        made: Self = _adapter(cls).validate_python(values)  # type: ignore[arg-type]
-        return made
+        result: Self = _adapter(cls).validate_python(values)  # type: ignore[arg-type]
+        return result
+
+    def __eq__(self, other: object) -> bool:
+        # For classes with arrays (eq=False), which have no single truth value.
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        return self.to_dict() == other.to_dict()
 
     def summary(self) -> str:
         """Return a short text."""
@@ -57,15 +68,59 @@ class Result:
         lines = [f"{type(self).__name__}:", *self.summary().splitlines()]
         return "\n".join(lines[: _REPR_LINES - 1] + ["..."] * (len(lines) >= _REPR_LINES))
 
+    def _repr_html_(self) -> str:
+        title = escape(self.summary().partition("\n")[0])
+        if hasattr(self, "to_frame"):
+            table = self.to_frame()
+        else:
+            table = pd.DataFrame({k: [str(v)[:60]] for k, v in _fields_of(self).items()}).T
+        html = table.to_html(max_rows=_HTML_ROWS, max_cols=12, border=0, na_rep="")
+        return f"<p>{title}</p>\n{html}"
 
-class Fit(Result):
-    """Base of fits with parameters, which JSON holds by name."""
+
+class PlottedResult(Result):
+    """Base of results with a figure, which ``_draw`` draws."""
+
+    __slots__ = ()
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 4.0)  # inches
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the result.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        axes = axes_or_new(ax, self.FIGURE_SIZE)
+        self._draw(axes)
+        return axes
+
+    def _draw(self, axes: "Axes") -> None:
+        raise NotImplementedError
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_P = TypeVar("_P", bound=_Named)
+
+
+class ParameterResult(PlottedResult, Generic[_P]):
+    """Base of results with parameters: each by its name."""
 
     __slots__ = ()
     if TYPE_CHECKING:
-        parameters: "tuple[ParameterEstimate, ...]"
+        parameters: tuple[_P, ...]
 
-    def parameter(self, name: str) -> "ParameterEstimate":
+    def parameter(self, name: str) -> _P:
         """Return a parameter by name; raise KeyError where the fit has none of this name."""
         for parameter in self.parameters:
             if parameter.name == name:
@@ -74,19 +129,35 @@ class Fit(Result):
         raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
 
     @property
-    def stiffness(self) -> "ParameterEstimate":
+    def stiffness(self) -> _P:
         """The stiffness K."""
         return self.parameter("stiffness")
 
     @property
-    def damping(self) -> "ParameterEstimate":
+    def damping(self) -> _P:
         """The damping B."""
         return self.parameter("damping")
 
     @property
-    def inertia(self) -> "ParameterEstimate":
+    def inertia(self) -> _P:
         """The inertia J."""
         return self.parameter("inertia")
+
+
+class Fit(ParameterResult["ParameterEstimate"]):
+    """Base of fits with parameters, which JSON holds by name."""
+
+    __slots__ = ()
+    #: Properties of the fit that every row of its table repeats.
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "model", "estimator")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter."""
+        names = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
+        table = record_frame(self.parameters, ("name", *names)).rename(
+            columns={"name": "parameter"}
+        )
+        return table.assign(**{name: getattr(self, name) for name in self.COLUMNS})
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -131,8 +202,8 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _fields_of(made: Any) -> dict[str, Any]:
-    return {f.name: plain(getattr(made, f.name)) for f in fields(made)}
+def _fields_of(record: Any) -> dict[str, Any]:
+    return {f.name: plain(getattr(record, f.name)) for f in fields(record)}
 
 
 @cache
@@ -140,25 +211,49 @@ def _adapter(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def parameter_frame(parameters: "Sequence[ParameterEstimate]", **same: Any) -> pd.DataFrame:
-    """Return one row a parameter, and columns that are the same in all rows."""
-    columns = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
-    rows = [{"parameter": p.name} | {c: getattr(p, c) for c in columns} | same for p in parameters]
-    return pd.DataFrame(rows)
+def record_frame(records: Iterable[Any], columns: Iterable[str]) -> pd.DataFrame:
+    """Return one row a record: its attributes of these names."""
+    names = list(columns)
+    return pd.DataFrame([[getattr(r, name) for name in names] for r in records], columns=names)
 
 
-def parameter_line(parameter: "ParameterEstimate") -> str:
-    """Return a line of a summary."""
-    if parameter.value is None:
-        return f"{parameter.name:<10} {parameter.status}"
-    interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
-    measure = f"{parameter.name:<10} {parameter.value:.4g} {parameter.unit}"
-    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
+def columns_with(kind: type, column: str, *, after: str) -> list[str]:
+    """Return the fields of a record, and one of its properties behind a field."""
+    columns = [f.name for f in fields(kind)]
+    columns.insert(columns.index(after) + 1, column)
+    return columns
 
 
-def parameter_label(parameter: "ParameterEstimate") -> str:
-    """Return a short label for a figure."""
-    symbol = _SYMBOLS[parameter.name]
+def axes_or_new(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
+    """Return the axes, those of a new figure (width and height in inches) for None."""
+    import matplotlib.pyplot as plt
+
+    return ax if ax is not None else plt.subplots(figsize=size, layout="constrained")[1]
+
+
+def summary_text(title: str, lines: Iterable[str], notes: Iterable[str] = ()) -> str:
+    """Return a summary: a title, indented lines, notes."""
+    indented = [f"  {line}" for line in lines] + [f"  Note: {note}" for note in notes]
+    return "\n".join([title, *indented])
+
+
+def parameter_line(
+    parameter: "ParameterEstimate", *, name: str = "", width: int = 10, digits: int = 4
+) -> str:
+    """Return a parameter with its interval, as a line of a summary."""
+    p, name = parameter, name or parameter.name
+    if p.value is None:
+        return f"{name:<{width}} {p.status}"
+    measure = f"{name:<{width}} {p.value:.{digits}g} {p.unit}"
+    if p.ci_low is None or p.ci_high is None:
+        return f"{measure} ({p.ci_method if p.status == 'ok' else 'no interval; undecided'})"
+    interval = f"{p.ci_low:.{digits}g} to {p.ci_high:.{digits}g}"
+    return f"{measure} ({p.ci_level:.0%} interval {interval}; {p.status})"
+
+
+def parameter_label(parameter: "ParameterEstimate", *, symbol: str = "", digits: int = 3) -> str:
+    """Return a parameter as a short label of a figure; its symbol is K, B or J by default."""
+    symbol = symbol or SYMBOLS[parameter.name]
     if parameter.value is None:
         return f"{symbol} {parameter.status}"
-    return f"{symbol} = {parameter.value:.3g} {parameter.unit}"
+    return f"{symbol} = {parameter.value:.{digits}g} {parameter.unit}"

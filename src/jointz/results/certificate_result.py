@@ -1,7 +1,7 @@
-"""What error to expect in a study: known responses injected into it, and estimated."""
+"""Expected errors of a study, from known responses injected into it."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.events import row_label
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ _SMALL = 0.1
 
 @dataclass(frozen=True, slots=True)
 class VirtualEstimate:
-    """One parameter of a response that was injected, and what was made of it."""
+    """One parameter of an injected response, and its estimate."""
 
     participant: str  # whose strides it was injected into
     replicate: int  # which of the injections; those of one replicate share sensor and inertia
@@ -77,7 +77,7 @@ class ExpectedError:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Certificate(Result):
+class Certificate(PlottedResult):
     """Error and coverage to expect in a study, measured in its own strides.
 
     Parameters
@@ -100,6 +100,7 @@ class Certificate(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.Certificate/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
 
     method: str
     errors: tuple[ExpectedError, ...]
@@ -133,45 +134,27 @@ class Certificate(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the errors to expect, one row a parameter and timing point."""
-        columns = list(ExpectedError.__slots__)
-        columns.insert(columns.index("rmse") + 1, "unit")
-        rows = [asdict(row) | {"unit": row.unit} for row in self.errors]
-        return pd.DataFrame(rows, columns=columns)
+        return record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
 
     def estimates_frame(self) -> pd.DataFrame:
         """Return every injected parameter beside its estimate."""
-        columns = list(VirtualEstimate.__slots__)
-        return pd.DataFrame([asdict(row) for row in self.estimates], columns=columns)
+        return record_frame(self.estimates, VirtualEstimate.__slots__)
 
     def summary(self) -> str:
         """Return a short text: what error to expect of K, B and J, and how often it is decided."""
-        lines = [
+        title = (
             f"Certificate of {self.method}: {self.replicates} injection(s) into the unperturbed "
             f"strides of {self.n_participants} participant(s)."
-        ]
-        lines += [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
-        given = [f"{k} {v}" for k, v in self.injected.items() if v != "found"]
-        if given:
-            lines.append("  Injected as given: " + "; ".join(given))
-        lines += [f"  Left out: {who}: {why}" for who, why in self.left_out.items()]
-        return "\n".join(lines)
+        )
+        lines = [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
+        settings = [f"{k} {v}" for k, v in self.injected.items() if v != "found"]
+        if settings:
+            lines.append("Injected as given: " + "; ".join(settings))
+        lines += [f"Left out: {who}: {why}" for who, why in self.left_out.items()]
+        return summary_text(title, lines)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw bias and RMSE at the timing points.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw bias and RMSE at the timing points."""
         points = list(dict.fromkeys(row.timing_point for row in self.errors))
         for k, parameter in enumerate(PARAMETERS):
             rows = [r for r in self.errors if r.parameter == parameter and r.rmse_pct is not None]
@@ -185,7 +168,6 @@ class Certificate(Result):
         axes.set_xticks(range(len(points)), points)
         axes.set_ylabel("RMSE (bars), bias (dots), % of the truth")
         axes.legend()
-        return axes
 
 
 def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError, ...]:
@@ -201,12 +183,12 @@ def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError
     points = [ALL_POINTS, *dict.fromkeys(e.timing_point for e in estimates)]
     rows = []
     for name in PARAMETERS:
-        mine = [e for e in estimates if e.parameter == name]
-        least = _least_truth(mine)
+        of_parameter = [e for e in estimates if e.parameter == name]
+        least = _least_truth(of_parameter)
         for point in points:
-            here = [e for e in mine if point in (ALL_POINTS, e.timing_point)]
-            if here:
-                rows.append(_expected(name, point, here, least=least))
+            at_point = [e for e in of_parameter if point in (ALL_POINTS, e.timing_point)]
+            if at_point:
+                rows.append(_expected(name, point, at_point, least=least))
     return tuple(rows)
 
 
@@ -222,31 +204,31 @@ def _least_truth(estimates: Sequence[VirtualEstimate]) -> float:
 def _expected(
     parameter: str, timing_point: str, estimates: Sequence[VirtualEstimate], *, least: float
 ) -> ExpectedError:
-    fine = [e for e in estimates if e.decided]
-    undecided = 100.0 * (1.0 - len(fine) / len(estimates))
-    if not fine:
-        nothing: dict[str, Any] = dict.fromkeys(ExpectedError.__slots__[4:-1])
-        return ExpectedError(parameter, timing_point, len(estimates), undecided, **nothing)
-    told = [e for e in fine if e.truth > 0.0 and e.truth >= least]
-    truth = _column(e.truth for e in fine)
-    low, high = _column(e.ci_low for e in fine), _column(e.ci_high for e in fine)
+    decided = [e for e in estimates if e.decided]
+    undecided = 100.0 * (1.0 - len(decided) / len(estimates))
+    if not decided:
+        no_numbers: dict[str, Any] = dict.fromkeys(ExpectedError.__slots__[4:-1])
+        return ExpectedError(parameter, timing_point, len(estimates), undecided, **no_numbers)
+    relative = [e for e in decided if e.truth > 0.0 and e.truth >= least]
+    truth = _column(e.truth for e in decided)
+    low, high = _column(e.ci_low for e in decided), _column(e.ci_high for e in decided)
     inside = ((low <= truth) & (truth <= high)).astype(float)
-    coverage, coverage_sd = _mean(inside, _people(fine))
+    coverage, coverage_sd = _mean(inside, _people(decided))
     return ExpectedError(
         parameter=parameter,
         timing_point=timing_point,
         n=len(estimates),
         undecided_pct=undecided,
-        **_relative(told),
-        rmse=_rmse(fine),
+        **_relative(relative),
+        rmse=_rmse(decided),
         coverage=coverage,
         coverage_sd=coverage_sd,
-        n_small=len(fine) - len(told),
+        n_small=len(decided) - len(relative),
     )
 
 
 def _relative(estimates: Sequence[VirtualEstimate]) -> dict[str, float | None]:
-    """Return what is told in % of the truth."""
+    """Return the errors in % of the truth."""
     if not estimates:
         return dict.fromkeys(("bias_pct", "rmse_pct", "rmse_sd_pct", "width_pct"))
     truth = _column(e.truth for e in estimates)
@@ -291,13 +273,13 @@ def _mean(values: np.ndarray, clusters: Sequence[Any]) -> tuple[float, float | N
 
 def _line(row: ExpectedError) -> str:
     if row.rmse is None or row.coverage is None:
-        return f"  {row.parameter:<10} never decided, {row.n} injected"
+        return f"{row.parameter:<10} never decided, {row.n} injected"
     size = f"RMSE {row.rmse:.3g} {row.unit}"
     if row.rmse_pct is not None:
         about = "" if row.rmse_sd_pct is None else f" +- {row.rmse_sd_pct:.1f}"
         size = f"RMSE {row.rmse_pct:.1f}{about} %, bias {row.bias_pct:+.1f} %"
     small = f", {row.n_small} of {row.n} too small for errors in %" if row.n_small else ""
     return (
-        f"  {row.parameter:<10} {size}, {_LEVEL:.0%} intervals hold {row.coverage:.0%}, "
+        f"{row.parameter:<10} {size}, {_LEVEL:.0%} intervals hold {row.coverage:.0%}, "
         f"undecided {row.undecided_pct:.0f} %{small}"
     )

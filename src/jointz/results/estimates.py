@@ -29,7 +29,7 @@ FIT_SOURCES = (
 
 
 def decides(value: float, reach: float) -> bool:
-    """Tell whether an interval that reaches so far from its value decides anything."""
+    """Return whether an interval of this half-width is narrow enough to decide a value."""
     return reach <= _WIDEST * abs(value)
 
 
@@ -73,6 +73,11 @@ class ParameterEstimate:
     def unit(self) -> str:
         """The unit of value and interval."""
         return PARAMETER_UNITS[self.name]
+
+    @property
+    def ci(self) -> tuple[float | None, float | None]:
+        """Ends of the interval, low and high."""
+        return self.ci_low, self.ci_high
 
     @property
     def stands(self) -> bool:
@@ -189,26 +194,28 @@ class CellEstimate(Result):
         """
         return next((p for p in self.parameters if p.name == name), None)
 
+    @property
+    def stiffness(self) -> ParameterEstimate | None:
+        """The stiffness K."""
+        return self.parameter("stiffness")
+
+    @property
+    def damping(self) -> ParameterEstimate | None:
+        """The damping B."""
+        return self.parameter("damping")
+
+    @property
+    def inertia(self) -> ParameterEstimate | None:
+        """The inertia J."""
+        return self.parameter("inertia")
+
     def rows(self) -> list[dict[str, Any]]:
         """Return one row a parameter, in the columns of ``estimates.csv``."""
+        columns = {"parameter": "name"}
         return [
             {
-                "participant": self.participant,
-                "timing_point": self.timing_point,
-                "onset_gait_pct": self.onset_gait_pct,
-                "parameter": p.name,
-                "value": p.value,
-                "unit": p.unit,
-                "ci_low": p.ci_low,
-                "ci_high": p.ci_high,
-                "ci_level": p.ci_level,
-                "vaf_pct": self.vaf_pct,
-                "n_used": self.n_used,
-                "n_excluded": self.n_excluded,
-                "method": self.method,
-                "status": p.status,
-                "session": self.session,
-                "side": self.side,
+                name: getattr(p if name in _OF_PARAMETER else self, columns.get(name, name))
+                for name in ESTIMATE_COLUMNS
             }
             for p in self.parameters
         ]
@@ -240,6 +247,7 @@ ESTIMATE_COLUMNS = (
     "session",
     "side",
 )
+_OF_PARAMETER = ("parameter", "value", "unit", "ci_low", "ci_high", "ci_level", "status")
 #: Columns of ``covariance.csv``, one row an estimate: its covariance with the stiffness, the
 #: damping and the inertia of the same cell, SI; its own is its variance.
 COVARIANCE_COLUMNS = (

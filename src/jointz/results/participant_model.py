@@ -1,4 +1,4 @@
-"""What the recommended estimator found out about a participant's joint and sensor."""
+"""Properties of a participant's joint and sensor, by the recommended estimator."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jointz.results.base import Result
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ParticipantModel(Result):
-    """Which hypotheses the responses of a participant speak for."""
+    """Lag, friction and probabilities of the hypotheses of one participant."""
 
     participant: str  # the id
     lag_s: float  # s: of the angle behind the torque: delay and first-order lag together

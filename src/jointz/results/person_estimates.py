@@ -23,7 +23,10 @@ def person_cells(cells: Sequence["CellEstimate"]) -> tuple["CellEstimate", ...]:
     groups: dict[tuple[str, str, str], list[CellEstimate]] = {}
     for cell in cells:
         groups.setdefault((cell.participant, cell.timing_point, cell.method), []).append(cell)
-    return tuple(own[0] if len(own) == 1 else _average(own) for own in groups.values())
+    return tuple(
+        cells_of_group[0] if len(cells_of_group) == 1 else _average(cells_of_group)
+        for cells_of_group in groups.values()
+    )
 
 
 def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
@@ -64,16 +67,16 @@ def _counting(cells: Sequence["CellEstimate"], name: str) -> list["CellEstimate"
 
 
 def _parameter(cells: Sequence["CellEstimate"], name: str) -> "ParameterEstimate":
-    own = [p for p in (c.parameter(name) for c in _counting(cells, name) or cells[:1]) if p]
-    statuses = {p.status for p in own}
+    estimates = [p for p in (c.parameter(name) for c in _counting(cells, name) or cells[:1]) if p]
+    statuses = {p.status for p in estimates}
     stands = statuses <= {"ok", "at_bound"}
-    status = "ok" if stands and "ok" in statuses else own[0].status
+    status = "ok" if stands and "ok" in statuses else estimates[0].status
     return replace(
-        own[0],
-        value=_mean([p.value for p in own]) if stands else None,
-        ci_low=_mean([p.ci_low for p in own]) if stands else None,
-        ci_high=_mean([p.ci_high for p in own]) if stands else None,
-        unbounded=_mean([p.unbounded for p in own]),
+        estimates[0],
+        value=_mean([p.value for p in estimates]) if stands else None,
+        ci_low=_mean([p.ci_low for p in estimates]) if stands else None,
+        ci_high=_mean([p.ci_high for p in estimates]) if stands else None,
+        unbounded=_mean([p.unbounded for p in estimates]),
         status=status if stands or len(statuses) == 1 else "undecided",
     )
 

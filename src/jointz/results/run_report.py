@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "jointz.RunReport/1"
 _COLUMNS = (
     "participant",
     "condition",
@@ -35,10 +34,11 @@ _COUNTS = _COLUMNS[4:-3]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class RunReport(Result):
-    """What a run did, one row a participant, condition and timing point."""
+class RunReport(PlottedResult):
+    """Report of a run, one row a participant, condition and timing point."""
 
-    SCHEMA: ClassVar[str] = SCHEMA
+    SCHEMA: ClassVar[str] = "jointz.RunReport/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.4, 4.8)
 
     protocol: str  # its name
     seed: int  # of plan and simulation
@@ -77,10 +77,10 @@ class RunReport(Result):
         lines = [f"{self.protocol}, seed {self.seed}: {count} session{'s' if count != 1 else ''}"]
         if table.empty:
             return "\n".join([*lines, *self.salvaged])
-        again = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
-        told = ", ".join(f"{count} {name}" for name, count in again.items() if count)
+        repeated = {name: int(table[name].sum()) for name in ("missed", "aborted", "lost")}
+        repeated_text = ", ".join(f"{count} {name}" for name, count in repeated.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
-        lines.append(f"{done}; done again: {told}" if told else done)
+        lines.append(f"{done}; done again: {repeated_text}" if repeated_text else done)
         for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])
@@ -104,19 +104,15 @@ class RunReport(Result):
             }
         return pd.DataFrame.from_dict(pooled, orient="index")
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
+    def _draw(self, axes: "Axes") -> None:
         """Draw the SD of the onsets beside the theory, by timing point."""
-        import matplotlib.pyplot as plt
-
-        ax = ax if ax is not None else plt.subplots(layout="constrained")[1]
         table = self.to_frame()
-        ax.plot(table["planned_pct"], table["error_sd_pct"], "o", alpha=0.5, label="measured")
+        axes.plot(table["planned_pct"], table["error_sd_pct"], "o", alpha=0.5, label="measured")
         theory = table.groupby("planned_pct")["theory_sd_pct"].mean()
-        ax.plot(theory.index, theory.to_numpy(), "-", color="0.3", label="from stride variation")
-        ax.set_xlabel("Planned onset (% of gait cycle)")
-        ax.set_ylabel("SD of onset (% of gait cycle)")
-        ax.legend(frameon=False)
-        return ax
+        axes.plot(theory.index, theory.to_numpy(), "-", color="0.3", label="from stride variation")
+        axes.set_xlabel("Planned onset (% of gait cycle)")
+        axes.set_ylabel("SD of onset (% of gait cycle)")
+        axes.legend(frameon=False)
 
 
 def _onset_sentence(row: Mapping[Any, Any]) -> str:
@@ -129,7 +125,7 @@ def _onset_sentence(row: Mapping[Any, Any]) -> str:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StudyRun(Result):
+class StudyRun(PlottedResult):
     """A finished experiment.
 
     Parameters
@@ -141,6 +137,7 @@ class StudyRun(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.StudyRun/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = RunReport.FIGURE_SIZE
 
     study: Path
     report: RunReport
@@ -153,12 +150,6 @@ class StudyRun(Result):
         """Return a few lines of text."""
         return f"{self.report.summary()}\nStudy: {self.study}"
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the SD of the onsets beside the theory, by timing point.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure without it.
-        """
-        return self.report.plot(ax)
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the figure of the report."""
+        self.report._draw(axes)

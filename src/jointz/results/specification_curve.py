@@ -1,15 +1,15 @@
-"""The same pulses analysed in every defensible way: what the choices do to K, B and J."""
+"""Specification curve: the same pulses analysed under every set of choices."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
-from jointz.results.base import Result
+from jointz.results.base import Result, columns_with, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,42 +85,41 @@ class SpecificationCurve(Result):
         timing_point : str
             Where.
         """
-        found = [
+        estimates = [
             e
             for e in self.estimates
             if e.parameter == parameter and e.timing_point == timing_point and e.stands
         ]
-        return tuple(sorted(found, key=lambda e: e.value or 0.0))
+        return tuple(sorted(estimates, key=lambda e: e.value or 0.0))
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row an estimate, its choices beside it."""
-        columns = list(SpecificationEstimate.__slots__)
-        columns.insert(columns.index("ci_low"), "unit")
-        rows = [asdict(e) | {"unit": e.unit} for e in self.estimates]
-        return pd.DataFrame(rows, columns=columns)
+        columns = columns_with(SpecificationEstimate, "unit", after="value")
+        return record_frame(self.estimates, columns)
 
     def summary(self) -> str:
         """Return a short text: how far the choices move each parameter, and what failed."""
         n = len({tuple(getattr(e, name) for name in CHOICES) for e in self.estimates})
-        lines = [f"Specification curve of {self.participant}: {n} sets of choices."]
+        lines = []
         for point in self.timing_points:
             for name in _PARAMETERS:
-                found = self.of(name, point)
-                if not found:
-                    lines.append(f"  {point:<6} {name:<10} never decided")
+                estimates = self.of(name, point)
+                if not estimates:
+                    lines.append(f"{point:<6} {name:<10} never decided")
                     continue
-                middle = found[len(found) // 2]
+                middle = estimates[len(estimates) // 2]
                 lines.append(
-                    f"  {point:<6} {name:<10} {found[0].value:.4g} to {found[-1].value:.4g} "
-                    f"{middle.unit}, median {middle.value:.4g} ({len(found)} decided)"
+                    f"{point:<6} {name:<10} {estimates[0].value:.4g} to {estimates[-1].value:.4g} "
+                    f"{middle.unit}, median {middle.value:.4g} ({len(estimates)} decided)"
                 )
         failed = Counter(e.status for e in self.estimates if e.status.startswith(_FAILED))
         lines += [
-            f"  {n} of {len(self.estimates)} rows {status}: "
+            f"{count} of {len(self.estimates)} rows {status}: "
             f"{Failure(status.removeprefix(_FAILED)).meaning}"
-            for status, n in failed.most_common()
+            for status, count in failed.most_common()
         ]
-        return "\n".join(lines)
+        title = f"Specification curve of {self.participant}: {n} sets of choices."
+        return summary_text(title, lines)
 
     def plot(
         self,
@@ -156,28 +155,28 @@ class SpecificationCurve(Result):
         axes = ax if ax is not None else plt.subplots(figsize=(8.0, 7.0), gridspec_kw=room)[1]
         points = self.timing_points
         point = timing_point or (points[0] if points else "")
-        found = self.of(parameter, point)
+        estimates = self.of(parameter, point)
         box = axes.get_position()
         axes.set_position((box.x0, box.y0 + 0.55 * box.height, box.width, 0.45 * box.height))
-        for k, e in enumerate(found):
+        for k, e in enumerate(estimates):
             if e.ci_low is not None and e.ci_high is not None:
                 axes.plot([k, k], [e.ci_low, e.ci_high], color="0.7", linewidth=1.5)
-        values = [e.value for e in found if e.value is not None]
+        values = [e.value for e in estimates if e.value is not None]
         axes.plot(values, "o", color="black", markersize=3.0)
         axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
-        axes.set_title(f"{self.participant} {point}: {len(found)} sets of choices")
+        axes.set_title(f"{self.participant} {point}: {len(estimates)} sets of choices")
         axes.tick_params(labelbottom=False)
-        _draw_choices(axes, found)
+        _draw_choices(axes, estimates)
         return axes
 
 
-def _draw_choices(axes: "Axes", found: Sequence[SpecificationEstimate]) -> None:
+def _draw_choices(axes: "Axes", estimates: Sequence[SpecificationEstimate]) -> None:
     below = axes.inset_axes((0.0, -1.2, 1.0, 1.15), sharex=axes)
     labels: list[str] = []
     for name in CHOICES:
-        values = {getattr(e, name) for e in found if getattr(e, name) is not None}
+        values = {getattr(e, name) for e in estimates if getattr(e, name) is not None}
         for value in sorted(values, key=lambda v: (isinstance(v, str), v)):
-            at = [k for k, e in enumerate(found) if getattr(e, name) == value]
+            at = [k for k, e in enumerate(estimates) if getattr(e, name) == value]
             below.plot(at, [len(labels)] * len(at), "|", color="black", markersize=4.0)
             labels.append(_label(name, value))
     below.set_yticks(range(len(labels)), labels, fontsize="x-small")

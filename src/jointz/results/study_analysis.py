@@ -1,13 +1,13 @@
 """The analysis of a whole study, with everything needed to reproduce it."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
-from jointz.results.base import Result, plain
+from jointz.results.base import Result, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.participant_model import ParticipantModel
@@ -102,7 +102,7 @@ class StudyAnalysis(Result):
 
     @property
     def n_standing(self) -> int:
-        """How many estimates stand."""
+        """Number of available estimates."""
         return sum(p.stands for cell in self.cells for p in cell.parameters)
 
     def to_frame(self) -> pd.DataFrame:
@@ -114,29 +114,27 @@ class StudyAnalysis(Result):
         return _frame(self.comparison)
 
     def pooled_frame(self) -> pd.DataFrame:
-        """Return the estimates of people taken together, in the same columns."""
+        """Return the partially pooled estimates, in the same columns."""
         return _frame(self.pooled)
 
     def population_frame(self) -> pd.DataFrame:
         """Return the means over people."""
-        columns = list(PopulationEstimate.__slots__)
-        return pd.DataFrame([asdict(row) for row in self.population], columns=columns)
+        return record_frame(self.population, PopulationEstimate.__slots__)
 
     def strides_frame(self) -> pd.DataFrame:
         """Return every stride found, accepted or not."""
-        return pd.DataFrame(plain(self.strides), columns=list(StrideRecord.__slots__))
+        return record_frame(self.strides, StrideRecord.__slots__)
 
     def pulses_frame(self) -> pd.DataFrame:
         """Return every pulse found, used or not."""
-        return pd.DataFrame(plain(self.pulses), columns=list(PulseRecord.__slots__))
+        return record_frame(self.pulses, PulseRecord.__slots__)
 
     def single_frame(self) -> pd.DataFrame:
         """Return the pulses of a bench, each estimated by itself."""
-        columns = list(PulseEstimate.__slots__)
-        return pd.DataFrame([asdict(p) for p in self.single], columns=columns)
+        return record_frame(self.single, PulseEstimate.__slots__)
 
     def covariance_frame(self) -> pd.DataFrame:
-        """Return how the errors of K, B and J go together, where the method tells."""
+        """Return the covariances of the errors of K, B and J, if the method provides them."""
         rows = [row for cell in self.cells for row in cell.covariance_rows()]
         return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
 
@@ -147,22 +145,22 @@ class StudyAnalysis(Result):
         return pd.DataFrame(rows, columns=list(EXCLUDED_COLUMNS))
 
     def summary(self) -> str:
-        """Return a short text: what stands, for whom, from how many pulses."""
+        """Return a short text: counts of people, cells and pulses, and the means."""
         people = {cell.participant for cell in self.cells}
         used = sum(cell.n_used for cell in self.cells)
         left_out = sum(cell.n_excluded for cell in self.cells)
-        lines = [
+        title = (
             f"{len(people)} participant(s), {len(self.cells)} cells, method "
             f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} left out."
-        ]
-        lines += [
-            f"  {p.timing_point:>12} {p.parameter:<20} "
+        )
+        lines = (
+            f"{p.timing_point:>12} {p.parameter:<20} "
             f"{p.status if p.value is None else f'{p.value:9.4g} {p.unit}'} "
             f"(mean of {p.n_participants})"
             for p in self.population
             if p.n_participants > 1
-        ]
-        return "\n".join(lines)
+        )
+        return summary_text(title, lines)
 
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
         """Draw one parameter over the gait cycle, or over the groups of a bench study.

@@ -1,4 +1,4 @@
-"""Two sets of people, or the same people twice: difference, effect size, equivalence, ICC."""
+"""Paired and grouped differences: tests, effect sizes, equivalence, repeatability (ICC)."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _TWO_SIDED_95 = 0.975
 
 
 class NoSpreadError(ValueError):
-    """Nothing varies: there is no error to compare with."""
+    """The values do not vary, so that there is no error to test against."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def _tested(
 
 
 def hedges_correction(df: float) -> float:
-    """Return what makes a standardised mean difference unbiased.
+    """Return Hedges' correction of a standardised mean difference.
 
     Hedges 1981, J. Educ. Stat. 6, 107-128, the exact form.
     """
@@ -151,7 +151,7 @@ class RepeatedMeasurements:
 
 
 def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeasurements:
-    """Return how well values of the same people repeat.
+    """Return ICC, standard error of measurement and minimal detectable change.
 
     ICC(A,1) and ICC(C,1) of McGraw and Wong 1996, Psychol. Methods 1, 30-46 (Shrout and
     Fleiss's ICC(2,1) and ICC(3,1)); both may be negative. The standard error of measurement

@@ -1,4 +1,4 @@
-"""The rows of a table for a mixed model: checked, numbered, and refused where they mislead."""
+"""Rows of a table for a mixed model, checked and numbered."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -89,9 +89,9 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
     kind = table[response].dtype
     problems = []
     if pd.api.types.is_bool_dtype(kind) or not pd.api.types.is_any_real_numeric_dtype(kind):
-        held = "text or a mix of kinds" if pd.api.types.is_object_dtype(kind) else str(kind)
+        kind_name = "text or a mix of kinds" if pd.api.types.is_object_dtype(kind) else str(kind)
         problems.append(
-            f"column {response!r} must hold numbers, it holds {held}. Make numbers of it, as "
+            f"column {response!r} must hold numbers, it holds {kind_name}. Make numbers of it, as "
             f"pandas.to_numeric does, or choose another column"
         )
     problems += [
@@ -173,8 +173,8 @@ def _layout_problems(rows: Rows, response: str, within: str, participant: str) -
                 f"rows out of the table"
             )
         if len(labels) < 2:
-            found = f"only {labels[0]!r}" if labels else "none"
-            problems.append(f"expected two or more {what}s in column {name!r}, found {found}")
+            levels_text = f"only {labels[0]!r}" if labels else "none"
+            problems.append(f"expected two or more {what}s in column {name!r}, found {levels_text}")
     if rows.y.size and np.ptp(rows.y) == 0:
         problems.append(
             f"column {response!r} is constant, all {rows.y.size} values are {rows.y[0]:g}"

@@ -1,4 +1,4 @@
-"""People whose value is unlike everybody else's."""
+"""Outlying participants."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,7 +17,7 @@ _Z = 1.96
 
 
 def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
-    """Return participants whose inertia is unlike that of the others, and how many times it is.
+    """Return the participants with outlying inertia, and its ratio to the others' median.
 
     A participant's inertia is the median over timing points of those that stand. Its logarithm is
     compared with the median of all by their median absolute deviation, or a tenth where that is
@@ -26,18 +26,18 @@ def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
     """
     values: dict[str, list[tuple[float, float]]] = {}
     for cell in cells:
-        p = cell.parameter("inertia")
+        p = cell.inertia
         if p is not None and p.value and p.ci_low is not None and p.ci_high is not None:
             sd = (p.ci_high - p.ci_low) / (2.0 * _Z * p.value)
             values.setdefault(cell.participant, []).append((float(np.log(p.value)), sd))
     if len(values) < _FEWEST:
         return {}
-    own = {person: np.median(rows, axis=0) for person, rows in values.items()}
-    logs = np.array([log for log, _ in own.values()])
+    medians = {person: np.median(rows, axis=0) for person, rows in values.items()}
+    logs = np.array([log for log, _ in medians.values()])
     middle = float(np.median(logs))
     spread = max(float(robust_sd(logs)), _USUAL)
     return {
         person: float(np.exp(log - middle))
-        for person, (log, sd) in own.items()
+        for person, (log, sd) in medians.items()
         if abs(log - middle) > _FAR * np.hypot(spread, sd)
     }

@@ -1,4 +1,4 @@
-"""Studies together: people to a study's mean, studies' means to a mean over studies."""
+"""Random-effects means: from people to a study, and over studies."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -32,18 +32,18 @@ def mean_over_people(
     """
     n = values.shape[0] if values.ndim == 2 else 0
     if n < _FEWEST or errors.shape != (*values.shape, values.shape[-1]):
-        told = f"got {values.shape} and {errors.shape}."
-        raise ValueError(f"expected values and errors of {_FEWEST} people or more, {told}")
+        shapes = f"got {values.shape} and {errors.shape}."
+        raise ValueError(f"expected values and errors of {_FEWEST} people or more, {shapes}")
     if not (np.isfinite(values).all() and np.isfinite(errors).all()):
         raise ValueError("expected values and errors without gaps.")
     mean = values.mean(axis=0)
     between = np.atleast_2d(np.cov(values, rowvar=False))
-    own = errors.mean(axis=0)
-    size = np.sqrt(np.diag(between) + np.diag(own))
+    mean_error = errors.mean(axis=0)
+    size = np.sqrt(np.diag(between) + np.diag(mean_error))
     size[size == 0.0] = 1.0  # nobody differs and nothing is known of errors: it stays 0
-    excess, axes = np.linalg.eigh((between - own) / np.outer(size, size))
+    excess, axes = np.linalg.eigh((between - mean_error) / np.outer(size, size))
     kept = (axes * np.maximum(excess, 0.0)) @ axes.T * np.outer(size, size)
-    return mean, (own + kept) / n + shared_sd**2 * np.outer(mean, mean)
+    return mean, (mean_error + kept) / n + shared_sd**2 * np.outer(mean, mean)
 
 
 def pool_studies(

@@ -32,7 +32,7 @@ _FEWEST_PAIRS = 3
 
 @dataclass(frozen=True, slots=True)
 class _Flips:
-    """Signs to flip by, whether they are all there are, and how many they stand for."""
+    """Signs of the flips, whether they are complete, and their number."""
 
     signs: np.ndarray
     exact: bool

@@ -146,8 +146,8 @@ def _random_field_test(
     threshold = critical_height(0.5 * alpha, df=df, region=region)
     field = crossing_probability(threshold, df=df, region=region)
     nodewise = region.n_nodes * float(stdtr(df, -threshold))
-    found = threshold_clusters(t, threshold)
-    clusters = tuple(_with_p(cluster, threshold, df, region) for cluster in found)
+    clusters_found = threshold_clusters(t, threshold)
+    clusters = tuple(_with_p(cluster, threshold, df, region) for cluster in clusters_found)
     half = threshold * compared.se
     return WaveformTest(
         method="random_field",

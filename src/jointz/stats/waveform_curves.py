@@ -1,4 +1,4 @@
-"""Curves of participants as the tests over nodes take them, checked."""
+"""Checked curves of participants for tests over nodes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ _ROUNDING_UNITS = 16.0
 
 @dataclass(frozen=True, slots=True)
 class ComparedCurves:
-    """Mean difference of two sets of curves, its error, and what is left of each curve."""
+    """Mean difference of two sets of curves, its standard error, and the residuals."""
 
     difference: np.ndarray  # first minus second
     se: np.ndarray  # standard error; 0 where not tested
@@ -41,7 +41,7 @@ class ComparedCurves:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to say about nodes that are not tested."""
+        """Warning about untested nodes."""
         n = len(self.untested_nodes)
         if not n:
             return ()
@@ -106,7 +106,7 @@ def curve_scale(a: Any, b: Any) -> np.ndarray:
 
 
 def checked_level(alpha: float, equivalence_margin: float | None, where: str) -> None:
-    """Raise where a level or a margin makes no sense."""
+    """Raise if a level or a margin is out of range."""
     if not _SMALLEST_ALPHA <= alpha <= 0.5:
         raise DataError(f"{where}: expected alpha of {_SMALLEST_ALPHA:g} to 0.5, got {alpha!r}")
     if equivalence_margin is not None and not 0.0 < equivalence_margin < float("inf"):
@@ -117,7 +117,7 @@ def checked_level(alpha: float, equivalence_margin: float | None, where: str) ->
 
 
 def recorded_settings(**chosen: Any) -> dict[str, Any]:
-    """Return what was chosen, with the version of jointz."""
+    """Return settings with the version of jointz."""
     return chosen | {"jointz": own_version()}
 
 

@@ -78,19 +78,6 @@ def test_what_is_no_bad_input_is_no_value_error(cls):
     assert not issubclass(cls, ValueError)
 
 
-def test_a_data_error_knows_where():
-    error = DataError("a.csv, row 3: no number.", path="a.csv", channel="angle", row=3)
-
-    assert str(error) == "a.csv, row 3: no number."
-    assert (error.path, error.channel, error.row) == ("a.csv", "angle", 3)
-
-
-def test_a_data_error_need_not_know_where():
-    error = UnitError("no unit")
-
-    assert (error.path, error.channel, error.row) == (None, None, None)
-
-
 @pytest.mark.parametrize("cls", [StudyError, errors.ProtocolError, errors.EntryError])
 @pytest.mark.parametrize(
     ("problems", "text"),
@@ -107,22 +94,29 @@ def test_all_problems_stand_in_one_message(cls, problems, text):
     assert error.path == "study.toml"
 
 
-def test_an_estimation_error_has_a_stable_code():
-    error = EstimationError("ill_conditioned", "Give more pulses.")
-
-    assert (error.code, str(error)) == ("ill_conditioned", "Give more pulses.")
-
-
-def test_a_device_error_names_the_device():
-    error = errors.NotConnectedError("goniometer", "no answer in 1 s. Plug it in.")
-
-    assert str(error) == "goniometer: no answer in 1 s. Plug it in."
-    assert error.device == "goniometer"
-    assert isinstance(error, errors.DeviceError)
-
-
-def test_a_safety_stop_has_a_stable_code():
-    error = errors.SafetyStop("posture", "angle 2.1 rad, limit 1.9 rad.")
-
-    assert str(error) == "safety: posture: angle 2.1 rad, limit 1.9 rad."
-    assert (error.device, error.code) == ("safety", "posture")
+@pytest.mark.parametrize(
+    ("error", "text", "fields"),
+    [
+        (
+            DataError("a.csv, row 3: no number.", path="a.csv", channel="angle", row=3),
+            "a.csv, row 3: no number.",
+            {"path": "a.csv", "channel": "angle", "row": 3},
+        ),
+        (UnitError("no unit"), "no unit", {"path": None, "channel": None, "row": None}),
+        (EstimationError("ill_conditioned", "Add."), "Add.", {"code": "ill_conditioned"}),
+        (
+            errors.NotConnectedError("goniometer", "no answer in 1 s. Plug it in."),
+            "goniometer: no answer in 1 s. Plug it in.",
+            {"device": "goniometer"},
+        ),
+        (
+            errors.SafetyStop("posture", "angle 2.1 rad, limit 1.9 rad."),
+            "safety: posture: angle 2.1 rad, limit 1.9 rad.",
+            {"device": "safety", "code": "posture"},
+        ),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_an_error_says_what_happened_and_holds_it_in_fields(error, text, fields):
+    assert str(error) == text
+    assert {name: getattr(error, name) for name in fields} == fields

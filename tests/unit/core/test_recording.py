@@ -137,12 +137,6 @@ def test_time_in_order_is_accepted_and_any_other_order_names_the_first_row(stamp
 # --- validating a dataset of another origin ------------------------------------------------------
 
 
-def test_a_good_recording_comes_back_itself():
-    recording = build_recording(TIME, {"angle": TIME})
-
-    assert validate_recording(recording) is recording
-
-
 def test_a_dataset_without_time_is_refused():
     assert spoiled(lambda r: r.drop_vars("time")) == "recording: it has no coordinate 'time'."
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.session_log import NO_SAMPLE, VERSION, WALKING, Flag
+from jointz.core.session_log import VERSION, WALKING, Flag
 
 RANGES = {"q": (-(2**63), 2**63 - 1), "I": (0, 2**32 - 1), "H": (0, 2**16 - 1)}
 
@@ -64,10 +64,6 @@ def test_a_record_with_too_few_or_too_many_values_is_refused(count):
 def test_flags_are_bits_that_fit_their_field():
     assert [flag.bit_count() for flag in Flag] == [1] * len(Flag)
     assert sum(Flag) < 2**16
-
-
-def test_no_sample_is_no_time_of_a_device():
-    assert NO_SAMPLE < 0
 
 
 def header_of(encoded):

@@ -321,161 +321,28 @@ def test_another_schema_version_is_refused(study, version):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        ('kind = "walking"', 'knd = 1\nkind = "walking"', "knd: unknown key. Did you mean 'kind'?"),
-        (
-            'unit = "deg"',
-            'unit = "deg"\nunits = "deg"',
-            "channels.angle.units: unknown key. Did you mean 'unit'?",
-        ),
-        (
-            "mass_kg = 72.4",
-            "mass_kg = 72.4\nmass = 70.0",
-            "participants[1].mass: unknown key. Did you mean 'mass_kg'?",
-        ),
-        (
-            'file = "S01_ewp.csv"',
-            'file = "S01_ewp.csv"\nqqqq = 1',
-            "recordings[2].qqqq: unknown key. Known keys: calibration, condition, file, "
-            "participant, perturbations, session, side.",
-        ),
-        (
-            "window_s = 0.1",
-            "window_s = 0.1\nwindow = 0.1",
-            "perturbations.window: unknown key. Did you mean 'window_s'?",
-        ),
-        (
-            'unit = "rad" }',
-            'unit = "rad", edgs = 1 }',
-            "perturbations.group.edgs: unknown key. Did you mean 'edges'?",
-        ),
-        (
-            "[files]",
-            "[calibration]\nangle_lag = { value = 1.0, sd = 0.1 }\n[files]",
-            "calibration.angle_lag: unknown key. Did you mean 'angle_lag_s'?",
-        ),
-        (
-            "[files]",
-            "[calibration]\nangle_lag_s = { value = 1.0, sd = 0.1, sdd = 2 }\n[files]",
-            "calibration.angle_lag_s.sdd: unknown key. Did you mean 'sd'?",
-        ),
-        (
-            "mass_kg = 72.4",
-            "mass_kg = 72.4\ncalibration = { torque_gian = { value = 1.0, sd = 0.0 } }",
-            "participants[1].calibration.torque_gian: unknown key. Did you mean 'torque_gain'?",
-        ),
-        (
-            "[files]",
-            "[torque_model]\ngear_ratio = 5\ntorque_constant = 1\ngear_fiction = 1\n[files]",
-            "torque_model.gear_fiction: unknown key. Did you mean 'gear_friction'?",
-        ),
-        (
-            "[files]",
-            '[files]\ndelimeter = ";"\n#',
-            "files.delimeter: unknown key. Did you mean 'deli",
-        ),
-    ],
+    ("old", "new"), [("sample_rate_hz = 1000.0 ", "# "), ('perturbations = "S01_pulses.csv"', "#")]
 )
-def test_an_unknown_key_is_named_with_a_guess(study, old, new, problem):
+def test_what_is_optional_may_be_left_out(study, old, new):
     study.edit(old, new)
 
-    assert study.sole_problem().startswith(problem)
+    study.open()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        ('joint = "knee"', "joint = 3", "joint: expected text; got 3."),
-        ('joint = "knee"', 'joint = ""', "joint: expected text that is not empty; got ''."),
-        (
-            'kind = "walking" ',
-            'kind = "running" ',
-            "kind: expected 'walking' or 'bench'; got 'running'.",
-        ),
-        (
-            'positive = "flexion"',
-            'positive = "up"',
-            "positive: expected one of abduction, adduction, dorsiflexion, ",
-        ),
-        ("1000.0 ", "true ", "sample_rate_hz: expected a number; got True."),
-        ("1000.0 ", '"1000" ', "sample_rate_hz: expected a number; got '1000'."),
-        ("1000.0 ", "-1 ", "sample_rate_hz: expected greater than 0; got -1."),
-        ("1000.0 ", "inf ", "sample_rate_hz: expected a finite number; got inf."),
-        (
-            "mass_kg = 72.4",
-            "mass_kg = 0",
-            "participants[1].mass_kg: expected greater than 0; got 0.",
-        ),
-        (
-            'column = "time_s"',
-            "column = 1.5",
-            "channels.time.column: expected the name or the number of a column; got 1.5.",
-        ),
-        (
-            'column = "time_s"',
-            "column = true",
-            "channels.time.column: expected the name or the number of a column; got True.",
-        ),
-        ('column = "time_s"\n', "", "channels.time.column: missing; it is required."),
-        ('unit = "s"', "unit = 7", "channels.time.unit: expected text; got 7."),
-        (
-            'kind = "contact"',
-            'kind = "switch"',
-            "channels.contact.kind: expected 'contact', 'voltage' or 'pulse'; got 'switch'.",
-        ),
-        (
-            "cutoff_hz = 20.0",
-            "cutoff_hz = [1]",
-            "perturbations.cutoff_hz: expected a number; got [1]",
-        ),
-        (
-            "LRE = 7.0",
-            "LRE = 107.0",
-            "perturbations: timing_points.LRE: expected 0 <= % of cycle < 100, got 107.0",
-        ),
-        (
-            "[-0.45, -0.15, -0.03]",
-            "[0.0, -0.1]",
-            "perturbations.group: edges must increase, got [0.0, -0.1]",
-        ),
-        (
-            "[-0.45, -0.15, -0.03]",
-            "[0.0]",
-            "perturbations.group.edges: expected at least 2 of them; got [0.0].",
-        ),
-        (
-            "[-0.45, -0.15, -0.03]",
-            '["a", 0.0, 1.0]',
-            "perturbations.group.edges[1]: expected a number; got 'a'.",
-        ),
-        ("[files]", "[files]\nheader = 1\n#", "files.header: expected true or false; got 1."),
-        (
-            "[files]",
-            "[files]\nskip_rows = 1.0\n#",
-            "files.skip_rows: expected a whole number; got 1.0",
-        ),
-        (
-            "[files]",
-            "[calibration]\ntorque_gain = { value = 0.0, sd = 0.1 }\n[files]",
-            "calibration: torque_gain: measured over true must be positive, got 0.0",
-        ),
-        (
-            "[files]",
-            "[calibration]\ntorque_lag_s = { value = 0.0, sd = -0.1 }\n[files]",
-            "calibration.torque_lag_s.sd: expected greater than or equal to 0; got -0.1.",
-        ),
-        (
-            'file = "S01_ewp.csv"',
-            'file = "S01_ewp.csv"\nside = "both"',
-            "recordings[2].side: expected 'left' or 'right'; got 'both'.",
-        ),
-    ],
-)
-def test_a_wrong_value_says_what_was_expected_and_found(study, old, new, problem):
+def problem_rows() -> list[list[str]]:
+    lines = (Path(__file__).parent / "study_problems.txt").read_text().splitlines()
+    rows = [line.replace("\\n", "\n") for line in lines if line and not line.startswith("#")]
+    return [row.split(" => ") for row in rows]
+
+
+@pytest.mark.parametrize(("old", "new", "problem"), problem_rows())
+def test_a_problem_is_named_with_its_key_what_was_expected_and_what_was_found(
+    study, old, new, problem
+):
     study.edit(old, new)
 
-    assert study.sole_problem().startswith(problem)
+    text, begins = study.sole_problem(), problem.endswith("...")
+    assert text.startswith(problem.removesuffix("...")) if begins else text == problem
 
 
 @pytest.mark.parametrize(
@@ -536,28 +403,6 @@ def test_an_unknown_unit_is_named_with_a_guess(study):
     assert study.sole_problem().startswith("channels.angle.unit: 'degs/sec' ")
 
 
-@pytest.mark.parametrize(
-    ("channel", "new", "problem"),
-    [
-        (
-            'unit = "deg"',
-            'unit = "N"',
-            "channels.angle.unit: 'N' measures force, expected an angle",
-        ),
-        ('unit = "s"', 'unit = "m"', "channels.time.unit: 'm' measures length, expected a time"),
-        (
-            'unit = "rad" }',
-            'unit = "s" }',
-            "perturbations.group.unit: 's' measures time, expected an angle",
-        ),
-    ],
-)
-def test_a_unit_of_another_quantity_is_refused(study, channel, new, problem):
-    study.edit(channel, new)
-
-    assert study.sole_problem().startswith(problem)
-
-
 def test_a_reference_may_be_an_angle_or_a_torque(study):
     reference = '[channels.reference]\ncolumn = "ankle_position"\nunit = "{}"\n[[participants]]'
     for unit, si_unit in (("deg", "rad"), ("Nm", "N*m")):
@@ -612,74 +457,6 @@ def test_another_unit_of_a_contact_is_refused(study, lines, problem):
 
 
 # --- names that nothing stands behind -------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        (
-            'participant = "S01"\ncondition = "perturbed"',
-            'participant = "S02"\ncondition = "perturbed"',
-            "recordings[2].participant: 'S02' is not among the participants (S01).",
-        ),
-        (
-            "[[participants]]",
-            '[[participants]]\nid = "S01"\n[[participants]]',
-            "participants: id 'S01' is given 2 times. Ids must be unique.",
-        ),
-        (
-            'condition = "perturbed"\n',
-            "",
-            'recordings[2]: no condition. Give condition = "unperturbed" or "perturbed", or say '
-            "with [channels.condition] which column holds it.",
-        ),
-        (
-            "sample_rate_hz = 1000.0 ",
-            "# ",
-            None,
-        ),
-        (
-            "[[participants]]",
-            '[channels.trial]\ncolumn = "footswitch"\nkind = "pulse"\n[[participants]]',
-            "channels.trial.kind: only channels.contact has a kind.",
-        ),
-        (
-            'unit = "deg"',
-            'unit = "deg"\nvalues = { "0" = "a" }',
-            "channels.angle.values: only condition and trial have values.",
-        ),
-        (
-            "[[participants]]",
-            '[channels.condition]\ncolumn = "footswitch"\nvalues = { "0" = "rest", "1" = "EWP" }\n'
-            "[[participants]]",
-            "channels.condition.values: 'rest' is no condition; expected unperturbed, perturbed "
-            "or no_device.",
-        ),
-        (
-            'source = "command"',
-            'source = "reference"',
-            "perturbations.source: 'reference' needs [channels.reference].",
-        ),
-        (
-            'perturbations = "S01_pulses.csv"',
-            "#",
-            None,
-        ),
-        (
-            'channel = "ankle_position"',
-            'channel = "hip"',
-            "perturbations.group.channel: 'hip' is not among the channels of numbers (time, angle, "
-            "torque, command, contact, ankle_position).",
-        ),
-    ],
-)
-def test_a_name_without_anything_behind_it_is_named(study, old, new, problem):
-    study.edit(old, new)
-
-    if problem is None:
-        study.open()
-    else:
-        assert study.sole_problem() == problem
 
 
 def test_groups_by_a_channel_of_labels_are_refused(study):
@@ -793,33 +570,6 @@ def test_a_source_without_its_channel_is_refused(study):
     study.text = without(study.text, "channels.command")
 
     assert study.sole_problem() == "perturbations.source: 'command' needs [channels.command]."
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        (
-            'unit = "deg"',
-            'unit = "deg"\npositive = "plantarflexion"',
-            "channels.angle.positive: expected the study's 'flexion' or its opposite 'extension', "
-            "got 'plantarflexion'. Correct it, or the study's positive.",
-        ),
-        (
-            'unit = "s"',
-            'unit = "s"\npositive = "extension"',
-            "channels.time.positive: time has no direction. Remove the key.",
-        ),
-        (
-            'kind = "contact"',
-            'kind = "contact"\npositive = "extension"',
-            "channels.contact.positive: contact has no direction. Remove the key.",
-        ),
-    ],
-)
-def test_a_direction_that_cannot_be_turned_is_refused(study, old, new, problem):
-    study.edit(old, new)
-
-    assert study.sole_problem() == problem
 
 
 def test_all_problems_stand_in_one_message(study):

@@ -1,7 +1,6 @@
 """The result of a torque model: doors, regimes of speed, what it prints."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -47,16 +46,6 @@ def fit():
     )
 
 
-def test_it_comes_back_from_json_as_it_was(fit):
-    text = json.dumps(fit.to_dict(), allow_nan=False)
-    assert ActuatorFit.from_dict(json.loads(text)) == fit
-
-
-def test_another_schema_is_refused(fit):
-    with pytest.raises(ValueError, match=r"expected schema 'jointz\.ActuatorFit/1', got 'x'"):
-        ActuatorFit.from_dict(fit.to_dict() | {"schema": "x"})
-
-
 def test_json_is_what_design_says(fit):
     data = fit.to_dict()
     constant = data["parameters"]["torque_constant"]
@@ -70,18 +59,6 @@ def test_json_is_what_design_says(fit):
         "gear_friction": "N*m/A",
         "rotor_inertia": "kg*m^2",
     }
-
-
-def test_a_parameter_is_found_by_name(fit):
-    assert fit.parameter("gear_friction").value == 0.09
-    with pytest.raises(KeyError, match="viscous_friction"):
-        fit.parameter("viscous_friction")
-
-
-def test_the_table_has_a_row_a_parameter_with_the_error(fit):
-    table = fit.to_frame()
-    assert table["parameter"].tolist() == [p.name for p in fit.parameters]
-    assert set(table["rms_error_nm"]) == {0.38}
 
 
 def test_the_summary_says_what_is_undecided_what_was_given_and_why(fit):

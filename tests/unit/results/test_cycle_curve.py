@@ -1,11 +1,8 @@
 """Curves over the cycle as a result: found by name, tabulated, drawn."""
 
-import matplotlib as mpl
 import pytest
 
 from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
-
-mpl.use("Agg")
 
 
 def band(participant, parameter="stiffness", *, decided=True):
@@ -59,10 +56,3 @@ def test_the_mean_stands_out_and_undecided_points_are_told():
 def test_a_parameter_without_a_curve_draws_an_empty_figure():
     axes = curve(band("S1")).plot(parameter="damping")
     assert axes.lines == [] or len(axes.lines) == 0
-
-
-def test_json_keeps_everything():
-    made = curve(band("S1"), band(MEAN, decided=False), warnings=("w",))
-    assert PhaseCurve.from_dict(made.to_dict()) == made
-    with pytest.raises(ValueError, match="expected schema"):
-        PhaseCurve.from_dict(made.to_dict() | {"schema": "jointz.PhaseCurve/99"})

@@ -62,13 +62,6 @@ def test_a_cell_is_one_row_a_parameter():
     assert (rows[1]["value"], rows[1]["status"]) == (None, "undecided")
 
 
-@pytest.mark.parametrize("drawn", [None, response()])
-def test_a_cell_comes_back_from_plain_values(drawn):
-    whole = dataclasses.replace(CELL, response=drawn, condition_number=3.0)
-
-    assert CellEstimate.from_dict(whole.to_dict()) == whole
-
-
 def test_plain_values_of_a_cell_do_not_reach_into_it():
     plain = dataclasses.replace(CELL, response=response()).to_dict()
 

@@ -16,17 +16,17 @@ def cell(parameters, budget):
 
 
 def test_an_undecided_cell_has_value_and_errors():
-    told = cell([STIFFNESS], {"stiffness": {"noise": 3.0, "lag": 4.0, "gain": 12.0}})
-    estimate = unbounded_estimate(told, "stiffness")
-    assert has_budget(told)
+    decided = cell([STIFFNESS], {"stiffness": {"noise": 3.0, "lag": 4.0, "gain": 12.0}})
+    estimate = unbounded_estimate(decided, "stiffness")
+    assert has_budget(decided)
     assert (estimate.value, estimate.noise_sd) == (-4.0, 3.0)
     assert estimate.systematic_sd == pytest.approx(12.649110640673518)
     assert estimate.sd == pytest.approx(13.0)
 
 
 def test_errors_per_kg_are_those_of_the_whole_over_the_mass():
-    told = cell([STIFFNESS, PER_KG], {"stiffness": {"noise": 8.0}})
-    assert unbounded_estimate(told, "stiffness_per_mass").sd == pytest.approx(0.1)
+    decided = cell([STIFFNESS, PER_KG], {"stiffness": {"noise": 8.0}})
+    assert unbounded_estimate(decided, "stiffness_per_mass").sd == pytest.approx(0.1)
 
 
 def test_without_an_estimate_or_errors_there_is_nothing():

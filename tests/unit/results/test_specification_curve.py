@@ -1,9 +1,6 @@
 """Estimates under every set of choices: sorted, told, drawn."""
 
-import json
 from dataclasses import replace
-
-import pytest
 
 from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
 
@@ -75,11 +72,3 @@ def test_the_figure_has_estimates_above_and_their_choices_below():
     assert rows["inertia pooled"] == [0, 1, 2]
     assert axes.lines[-1].get_ydata().tolist() == [40.0, 60.0, 90.0]
     axes.figure.clf()
-
-
-def test_a_curve_comes_back_from_json():
-    back = SpecificationCurve.from_dict(json.loads(json.dumps(CURVE.to_dict(), allow_nan=False)))
-
-    assert back == CURVE
-    with pytest.raises(ValueError, match="expected schema"):
-        SpecificationCurve.from_dict({"schema": "other"})

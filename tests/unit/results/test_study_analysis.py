@@ -1,6 +1,5 @@
 """The tables, the text and the figure of a study's analysis."""
 
-import matplotlib as mpl
 import pytest
 
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
@@ -44,13 +43,6 @@ def test_estimates_are_one_row_each_in_the_columns_of_the_file():
     assert set(table["unit"]) == {"N*m/rad"}
 
 
-def test_other_methods_have_the_same_columns():
-    analysis = StudyAnalysis(cells=CELLS, comparison=CELLS[:2])
-
-    assert tuple(analysis.comparison_frame().columns) == ESTIMATE_COLUMNS
-    assert len(analysis.comparison_frame()) == 2
-
-
 @pytest.mark.parametrize(
     "frame",
     [
@@ -67,18 +59,6 @@ def test_an_empty_table_has_its_columns(frame):
 
     assert len(table) == 0
     assert len(table.columns) > 5
-
-
-def test_means_over_people_are_a_table():
-    table = StudyAnalysis(cells=(), population=(population("LRE", 52.5),)).population_frame()
-
-    (row,) = table.to_dict("records")
-    assert (row["timing_point"], row["value"], row["sd"], row["ci_level"]) == (
-        "LRE",
-        52.5,
-        2.0,
-        0.95,
-    )
 
 
 def test_whatever_was_left_out_is_one_table_pulses_first():
@@ -135,17 +115,10 @@ def test_the_summary_counts_people_cells_and_pulses_and_gives_the_means():
 
 
 def lines(analysis, **options):
-    import matplotlib.pyplot as plt
-
-    backend = mpl.get_backend()
-    mpl.use("Agg")
     ax = analysis.plot(**options)
     ax.figure.canvas.draw()
     drawn = {str(line.get_label()): line.get_xydata().tolist() for line in ax.lines}
-    labels = (ax.get_xlabel(), ax.get_ylabel())
-    plt.close("all")
-    mpl.use(backend)
-    return drawn, labels
+    return drawn, (ax.get_xlabel(), ax.get_ylabel())
 
 
 def test_walking_is_drawn_over_the_gait_cycle():

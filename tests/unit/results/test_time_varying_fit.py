@@ -118,15 +118,3 @@ def test_a_phase_without_neighbours_keeps_its_interval_in_the_figure():
 )
 def test_the_responses_have_a_unit(response_of, unit):
     assert dataclasses.replace(make_fit(), response_of=response_of).response_unit == unit
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    import matplotlib as mpl
-    import matplotlib.pyplot as plt
-
-    backend = mpl.get_backend()
-    mpl.use("Agg")
-    yield
-    plt.close("all")
-    mpl.use(backend)

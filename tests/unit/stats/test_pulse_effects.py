@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from jointz.core.errors import DataError
-from jointz.results.statistics.pulse_effect_tests import PulseEffects, Undecided
+from jointz.results.statistics.pulse_effect_tests import Undecided
 from jointz.stats.pulse_effects import pulse_effects
 
 # --- tables --------------------------------------------------------------------------------------
@@ -331,13 +331,6 @@ def test_tables_have_a_row_a_test_mean_and_count(study):
     assert study.counts_frame()["share_pct"].between(0, 100).all()
 
 
-def test_it_comes_back_from_json(study):
-    plain = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert PulseEffects.from_dict(plain) == study
-    with pytest.raises(ValueError, match="expected schema"):
-        PulseEffects.from_dict(plain | {"schema": "jointz.PulseEffects/99"})
-
-
 def test_the_figure_has_a_column_a_cell(study):
     import matplotlib.pyplot as plt
 
@@ -346,10 +339,6 @@ def test_the_figure_has_a_column_a_cell(study):
     assert [label.get_text() for label in ax.get_xticklabels()] == ["1A", "2A", "3A", "4A", "1E"]
     assert "K, joint" in [text.get_text() for text in ax.get_legend().get_texts()]
     plt.close("all")
-
-
-def test_every_reason_has_a_meaning():
-    assert all(reason.meaning for reason in Undecided)
 
 
 # --- calibration ---------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A protocol as people write it: the models behind a protocol's TOML.
+"""Models of a protocol file (TOML).
 
 A protocol says what an experiment does: conditions in their order, pulses or
 references, rates, limits. Which device does it is not its business. Only shape,
@@ -60,7 +60,7 @@ class RatesSpec(CheckedModel):
     sample_hz: Rate = 500.0
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the rates."""
+        """Return the check between the rates."""
         return (self._whole_ratio,)
 
     def _whole_ratio(self) -> Iterator[Problem]:
@@ -84,7 +84,7 @@ class PulseSpec(CheckedModel):
     direction: Literal["positive", "negative", "both"] = "positive"
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the parts."""
+        """Return the checks between the parts."""
         return (self._parts_add_up,)
 
     def _parts_add_up(self) -> Iterator[Problem]:
@@ -115,12 +115,12 @@ class PerturbationPlan(CheckedModel):
     order: Literal["balanced", "random", "sequential", "cyclic"] = "balanced"
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds inside the plan."""
+        """Return the checks of the plan."""
         points = self._points_named, self._points_in_cycle, self._points_differ
         return *points, self._gaps, self._counts, self._shams
 
     def shams(self, pulses: int) -> int:
-        """Return how many shams come on top of a number of pulses."""
+        """Return the number of shams added to a number of pulses."""
         return round(self.sham_share / (1.0 - self.sham_share) * pulses)
 
     @property
@@ -133,24 +133,28 @@ class PerturbationPlan(CheckedModel):
     def _points_named(self) -> Iterator[Problem]:
         for name in self.timing_points or {}:
             if name == ALL_POINTS:
-                told = "means all of them; expected another name."
-                yield Problem(("timing_points", name), told)
+                message = "means all of them; expected another name."
+                yield Problem(("timing_points", name), message)
             if not name.isprintable() or name != name.strip() or not 0 < len(name) <= _LONGEST_NAME:
-                told = f"expected a name of at most {_LONGEST_NAME} characters that print, without "
-                yield Problem(("timing_points", name), f"{told}space around it; got {name[:80]!r}.")
+                message = (
+                    f"expected a name of at most {_LONGEST_NAME} characters that print, without "
+                )
+                yield Problem(
+                    ("timing_points", name), f"{message}space around it; got {name[:80]!r}."
+                )
 
     def _points_in_cycle(self) -> Iterator[Problem]:
         for name, pct in (self.timing_points or {}).items():
             if not 0 <= pct < 100:
-                told = f"expected 0 <= % of cycle < 100, got {pct:g}."
-                yield Problem(("timing_points", name), told)
+                message = f"expected 0 <= % of cycle < 100, got {pct:g}."
+                yield Problem(("timing_points", name), message)
 
     def _points_differ(self) -> Iterator[Problem]:
         first: dict[float, str] = {}
         for name, pct in (self.timing_points or {}).items():
             if first.setdefault(pct, name) != name:
-                told = f"{pct:g} % is {first[pct]} already. Remove one of the two."
-                yield Problem(("timing_points", name), told)
+                message = f"{pct:g} % is {first[pct]} already. Remove one of the two."
+                yield Problem(("timing_points", name), message)
 
     def _gaps(self) -> Iterator[Problem]:
         if self.gap_strides is None:
@@ -168,8 +172,8 @@ class PerturbationPlan(CheckedModel):
         if self.timing_points is None and self.count_per_point is not None:
             yield Problem(("timing_points",), "missing; count_per_point needs them.")
         if self.count is not None and self.count_per_point is not None:
-            told = "count_per_point says how many there are. Remove one of the two."
-            yield Problem(("count",), told)
+            message = "count_per_point says how many there are. Remove one of the two."
+            yield Problem(("count",), message)
 
     def _shams(self) -> Iterator[Problem]:
         count = self.count_per_point or self.count
@@ -182,7 +186,7 @@ class PerturbationPlan(CheckedModel):
 
 
 class ConditionSpec(CheckedModel):
-    """One stretch of the experiment, done in one go unless it is interrupted.
+    """One part of the experiment, run without a break.
 
     Conditions of one ``session`` belong together: what is unperturbed in it is the
     baseline of what is perturbed, and on a bench it names the timing point.
@@ -201,7 +205,7 @@ class ConditionSpec(CheckedModel):
     perturbations: PerturbationPlan | None = None
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds inside the condition."""
+        """Return the checks of the condition."""
         names = partial(_checked_name, self), self._session_named
         return *names, self._pulses_fit_condition, self._one_motion
 
@@ -212,14 +216,14 @@ class ConditionSpec(CheckedModel):
 
     @property
     def trial_names(self) -> tuple[str, ...]:
-        """Names of its trials: its own where there is one only."""
+        """Names of the trials; the condition's own name for a single trial."""
         if self.trials == 1:
             return (self.name,)
         return tuple(f"{self.name}-{k}" for k in range(1, self.trials + 1))
 
     @property
     def references(self) -> dict[str, Reference]:
-        """Quantity and unit -> what it follows."""
+        """Quantity with unit -> its reference."""
         named = {
             "torque_nm": self.torque_nm,
             "position_rad": self.position_rad,
@@ -240,12 +244,12 @@ class ConditionSpec(CheckedModel):
 
     def _one_motion(self) -> Iterator[Problem]:
         if self.position_rad is not None and self.velocity_rad_s is not None:
-            told = "position_rad is given too; one side moves one way. Remove one of the two."
-            yield Problem(("velocity_rad_s",), told)
+            message = "position_rad is given too; one side moves one way. Remove one of the two."
+            yield Problem(("velocity_rad_s",), message)
 
 
 class GaitSpec(CheckedModel):
-    """How the participant walks and how the phase of the gait cycle is told."""
+    """Walking speed, and settings of the phase of the gait cycle."""
 
     speed_m_s: Positive
     strides_in_mean: Annotated[int, Field(ge=1, le=20)] = 5
@@ -254,19 +258,19 @@ class GaitSpec(CheckedModel):
     refractory_s: Positive = 0.3
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds inside."""
+        """Return the checks of the gait settings."""
         return self._walking_speed, self._band, self._refractory
 
     @property
     def assumed_stride_s(self) -> float:
-        """Duration of a stride where nobody has walked yet, s."""
+        """Assumed duration of a stride before anybody has walked, s."""
         # A speed that nobody walks at is one problem; what follows from it need not be more.
         speed_m_s = min(max(self.speed_m_s, SLOWEST_M_S), FASTEST_M_S)
         return whole.ASSUMED_STRIDE_S * stride_time_ratio(speed_m_s)
 
     @property
     def shortest_stride_s(self) -> float:
-        """Shortest stride that is accepted about the one assumed, s."""
+        """Shortest accepted stride at the assumed duration, s."""
         return self.assumed_stride_s * self.accepted_band[0]
 
     def _walking_speed(self) -> Iterator[Problem]:
@@ -280,8 +284,8 @@ class GaitSpec(CheckedModel):
     def _band(self) -> Iterator[Problem]:
         low, high = self.accepted_band
         if not 0 < low < 1 < high:
-            told = f"expected [low, high] with 0 < low < 1 < high, got [{low:g}, {high:g}]."
-            yield Problem(("accepted_band",), told)
+            message = f"expected [low, high] with 0 < low < 1 < high, got [{low:g}, {high:g}]."
+            yield Problem(("accepted_band",), message)
 
     def _refractory(self) -> Iterator[Problem]:
         if self.accepted_band[0] > 0 and self.refractory_s >= self.shortest_stride_s:
@@ -306,7 +310,7 @@ class LoadSpec(CheckedModel):
     locked: bool = False
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds inside the load."""
+        """Return the checks of the load."""
         return (partial(_checked_name, self), self._positive, self._nothing_moves_when_locked)
 
     def _nothing_moves_when_locked(self) -> Iterator[Problem]:
@@ -326,7 +330,7 @@ class LoadSpec(CheckedModel):
 
 
 class Protocol(CheckedModel):
-    """The whole of a protocol file, schema version 1."""
+    """A protocol file, schema version 1."""
 
     jointz_protocol: SchemaVersion
     name: Name
@@ -349,7 +353,7 @@ class Protocol(CheckedModel):
     conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the parts."""
+        """Return the checks between the parts."""
         checks = (
             *whole.PROTOCOL_CHECKS,
             *limits.PROTOCOL_LIMIT_CHECKS,
@@ -370,12 +374,12 @@ class Protocol(CheckedModel):
 
     @property
     def cases_are_loads(self) -> bool:
-        """Whether loads stand for participants: on a bench that has some."""
+        """Whether loads take the place of participants (a bench with loads)."""
         return self.kind == "bench" and bool(self.loads)
 
     @property
     def cases(self) -> int:
-        """How many participants there are, or loads that stand for them."""
+        """Number of participants, or of loads in their place."""
         return len(self.loads) if self.cases_are_loads else self.participants
 
     @property

@@ -1,4 +1,4 @@
-"""What must hold in the protocol of a calibration: which step it is, and what belongs to that."""
+"""Checks of the protocol of a calibration: its step, and the conditions and loads of that step."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StepRules:
-    """What a step of a calibration is made of."""
+    """Conditions, torque and loads of a calibration step."""
 
     # names that its conditions must have, each once: the analysis tells them apart by these
     conditions: tuple[str, ...]
@@ -45,8 +45,8 @@ def _step_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
         steps = ", ".join(STEP_RULES)
         yield Problem(("calibration",), f"missing; expected the step, one of {steps}.")
     if protocol.kind != "calibration" and protocol.calibration is not None:
-        told = f'{protocol.kind} has no step. Remove it, or set kind = "calibration".'
-        yield Problem(("calibration",), told)
+        message = f'{protocol.kind} has no step. Remove it, or set kind = "calibration".'
+        yield Problem(("calibration",), message)
 
 
 def _conditions_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]:
@@ -56,8 +56,8 @@ def _conditions_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]
     names = [condition.name for condition in protocol.conditions]
     missing = [name for name in rules.conditions if name not in names]
     if missing:
-        told = f"'{protocol.calibration}' has the conditions {_listed(rules.conditions)}; "
-        yield Problem(("conditions",), f"{told}missing: {_listed(missing)}.")
+        message = f"'{protocol.calibration}' has the conditions {_listed(rules.conditions)}; "
+        yield Problem(("conditions",), f"{message}missing: {_listed(missing)}.")
     for i, name in enumerate(names):
         if name not in rules.conditions:
             yield Problem(
@@ -80,13 +80,13 @@ def _loads_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]:
         for key in keys:
             entry = getattr(loads[name], key)
             if entry is None or entry.value == 0.0:
-                told = "missing; the step compares with it. Give value and sd."
-                yield Problem(("loads", at, key), told)
+                message = "missing; the step compares with it. Give value and sd."
+                yield Problem(("loads", at, key), message)
     for i, load in enumerate(protocol.loads):
         if load.name not in rules.loads:
             known = _listed(tuple(rules.loads)) if rules.loads else "none"
-            told = f"'{protocol.calibration}' has a known load in {known}; got '{load.name}'."
-            yield Problem(("loads", i, "name"), told)
+            message = f"'{protocol.calibration}' has a known load in {known}; got '{load.name}'."
+            yield Problem(("loads", i, "name"), message)
         if load.locked:
             yield Problem(("loads", i, "locked"), "a known load moves. Remove it.")
 
@@ -97,11 +97,11 @@ def _nothing_foreign(protocol: "Protocol", i: int) -> Iterator[Problem]:
     condition = protocol.conditions[i]
     for key, default in _WITHOUT_USE.items():
         if getattr(condition, key) != default:
-            told = "a calibration has no use for it: a condition is one recording. Remove it."
-            yield Problem(("conditions", i, key), told)
+            message = "a calibration has no use for it: a condition is one recording. Remove it."
+            yield Problem(("conditions", i, key), message)
     if not condition.worn:
-        told = 'expected "unperturbed" or "perturbed": the actuator\'s encoder is recorded too.'
-        yield Problem(("conditions", i, "condition"), told)
+        message = 'expected "unperturbed" or "perturbed": the actuator\'s encoder is recorded too.'
+        yield Problem(("conditions", i, "condition"), message)
 
 
 def _torque_is_that_of_the_step(protocol: "Protocol", i: int) -> Iterator[Problem]:
@@ -109,14 +109,14 @@ def _torque_is_that_of_the_step(protocol: "Protocol", i: int) -> Iterator[Proble
     if rules is None:
         return
     condition = protocol.conditions[i]
-    given = {
+    drives = {
         "pulses": ("perturbations", condition.perturbations is not None),
         "torque_nm": ("torque_nm", condition.torque_nm is not None),
     }
-    for what, (key, there) in given.items():
+    for what, (key, there) in drives.items():
         if there and what != rules.torque:
-            told = f"'{protocol.calibration}' has none. Remove it."
-            yield Problem(("conditions", i, key), told)
+            message = f"'{protocol.calibration}' has none. Remove it."
+            yield Problem(("conditions", i, key), message)
         if not there and what == rules.torque:
             yield Problem(("conditions", i, key), f"missing; '{protocol.calibration}' needs it.")
 

@@ -1,4 +1,4 @@
-"""What must hold between the parts of a protocol, and how long it takes."""
+"""Checks between the parts of a protocol, and its duration."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,7 @@ ROUNDING_S = 1e-9
 
 
 def assumed_stride_s(protocol: "Protocol") -> float:
-    """Return the duration of a stride where nobody has walked yet, s."""
+    """Return the assumed duration of a stride before anybody has walked, s."""
     return ASSUMED_STRIDE_S if protocol.gait is None else protocol.gait.assumed_stride_s
 
 
@@ -49,15 +49,15 @@ def _pulses_take_s(
     condition: "ConditionSpec", plan: "PerturbationPlan", pulse: "PulseSpec"
 ) -> float:
     """Return the time that the pulses of a bench need at most, s."""
-    one = (plan.pause_s or 0.0) + pulse.duration_s
+    apart_s = (plan.pause_s or 0.0) + pulse.duration_s
     if plan.timing_points is None:
-        return plan.total * one
+        return plan.total * apart_s
     cycle_s = max(_cycles_s(condition), default=0.0)
     if plan.order == "cyclic" and cycle_s:
         rounds = plan.total // len(plan.timing_points)
         points = list(plan.timing_points.values()) * rounds
-        return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=one)[-1] + pulse.duration_s
-    return plan.total * (one + cycle_s)
+        return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=apart_s)[-1] + pulse.duration_s
+    return plan.total * (apart_s + cycle_s)
 
 
 def _cycles_s(condition: "ConditionSpec") -> list[float]:
@@ -78,17 +78,17 @@ def _loads_unique(protocol: "Protocol") -> Iterator[Problem]:
 
 
 def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
-    """Say which names are given twice; they name files, and some disks take A and a for one."""
+    """Yield repeated names; names become file names, and some disks do not distinguish A and a."""
     spellings = defaultdict(list)
     for name in names:
         spellings[name.lower()].append(name)
     for same in spellings.values():
         if len(set(same)) > 1:
-            told = f"names {' and '.join(map(repr, dict.fromkeys(same)))} differ in case only."
-            yield Problem((key,), f"{told} Give one of them another name.")
+            message = f"names {' and '.join(map(repr, dict.fromkeys(same)))} differ in case only."
+            yield Problem((key,), f"{message} Give one of them another name.")
         elif len(same) > 1:
-            told = f"name '{same[0]}' is given {len(same)} times. Names must be unique."
-            yield Problem((key,), told)
+            message = f"name '{same[0]}' is given {len(same)} times. Names must be unique."
+            yield Problem((key,), message)
 
 
 def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
@@ -115,8 +115,8 @@ def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
 
 def _bench_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
     if protocol.kind != "bench" and protocol.bench is not None:
-        told = f'{protocol.kind} needs none. Remove it, or set kind = "bench".'
-        yield Problem(("bench",), told)
+        message = f'{protocol.kind} needs none. Remove it, or set kind = "bench".'
+        yield Problem(("bench",), message)
 
 
 def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
@@ -124,7 +124,7 @@ def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
         return
     if protocol.kind == "walking":
         yield Problem(("loads",), 'only a bench has loads. Remove them, or set kind = "bench".')
-    elif protocol.kind == "bench" and _given(protocol, "participants"):
+    elif protocol.kind == "bench" and _is_set(protocol, "participants"):
         yield Problem(("participants",), "the loads stand for participants. Remove it.")
 
 
@@ -178,9 +178,11 @@ _OTHER = {"walking": "bench", "bench": "walking", "calibration": "walking"}
 def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:
     condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
     of_condition, of_plan = _FOREIGN[protocol.kind]
-    given: list[tuple[str, ...]] = [(key,) for key in of_condition if _given(condition, key)]
-    given += [("perturbations", key) for key in of_plan if plan is not None and _given(plan, key)]
-    for keys in given:
+    foreign: list[tuple[str, ...]] = [(key,) for key in of_condition if _is_set(condition, key)]
+    foreign += [
+        ("perturbations", key) for key in of_plan if plan is not None and _is_set(plan, key)
+    ]
+    for keys in foreign:
         yield Problem(
             ("conditions", i, *keys),
             f"belongs to kind = {_OTHER[protocol.kind]!r}, and this is {protocol.kind!r}. "
@@ -188,8 +190,8 @@ def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _given(model: "ConditionSpec | PerturbationPlan | Protocol", key: str) -> bool:
-    """Whether a key says something; written defaults do not, so that a dump can be read again."""
+def _is_set(model: "ConditionSpec | PerturbationPlan | Protocol", key: str) -> bool:
+    """Whether a key differs from its default: a dump, which writes defaults, stays valid."""
     return bool(getattr(model, key) != type(model).model_fields[key].default)
 
 
@@ -199,8 +201,8 @@ def _says_how_long(protocol: "Protocol", i: int) -> Iterator[Problem]:
         if condition.strides is None and condition.perturbations is None:
             yield Problem((*place, "strides"), "missing; without perturbations it says how long.")
         if condition.strides is not None and condition.perturbations is not None:
-            told = "the perturbations say how long. Remove it."
-            yield Problem((*place, "strides"), told)
+            message = "the perturbations say how long. Remove it."
+            yield Problem((*place, "strides"), message)
         return
     finite = any(reference.runs_out for reference in condition.references.values())
     if condition.duration_s is None and condition.perturbations is None and not finite:
@@ -238,8 +240,8 @@ def _plan_is_whole(protocol: "Protocol", i: int) -> Iterator[Problem]:
     else:
         needed = () if plan.timing_points is not None else ("count", "pause_s")
     for key in needed:
-        told = plan.count_per_point is not None and key in ("timing_points", "count", "pause_s")
-        if getattr(plan, key) is None and not told:  # the plan itself misses the timing points
+        stated = plan.count_per_point is not None and key in ("timing_points", "count", "pause_s")
+        if getattr(plan, key) is None and not stated:  # the plan itself misses the timing points
             yield Problem((*place, key), f"missing; on a {protocol.kind} it says when pulses fire.")
 
 

@@ -1,4 +1,4 @@
-"""Whether what a protocol asks for lies within limits: its own, and what can be run at all."""
+"""Checks of a protocol against its own limits and against what can be run at all."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -115,7 +115,7 @@ def _pulses_within_duty(protocol: "Protocol", i: int) -> Iterator[Problem]:
 
 
 def _mean_apart_s(protocol: "Protocol", plan: "PerturbationPlan", pulse: "PulseSpec") -> float:
-    """Return the time from onset to onset, s; 0 where the plan does not say it."""
+    """Return the mean time from onset to onset, s; 0 if the plan does not state it."""
     if plan.gap_strides is not None:
         return sum(plan.gap_strides) / 2.0 * assumed_stride_s(protocol)
     return plan.pause_s + pulse.duration_s if plan.pause_s is not None else 0.0

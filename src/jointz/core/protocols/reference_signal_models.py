@@ -1,4 +1,4 @@
-"""References of a bench: what torque or position follows besides the pulses.
+"""References of a bench: the courses of torque or position besides the pulses.
 
 The table a reference stands in names quantity and unit (``torque_nm``,
 ``position_rad``, ``velocity_rad_s``); amplitudes and offsets are in that unit.
@@ -25,16 +25,16 @@ _NOISE_REACH_SD = 3.0
 
 
 class _Reference(CheckedModel):
-    """What every reference can say of itself."""
+    """Base of references."""
 
     @property
     def cycle_s(self) -> float | None:
-        """Time after which it repeats, s; None where it never does."""
+        """Period, s; None if it never repeats."""
         return None
 
     @property
     def runs_out(self) -> bool:
-        """Whether it is over after one cycle, so that it tells a condition's duration."""
+        """Whether it ends after one cycle, which then sets the condition's duration."""
         return False
 
     @property
@@ -122,7 +122,7 @@ class Chirps(_Reference):
 
     @property
     def runs_out(self) -> bool:
-        """Whether it is over after one cycle: it is."""
+        """Always true."""
         return True
 
     @property
@@ -162,7 +162,7 @@ class Noise(_Reference):
 
 
 class Steps(_Reference):
-    """Levels, each held for as long."""
+    """Levels, each held for the same time."""
 
     kind: Literal["steps"]
     levels: tuple[float, ...] = Field(min_length=1, strict=False)
@@ -175,7 +175,7 @@ class Steps(_Reference):
 
     @property
     def runs_out(self) -> bool:
-        """Whether it is over after one cycle: it is."""
+        """Always true."""
         return True
 
     @property
@@ -192,7 +192,7 @@ class Trajectory(_Reference):
     duration_s: Positive
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds of the samples."""
+        """Return the check of the samples."""
         return (self._moves,)
 
     def _moves(self) -> Iterator[Problem]:

@@ -12,7 +12,7 @@ from jointz.io.c3d.c3d_clock import single
 from jointz.io.c3d.c3d_events import read_events
 from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, take_frames
 from jointz.io.c3d.c3d_parameters import BLOCK, read_parameters
-from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_told, plan
+from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_in_layout, plan
 from jointz.io.c3d.c3d_values import text_of
 from jointz.io.c3d.c3d_write import c3d_bytes
 from jointz.io.formats.group_format import GroupFormat
@@ -40,12 +40,12 @@ class C3dFormat(GroupFormat):
         start_s = frames.first / file.rate_hz if file.rate_hz > 0 else 0.0
         groups = [_points(file, frames.points, start_s), _analogs(file, frames.analogs, start_s)]
         groups.append(_rotations(file, len(frames.points), start_s))
-        events, more = read_events(file)
-        values = {**file.parameters.values, **more}
+        events, event_notes = read_events(file)
+        values = {**file.parameters.values, **event_notes}
         metadata = {
             name.lower(): text
             for name, values in values.items()
-            if not is_told(name) and (text := text_of(values)) not in ("", "[]")
+            if not is_in_layout(name) and (text := text_of(values)) not in ("", "[]")
         }
         metadata |= _remarks(file)
         return Acquisition(tuple(g for g in groups if g), events, metadata)

@@ -67,7 +67,7 @@ class C3dContent:
     parameters: Mapping[str, Values]  # all else, by ``GROUP.NAME``
 
 
-def is_told(name: str) -> bool:
+def is_in_layout(name: str) -> bool:
     """Whether a parameter becomes groups, signals or events, and so no metadata."""
     return _TOLD.fullmatch(name) is not None
 
@@ -214,18 +214,18 @@ def _rounded(role: str, columns: Columns) -> Iterator[str]:
     """Name values that single precision does not hold."""
     values = columns.values
     with np.errstate(over="ignore"):
-        held = values.astype(np.float32).astype(np.float64)
-    differ = (held != values) & ~(np.isnan(held) & np.isnan(values))
+        stored = values.astype(np.float32).astype(np.float64)
+    differ = (stored != values) & ~(np.isnan(stored) & np.isnan(values))
     if role == "rotations":  # a matrix that is missing is missing whole
         holes = np.isnan(values)
         if (holes.any(axis=2) & ~holes.all(axis=2)).any():
             yield "Group 'rotations': a matrix in part missing is missing whole."
     if not differ.any():
         return
-    overflow = np.isinf(held) & differ
+    overflow = np.isinf(stored) & differ
     if overflow.any():
         yield f"Group '{role}': {int(overflow.sum())} values are too large for it."
-    change = np.abs(held - values)[differ & ~overflow]
+    change = np.abs(stored - values)[differ & ~overflow]
     if change.size:
         names = [n for n, bad in zip(columns.labels, differ.any(axis=(0, 2)), strict=True) if bad]
         yield (
@@ -273,8 +273,8 @@ def _metadata(metadata: Mapping[str, str], lost: list[str]) -> dict[str, Values]
         name, values = key.upper(), values_of(text)
         values = values if fits(name, values) else (text,)
         group = name.partition(".")[0]
-        held = text not in ("", "[]") and not is_told(name) and name.lower() == key
-        if not held or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS:
+        stored = text not in ("", "[]") and not is_in_layout(name) and name.lower() == key
+        if not stored or not fits(name, values) or len(groups | {group}) > _MOST_GROUPS:
             excluded.append(key)
             continue
         groups.add(group)

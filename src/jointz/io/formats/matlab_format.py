@@ -83,7 +83,7 @@ class MatlabFormat:
         version = struct.get("version") if isinstance(struct, Mapping) else None
         if isinstance(struct, Mapping) and version in (_VERSION, STUDY):
             try:
-                return _own(struct) if version == _VERSION else _study(struct)
+                return _jointz_content(struct) if version == _VERSION else _study(struct)
             except _DAMAGE as exc:
                 raise damaged(path, exc) from exc
         return _foreign(path, content, has_objects=has_objects)
@@ -218,14 +218,14 @@ def _signal(signal: Signal, positive: str) -> dict[str, Any]:
     }
 
 
-def _own(struct: Mapping[str, Any]) -> Acquisition:
+def _jointz_content(struct: Mapping[str, Any]) -> Acquisition:
     events, metadata = struct["events"], struct["metadata"]
     times, lengths = _numbers(events["time_s"]), _numbers(events["duration_s"])
     labels = _texts(events["label"], len(times))
     n = len(metadata["key"]) if isinstance(metadata["key"], list) else 1
     pairs = zip(_texts(metadata["key"], n), _texts(metadata["value"], n), strict=True)
     return Acquisition(
-        tuple(_own_group(name, group) for name, group in (struct["groups"] or {}).items()),
+        tuple(_jointz_group(name, group) for name, group in (struct["groups"] or {}).items()),
         tuple(
             Event(float(t), label, float(d))
             for t, label, d in zip(times, labels, lengths, strict=True)
@@ -234,7 +234,7 @@ def _own(struct: Mapping[str, Any]) -> Acquisition:
     )
 
 
-def _own_group(field: str, struct: Mapping[str, Any]) -> SignalGroup:
+def _jointz_group(field: str, struct: Mapping[str, Any]) -> SignalGroup:
     n, clock = int(struct["n"]), _word(struct["clock"])
     place = f"{ROOT}.groups.{field}"
     signals = tuple(

@@ -61,7 +61,7 @@ class NetcdfFormat:
             }
         try:
             if layout is not None:
-                return _own(contents)
+                return _jointz_content(contents)
             return _foreign(contents)
         except (KeyError, ValueError, TypeError, IndexError, AttributeError) as exc:
             raise damaged(path, exc) from exc
@@ -213,9 +213,9 @@ def _put(place: Any, name: str, values: np.ndarray, attributes: Mapping[str, str
         variable.attrs[key] = word
 
 
-def _own(contents: Mapping[str, xr.Dataset]) -> Acquisition:
+def _jointz_content(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     numbered = sorted(int(n[1:]) for n in contents if re.fullmatch(r"g\d+", n))
-    pairs = [_own_group(f"g{k}", contents[f"g{k}"]) for k in numbered]
+    pairs = [_jointz_group(f"g{k}", contents[f"g{k}"]) for k in numbered]
     columns = [contents["events"][n].to_numpy() for n in ("time_s", "label", "duration_s")]
     texts = [contents["metadata"][n].to_numpy() for n in ("key", "value")]
     metadata = {str(k): str(v) for k, v in zip(*texts, strict=True)}
@@ -226,7 +226,7 @@ def _own(contents: Mapping[str, xr.Dataset]) -> Acquisition:
     )
 
 
-def _own_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
+def _jointz_group(place: str, content: xr.Dataset) -> tuple[SignalGroup, str]:
     """Return a group, and a note where its clock is not the one that jointz wrote."""
     signals = tuple(
         Signal(

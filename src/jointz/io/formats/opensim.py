@@ -112,8 +112,8 @@ class OpenSimFormat(GroupFormat):
             )
         other = _other_angles(group)
         signals = tuple(s for s in group.signals if not s.is_text and s.name not in other)
-        held = replace(group, signals=signals)
-        return _written(content, held, time, path.stem).encode("utf-8", errors="replace")
+        kept = replace(group, signals=signals)
+        return _written(content, kept, time, path.stem).encode("utf-8", errors="replace")
 
 
 def _lines(path: Path) -> list[str]:

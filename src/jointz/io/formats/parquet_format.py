@@ -159,8 +159,10 @@ def _read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) ->
             check_unpacked(path, total)
             batches.append(batch)
         coded = file.schema_arrow
-    wanted = arrow.schema([coded.field(n) for n in dict.fromkeys(names)], metadata=coded.metadata)
-    table = arrow.Table.from_batches(batches, schema=batches[0].schema if batches else wanted)
+    selection = arrow.schema(
+        [coded.field(n) for n in dict.fromkeys(names)], metadata=coded.metadata
+    )
+    table = arrow.Table.from_batches(batches, schema=batches[0].schema if batches else selection)
     return schema, table.cast(arrow.schema([schema.field(n) for n in table.column_names]))
 
 
@@ -221,7 +223,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     if _SIDE in metadata:
         side = read_beside(metadata[_SIDE].decode())
         try:
-            return _own(side, metadata.get(b"jointz_clock", b"").decode(), signals)
+            return _jointz_content(side, metadata.get(b"jointz_clock", b"").decode(), signals)
         except ValueError as exc:
             changed = str(exc)
     group, notes = with_clock("", signals)
@@ -232,7 +234,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     return Acquisition((group,), (), notes)
 
 
-def _own(side: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
+def _jointz_content(side: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
     """Return what jointz wrote."""
     time = next((s.values for s in signals if clock and s.name == clock), None)
     columns = {s.name: s.values for s in signals if not clock or s.name != clock}

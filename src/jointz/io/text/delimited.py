@@ -323,13 +323,13 @@ def _parse(
 def _scan(layout: _Layout, n_labels: int) -> _Scan:
     """Hash the file and compare its delimiters and line ends with the header's period."""
     period = layout.delimiter.encode() * (len(layout.names) - 1) + b"\n"
-    others = bytes(set(range(256)) - set(period))
+    other_bytes = bytes(set(range(256)) - set(period))
     pattern = period * (2 + _BLOCK_BYTES // len(period))
     seen, broken_at, tail, skip = 0, None, b"", layout.start_byte
     digest = hashlib.sha256()
     for block in _blocks(layout.path, digest):
         body, skip = block[skip:], max(0, skip - len(block))
-        signs = body.translate(None, others)
+        signs = body.translate(None, other_bytes)
         phase = seen % len(period)
         if broken_at is None and signs != pattern[phase : phase + len(signs)]:
             expected = pattern[phase : phase + len(signs)]

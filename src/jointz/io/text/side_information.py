@@ -74,7 +74,7 @@ def _group(content: dict[str, Any]) -> SignalGroup:
 
 
 def filled(
-    told: SideInformation,
+    side: SideInformation,
     columns: Mapping[str, np.ndarray],
     stamps: np.ndarray | None,
     *,
@@ -82,16 +82,16 @@ def filled(
 ) -> Acquisition:
     """Put samples into what was read beside them."""
     if list(columns) != list(labels):
-        found = next(i for i, pair in enumerate(zip_longest(columns, labels)) if len({*pair}) > 1)
-        names = [[*some, "none"][min(found, len(some))] for some in (list(columns), labels)]
+        first = next(i for i, pair in enumerate(zip_longest(columns, labels)) if len({*pair}) > 1)
+        names = [[*some, "none"][min(first, len(some))] for some in (list(columns), labels)]
         raise ValueError(
-            f"the jointz line tells of other columns than the table has: number {found + 1} is "
+            f"the jointz line tells of other columns than the table has: number {first + 1} is "
             f"'{names[1]}' there, and '{names[0]}' in the table"
         )
-    texts = [signal.name for signal in told.group.signals if signal.is_text]
+    texts = [signal.name for signal in side.group.signals if signal.is_text]
     found_texts = [
         signal.name
-        for signal, values in zip(told.group.signals, columns.values(), strict=True)
+        for signal, values in zip(side.group.signals, columns.values(), strict=True)
         if values.dtype.kind == "O"
     ]
     if texts != found_texts:
@@ -101,11 +101,11 @@ def filled(
         )
     signals = tuple(
         replace(signal, values=values)
-        for signal, values in zip(told.group.signals, columns.values(), strict=True)
+        for signal, values in zip(side.group.signals, columns.values(), strict=True)
     )
-    _check_clock(told, stamps)
-    group = replace(told.group, signals=signals, time_s=stamps if told.stamped else None)
-    return Acquisition((group,), told.events, told.metadata)
+    _check_clock(side, stamps)
+    group = replace(side.group, signals=signals, time_s=stamps if side.stamped else None)
+    return Acquisition((group,), side.events, side.metadata)
 
 
 def _check_clock(side: SideInformation, stamps: np.ndarray | None) -> None:

@@ -85,8 +85,8 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     skipped = int(known.get("skip_rows") or 0)
     lines = decompressed_text(path, skipped + _LINES)
     best = max(
-        (_Found.of(lines[skipped:], *signs) for signs in _signs(path, known)),
-        key=lambda found: found.score,  # the first of equals
+        (_Candidate.of(lines[skipped:], *signs) for signs in _signs(path, known)),
+        key=lambda candidate: candidate.score,  # the first of equals
     )
     if not any(map(any, best.rows)) or (best.start is None and "header" not in known):
         where = (
@@ -103,10 +103,10 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     above = lines[: skipped + (best.start or 0)]
     said = [part for line in above for part in (line, *_PARTS.split(line))]
     rates = {rate for part in said if (rate := _stated_rate(part))}
-    others = {hz for line in above for hz in _frequencies(_plain(line))}
-    if rates and len(rates | others) > 1:
-        told = ", ".join(f"{hz:g}" for hz in sorted(rates | others))
-        note = f"its first lines state {told} Hz: which is the rate of the table?"
+    other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
+    if rates and len(rates | other_rates) > 1:
+        rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
+        note = f"its first lines state {rate_list} Hz: which is the rate of the table?"
         return replace(layout, notes=(*layout.notes, note))
     return replace(layout, rate_hz=min(rates, default=None))
 
@@ -147,7 +147,7 @@ def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Candidate:
     """The table that two signs make of the lines."""
 
     delimiter: str
@@ -156,7 +156,7 @@ class _Found:
     start: int | None
 
     @classmethod
-    def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Found":
+    def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Candidate":
         rows = tuple(_cells(line, delimiter) for line in lines)
         return cls(delimiter, decimal, rows, _first_row(rows, decimal))
 
@@ -191,12 +191,12 @@ def _first_row(rows: Sequence[tuple[str, ...]], decimal: str) -> int | None:
     rows of one shape, numbers and text in the same places.
     """
     shapes = [_shape(row, decimal) if _is_sample(row, decimal) else () for row in rows]
-    found = Counter(shapes)
-    usual = max(found, key=lambda shape: found[shape] * len(shape), default=())
-    wanted = min(_IN_A_ROW, sum(bool(row and any(row)) for row in rows[-_IN_A_ROW:]), len(rows))
+    counts = Counter(shapes)
+    usual = max(counts, key=lambda shape: counts[shape] * len(shape), default=())
+    n_rows = min(_IN_A_ROW, sum(bool(row and any(row)) for row in rows[-_IN_A_ROW:]), len(rows))
     alike = [len(shape) == len(usual) > 0 for shape in shapes]
     for k, shape in enumerate(shapes):
-        if shape == usual and all(alike[k : k + max(wanted, 1)]):
+        if shape == usual and all(alike[k : k + max(n_rows, 1)]):
             while k and alike[k - 1]:  # rows with a stray text are samples, too
                 k -= 1
             return k
@@ -215,34 +215,34 @@ def _is_sample(row: tuple[str, ...], decimal: str) -> bool:
     return bool(numbers) and 2 * numbers >= len(written)
 
 
-def _layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
+def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     if "skip_rows" in known or "header" in known:
-        return _told_layout(found, known)
-    start = found.start or 0
-    width = len(found.rows[start])
-    above = found.rows[start - 1] if start else ()
-    if start >= 2 and _is_units(above) and len(found.rows[start - 2]) == len(above) == width:
-        files = found.spec(start, header=False)
+        return _stated_layout(candidate, known)
+    start = candidate.start or 0
+    width = len(candidate.rows[start])
+    above = candidate.rows[start - 1] if start else ()
+    if start >= 2 and _is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
+        files = candidate.spec(start, header=False)
         note = (
             f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
             "are given by number."
         )
-        return TextLayout(files, found.rows[start - 2], _bare(above), (note,))
+        return TextLayout(files, candidate.rows[start - 2], _bare(above), (note,))
     if not start or not any(above) or len(above) > width + 1 or len(above) < max(width - 1, 2):
         note = "the columns have no names: they are given by number, from 1."
-        files = found.spec(start, header=False)
+        files = candidate.spec(start, header=False)
         return TextLayout(files, ("",) * width, (), (note,))
     if len(above) != width or len(set(above)) < width:
-        return _numbered(found, above, width)
-    files = found.spec(start - 1)
+        return _numbered(candidate, above, width)
+    files = candidate.spec(start - 1)
     note = f"{start - 1} row(s) stand above the names and are skipped."
     return TextLayout(files, above, (), (note,) if start > 1 else ())
 
 
-def _numbered(found: _Found, above: tuple[str, ...], width: int) -> TextLayout:
+def _numbered(candidate: _Candidate, above: tuple[str, ...], width: int) -> TextLayout:
     """Return a layout of columns by number: the names above them do not tell them apart."""
-    start = found.start or 0
-    files = found.spec(start, header=False)
+    start = candidate.start or 0
+    files = candidate.spec(start, header=False)
     names = (above + ("",) * width)[:width]
     why = f"row {start} names {len(above)} column(s), {width} stand under it"
     if len(above) == width:
@@ -250,12 +250,12 @@ def _numbered(found: _Found, above: tuple[str, ...], width: int) -> TextLayout:
     return TextLayout(files, names, (), (f"{why}: columns are given by number, from 1.",))
 
 
-def _told_layout(found: _Found, known: Mapping[str, Any]) -> TextLayout:
+def _stated_layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     """Return the layout of a table that begins where it is said to, else where it was found."""
     header = bool(known.get("header", True))
-    above = 0 if "skip_rows" in known else max((found.start or 0) - header, 0)
-    files = found.spec(int(known.get("skip_rows") or above), header=header)
-    row = found.rows[above]
+    above = 0 if "skip_rows" in known else max((candidate.start or 0) - header, 0)
+    files = candidate.spec(int(known.get("skip_rows") or above), header=header)
+    row = candidate.rows[above]
     note = f"{above} row(s) stand above the table and are skipped."
     return TextLayout(files, row if header else ("",) * len(row), (), (note,) if above else ())
 

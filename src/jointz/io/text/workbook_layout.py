@@ -89,10 +89,10 @@ def own_acquisition(sheets: Sequence[Sheet]) -> Acquisition:
     )
 
 
-def _count(own: Sheet, row: int, n: str) -> int:
+def _count(sheet: Sheet, row: int, n: str) -> int:
     if not n.isdecimal() or len(n) > len(str(MOST_ROWS)) or int(n) > MOST_ROWS:
         expected = f"expected how many samples there are, up to {MOST_ROWS}"
-        own.refuse(row, 3, f"{expected}, found '{n[:40]}'. {_UNDO}")
+        sheet.refuse(row, 3, f"{expected}, found '{n[:40]}'. {_UNDO}")
     return int(n)
 
 
@@ -204,10 +204,10 @@ def _check_shape(table: _OwnTable, names: Sequence[str]) -> None:
     """Refuse columns and rows that came, went or moved, and formulas without a value."""
     sheet = table.sheet
     row = list(sheet.rows[0][table.shift :]) if sheet.rows else []
-    wanted = [_held(name) for name in names]
-    for k in range(max(len(row), len(wanted))):
+    expected_row = [_held(name) for name in names]
+    for k in range(max(len(row), len(expected_row))):
         found = str(row[k]) if k < len(row) and row[k] is not None else ""
-        expected = wanted[k] if k < len(wanted) else ""
+        expected = expected_row[k] if k < len(expected_row) else ""
         if found != expected:
             said = f"expected the name '{expected}', found '{found}'; a column was changed. {_UNDO}"
             sheet.refuse(0, k + table.shift, said)

@@ -293,15 +293,16 @@ def _same_times(one: Signal, other: Signal) -> bool:
 
 
 def _refuse_twice(sheet: Sheet, table: Table, names: Mapping[int, str]) -> None:
-    seen: dict[str, int] = {}
+    first_column: dict[str, int] = {}
     for k, name in names.items():
-        if name in seen:
+        if name in first_column:
             sheet.refuse(
                 table.names_row,
                 k,
-                f"the name '{name}' stands over column {letters(seen[name])} too. Rename one.",
+                f"the name '{name}' stands over column {letters(first_column[name])} too. "
+                "Rename one.",
             )
-        seen[name] = k
+        first_column[name] = k
 
 
 def _end(sheet: Sheet, table: Table, column: int) -> int:
@@ -326,9 +327,9 @@ def _signal(sheet: Sheet, table: Table, column: int, *, name: str, rows: range) 
     unit = _unit(sheet, table, column, name)
     kinds = [_kind(cell) for cell in cells]
     kind = "text" if "text" in kinds else next((k for k in kinds if k != "empty"), "number")
-    others = frozenset(kinds)
+    kinds_of_column = frozenset(kinds)
     for r, cell, found in zip(rows, cells, kinds, strict=True):
-        _check_kind(sheet, r, column, (cell, found, others))
+        _check_kind(sheet, r, column, (cell, found, kinds_of_column))
     if kind == "number":
         values = [np.nan if _kind(c) == "empty" else float(c) for c in cells]
         return Signal(name, np.array(values, dtype=np.float64), unit)

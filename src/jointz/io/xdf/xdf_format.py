@@ -89,7 +89,7 @@ def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> A
     metadata = flat(info) if isinstance(info, Mapping) else {}
     metadata.pop("version", None)
     for number, stream in loaded.streams.items():
-        name, settings = names[number], _own(stream)
+        name, settings = names[number], _settings(stream)
         group = _group(path, name, stream, _clock(path, walked[number], stream, settings))
         remarks = _remarks(walked[number], stream, group)
         remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
@@ -163,7 +163,7 @@ def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
 def _names(streams: Mapping[int, dict[str, Any]]) -> dict[int, str]:
     """Return a name of its own for each stream."""
     plain = {
-        number: "" if _own(stream).get(UNNAMED) else _first(stream, "name")
+        number: "" if _settings(stream).get(UNNAMED) else _first(stream, "name")
         for number, stream in streams.items()
     }
     names: dict[int, str] = {}
@@ -182,7 +182,7 @@ def _first(stream: Mapping[str, Any], tag: str) -> str:
     return text if isinstance(text, str) else ""
 
 
-def _own(stream: Mapping[str, Any]) -> dict[str, str]:
+def _settings(stream: Mapping[str, Any]) -> dict[str, str]:
     """Return what jointz wrote about a stream for itself."""
     texts = flat({"desc": stream["info"].get("desc", [])})
     return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}

@@ -25,17 +25,9 @@ _TINY = float(np.finfo(float).tiny)
 class EnsembleResponse:
     """An impulse response over an ensemble of segments.
 
-    Parameters
-    ----------
-    response : (m,) float
-        Output unit over input unit, for one lag step.
-    sd : (m,) float
-        Sd from realisation to realisation; what the left-out directions would
-        add is not in it.
-    n_kept : int
-        Directions of the input that were inverted.
-    vaf_pct : float
-        Variance accounted for (2.7), ensemble mean removed, %.
+    ``response`` (m,): output unit over input unit, for one lag step; ``sd`` (m,): sd from
+    realisation to realisation; ``n_kept``: directions of the input that were inverted; ``vaf_pct``:
+    variance accounted for (2.7), ensemble mean removed, %.
     """
 
     response: np.ndarray
@@ -48,17 +40,8 @@ class EnsembleResponse:
 class SegmentFit:
     """Coefficients of a linear model over an ensemble of segments.
 
-    Parameters
-    ----------
-    values : (p,) float
-        Coefficients.
-    replicates : (R, p) float
-        Of resampled realisations.
-    vaf_pct : float
-        Of the weighted target, %: both sides as the fit weighs them. It may be
-        negative with instruments.
-    condition_number : float
-        Of the equations, scaled to a diagonal of one.
+    ``values`` (p,): coefficients; ``replicates`` (R, p): of resampled realisations; ``vaf_pct``: of
+    the weighted target, %; ``condition_number``: of the equations, scaled to a diagonal of one.
     """
 
     values: np.ndarray
@@ -70,15 +53,7 @@ class SegmentFit:
 def without_mean(x: np.ndarray) -> np.ndarray:
     """Return an ensemble without what its realisations have in common.
 
-    Parameters
-    ----------
-    x : (N, ...) float
-        Realisations along the first axis; not modified.
-
-    Returns
-    -------
-    (N, ...) float
-        ``x`` minus its mean over realisations.
+    ``x`` (N, ...): realisations along the first axis.
     """
     centred: np.ndarray = x - x.mean(axis=0)
     return centred
@@ -87,44 +62,11 @@ def without_mean(x: np.ndarray) -> np.ndarray:
 def ensemble_response(inputs: np.ndarray, output: np.ndarray) -> EnsembleResponse:
     """Return the impulse response of one short segment over all realisations.
 
-    Parameters
-    ----------
-    inputs : (N, n, m) float
-        Input at m lags of each of the n samples of N realisations, ensemble mean
-        removed (:func:`without_mean`).
-    output : (N, n) float
-        Output, ensemble mean removed.
-
-    Returns
-    -------
-    EnsembleResponse
-        Response with its sd.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not fit, or input or output do not vary between
-        realisations.
-
-    Notes
-    -----
-    The ensemble method (Soechting et al. 1981; MacNeil, Kearney and Hunter, IEEE
-    Trans. Biomed. Eng. 39 (1992) 1213) with the pseudo-inverse of Lortie and Kearney
-    (2001), pooled over a short segment as Ludvig and Perreault (2012,
-    doi:10.1109/TBME.2012.2220767) do: the system is taken as constant over the
-    segment. Directions are kept by the smallest description length, in the
-    order of their input (:mod:`.impulse_response_estimate`). Samples of a segment
-    are first whitened by what a first fit leaves: with noise that is slow against
-    the segment, as the movement's variation is, that keeps many more directions.
-    The sd is a sandwich with one block a realisation, so samples of a segment may
-    depend on each other in any way.
-
-    Examples
-    --------
-    >>> x = without_mean(np.random.default_rng(0).standard_normal((100, 5, 2)))
-    >>> found = ensemble_response(x, x @ np.array([1.0, -0.5]))
-    >>> bool(np.allclose(found.response, [1.0, -0.5]))
-    True
+    ``inputs`` (N, n, m): input at m lags of each of the n samples of N realisations, ``output`` (N,
+    n), ensemble means removed (:func:`without_mean`). The ensemble method (Soechting et al. 1981;
+    MacNeil, Kearney and Hunter 1992, IEEE Trans. Biomed. Eng. 39, 1213) with the pseudo-inverse of
+    Lortie and Kearney 2001, pooled over a short segment as Ludvig and Perreault 2012,
+    doi:10.1109/TBME.2012.2220767: the system is constant over the segment.
     """
     white = _whitening(inputs, output)
     x, y = np.matmul(white, inputs), output @ white.T
@@ -145,32 +87,10 @@ def ensemble_response(inputs: np.ndarray, output: np.ndarray) -> EnsembleRespons
 def cross_predicted(inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
     """Return what the input explains of each output, learned from other realisations.
 
-    Even realisations are predicted with the impulse response of the odd ones and
-    the other way round, so that the prediction holds nothing of a realisation's
-    own noise: an instrument that was fitted to the noise it should be free of
-    would bias towards least squares.
-
-    Parameters
-    ----------
-    inputs : (N, n, m) float
-        Input at m lags, ensemble mean removed.
-    outputs : (N, n, p) float
-        Outputs, ensemble mean removed.
-
-    Returns
-    -------
-    (N, n, p) float
-        Predictions.
-
-    Raises
-    ------
-    ValueError
-        As :func:`ensemble_response`.
-
-    Notes
-    -----
-    Split-sample instrumental variables: Angrist and Krueger, J. Business and
-    Economic Statistics 13 (1995) 225.
+    ``inputs`` (N, n, m), ``outputs`` (N, n, p): ensemble means removed. Even realisations are
+    predicted with the impulse response of the odd ones and the other way round: the prediction
+    holds nothing of a realisation's own noise, which would bias towards least squares. Split-sample
+    instruments: Angrist and Krueger 1995, J. Business and Economic Statistics 13, 225.
     """
     found = np.empty(outputs.shape)
     for fold in (0, 1):
@@ -192,36 +112,9 @@ def fit_segments(
 ) -> SegmentFit:
     """Fit target = regressors @ values over all segments, and resample the realisations.
 
-    Parameters
-    ----------
-    regressors, instruments : (N, n, p) float
-        Ensemble means removed. Instruments that are the regressors make this
-        generalised least squares.
-    target : (N, n) float
-        Ensemble mean removed.
-    resampling : (R, N) float
-        Weights of each resample, rows summing to one
-        (:func:`jointz.kernels.resampling.resample_weights`).
-
-    Returns
-    -------
-    SegmentFit
-        Values and replicates.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not fit or the equations are singular.
-
-    Notes
-    -----
-    A first fit weighs all samples alike. The covariance (n, n) of its residuals over
-    realisations, with a ridge of a twentieth of its mean variance, weighs the second:
-    that of the even realisations weighs the odd ones and the other way round (with
-    weights from the same residuals the intervals of 50 realisations held 89 instead
-    of 93 %). Slow variation between realisations, of the movement and of torque inside
-    the joint, is strongly correlated over a short segment and so hardly counts. The
-    resamples keep weights and instruments, and remove their own ensemble means.
+    ``regressors``, ``instruments`` (N, n, p): ensemble means removed; ``target`` (N, n): ensemble
+    mean removed; ``resampling`` (R, N): weights of each resample, rows summing to one
+    (:func:`jointz.kernels.resampling.resample_weights`). Returns values and replicates.
     """
     if regressors.shape != instruments.shape or regressors.shape[:2] != target.shape:
         raise ValueError(

@@ -18,27 +18,11 @@ _RANK = 1e-10
 class ImpulseEstimate:
     """An impulse response and the equations it came from.
 
-    Parameters
-    ----------
-    lags : (m,) int, samples
-        Lags of the response; negative ones are of outputs before their input.
-    response : (m,) float
-        Output unit over input unit, for one sample: the continuous response is
-        this over the step.
-    sd : (m,) float
-        Sd by noise alone; what the left-out directions would add is not in it.
-    basis : (m, r) float
-        The directions that were inverted.
-    singular : (r,) float
-        Their singular values.
-    projected : (r,) float
-        Cross-correlation along them: ``singular * basis.T @ response``.
-    projected_covariance : (r, r) float
-        Its covariance.
-    residual : (k,) float
-        Output minus prediction.
-    measured : (k,) float
-        The output predicted, without its mean.
+    ``lags`` (m,) samples: lags of the response; ``response`` (m,): output unit over input unit, for
+    one sample; ``sd`` (m,): sd by noise alone; ``basis`` (m, r): the directions that were inverted;
+    ``singular`` (r,): their singular values; ``projected`` (r,): cross-correlation along them;
+    ``projected_covariance`` (r, r): its covariance; ``residual`` (k,): output minus prediction;
+    ``measured`` (k,): the output predicted, without its mean.
     """
 
     lags: np.ndarray
@@ -67,49 +51,10 @@ def estimate_response(
 ) -> ImpulseEstimate:
     """Return the impulse response from x to y that best predicts y.
 
-    Solves Wiener-Hopf (1.4), read as r_yx(k) = sum h(s) r_xx(k - s), over the
-    samples whose inputs are all recorded, so that nothing is lost at the ends.
-
-    Parameters
-    ----------
-    x, y : (n,) float
-        Input and output; an offset between them is allowed for.
-    first_lag, last_lag : int, samples
-        Lags of the response, both included; ``first_lag`` is negative for a
-        two-sided one.
-    input_noise : (m,) float, optional
-        Autocovariance of the measurement noise in ``x`` at lags 0, 1, ...;
-        taken off the correlation matrix, and directions with more noise than
-        input are left out.
-
-    Returns
-    -------
-    ImpulseEstimate
-        Response, bounds and equations.
-
-    Raises
-    ------
-    ValueError
-        When the record is not at least twice as long as the response, or
-        nothing of the output is explained.
-
-    Notes
-    -----
-    Westwick and Kearney 1997, doi:10.1007/BF02534135: as many directions as make
-    the smallest description length, (1 + r log(n)/n) * residual variance. They
-    are taken in the order of their input, not of the output they explain as
-    there: picking the largest contributions picks lucky noise, and the bounds
-    then held 73 % instead of 93 % of a simulated response. The covariance
-    allows for residuals correlated in time: Toeplitz matrix of the product of
-    the spectra of input and residual.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal(2000)
-    >>> y = np.convolve(x, [1.0, 0.5])[:2000]
-    >>> found = estimate_response(x, y, first_lag=0, last_lag=2)
-    >>> bool(np.allclose(found.response, [1.0, 0.5, 0.0]))
-    True
+    ``x``, ``y`` (n,); lags in samples, both ends included; ``input_noise`` (m,): autocovariance of
+    the noise in ``x`` at lags 0, 1, ... Solves Wiener-Hopf (1.4), r_yx(k) = sum h(s) r_xx(k - s),
+    over the samples whose inputs are all recorded, along the directions of smallest description
+    length (Westwick and Kearney 1997, doi:10.1007/BF02534135).
     """
     X, y_kept = _lagged(x, y, first_lag, last_lag)
     n, m = X.shape
@@ -168,37 +113,11 @@ def supported_directions(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return which directions of the input to invert, by the smallest description length.
 
-    Parameters
-    ----------
-    normal : (m, m) float
-        Mean product of the input at all pairs of lags.
-    right : (m,) float
-        Mean product of the input at each lag with the output.
-    power : float
-        Mean square of the output.
-    n : int
-        Samples of the output.
-    floor : float
-        Directions whose singular value is not above this are noise of the input.
-
-    Returns
-    -------
-    order : (r,) int
-        Columns of ``vectors`` to invert, the one with most input first.
-    singular : (m,) float
-        Singular values, ascending.
-    vectors : (m, m) float
-        Directions, one a column.
-
-    Raises
-    ------
-    ValueError
-        When input or output is constant.
-
-    Notes
-    -----
-    As many as make (1 + r log(n)/n) * residual variance smallest: Westwick and
-    Kearney 1997, doi:10.1007/BF02534135; see :func:`estimate_response`.
+    ``normal`` (m, m): mean product of the input at all pairs of lags; ``right`` (m,): with the
+    output; ``power``: mean square of the output; singular values up to ``floor`` are noise. Returns
+    ``order`` (r,): columns of ``vectors`` to invert; ``singular`` (m,), ascending; ``vectors`` (m,
+    m). As many as make (1 + r log(n)/n) * residual variance smallest: Westwick and Kearney 1997,
+    doi:10.1007/BF02534135.
     """
     singular, vectors = linalg.eigh(normal)
     usable = np.flatnonzero(singular > max(_RANK * singular[-1], floor))

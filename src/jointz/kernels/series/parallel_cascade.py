@@ -31,16 +31,9 @@ _FLIPS = 999
 class Shape(NamedTuple):
     """The four nonlinear numbers of the rectified path.
 
-    Parameters
-    ----------
-    delay_s : float
-        Delay.
-    threshold : float
-        Index into the thresholds, fractions between them.
-    log_frequency : float
-        Logarithm of the natural frequency of the filter, rad/s.
-    log_ratio : float
-        Logarithm of its damping ratio.
+    ``delay_s``: delay; ``threshold``: index into the thresholds, fractions between them;
+    ``log_frequency``: logarithm of the natural frequency of the filter, rad/s; ``log_ratio``:
+    logarithm of its damping ratio.
     """
 
     delay_s: float
@@ -63,20 +56,11 @@ _SCALE = Shape(0.01, 2.0, 0.3, 0.3)
 class RectifiedPath:
     """Spectra of the rectified velocity at all thresholds, thinned to the rate of the fit.
 
-    Parameters
-    ----------
-    spectra : (n_threshold, n_frequency) complex
-        Of ``max(velocity - threshold, 0)``, low-passed as the other signals are.
-    thresholds : (n_threshold,) float, rad/s
-        Evenly spaced.
-    s : (n_frequency,) complex
-        Laplace variable on the imaginary axis, rad/s.
-    n : int
-        Samples of the thinned record.
-    kept : slice
-        Those that enter the fit.
-    drift : (n_kept, n_drift) float
-        Orthonormal slow functions, taken off every signal.
+    ``spectra`` (n_threshold, n_frequency): of ``max(velocity - threshold, 0)``, low-passed as the
+    other signals are; ``thresholds`` (n_threshold,) rad/s: evenly spaced; ``s`` (n_frequency,):
+    laplace variable on the imaginary axis, rad/s; ``n``: samples of the thinned record; ``kept``:
+    those that enter the fit; ``drift`` (n_kept, n_drift): orthonormal slow functions, taken off
+    every signal.
     """
 
     spectra: np.ndarray
@@ -169,21 +153,10 @@ class RectifiedPath:
 class CascadeFit:
     """The two paths at their best.
 
-    Parameters
-    ----------
-    shape : Shape
-        Of the rectified path.
-    linear : (p,) float
-        Coefficients of the linear path.
-    gain : float
-        Of the rectified path.
-    jacobian : (n, p + 5) float
-        Derivatives of the output: the linear columns, gain, delay, threshold (in index),
-        log frequency, log ratio.
-    residual : (n,) float
-        Measured minus modelled.
-    at_edge : (4,) bool
-        Which numbers of the shape stand at the end of their range.
+    ``shape``: of the rectified path; ``linear`` (p,): coefficients of the linear path; ``gain``: of
+    the rectified path; ``jacobian`` (n, p + 5): derivatives of the output; ``residual`` (n,):
+    measured minus modelled; ``at_edge`` (4,): which numbers of the shape stand at the end of their
+    range.
     """
 
     shape: Shape
@@ -205,27 +178,10 @@ def rectified_path(
 ) -> RectifiedPath:
     """Rectify a velocity at all thresholds and thin it by cutting its spectrum.
 
-    Parameters
-    ----------
-    velocity : (n,) float, rad/s
-        Positive where it stretches; n is a multiple of ``step``.
-    rate_hz : float
-        Its rate.
-    step : int
-        Samples to one of the thinned record.
-    lowpass : (n_frequency,) float
-        Gain of the low-pass that the other signals passed, at the frequencies of the
-        thinned record.
-    kept : slice
-        Thinned samples that enter the fit; the first ones hold what the circular filter
-        brings round from the end.
-    drift : (n_kept, n_drift) float
-        Orthonormal slow functions.
-
-    Raises
-    ------
-    ValueError
-        When n is not a multiple of ``step``, or the velocity never stretches.
+    ``velocity`` (n,) rad/s: positive where it stretches; ``step``: samples to one of the thinned
+    record; ``lowpass`` (n_frequency,): gain of the other signals' low-pass at the frequencies of
+    the thinned record; ``kept``: thinned samples that enter the fit; ``drift`` (n_kept, n_drift):
+    orthonormal slow functions.
     """
     n, left = divmod(velocity.size, step)
     if left:
@@ -247,22 +203,10 @@ def fit_cascade(
 ) -> tuple[CascadeFit | None, np.ndarray]:
     """Fit both paths; the rectified one resists the stretch (gain above zero).
 
-    Parameters
-    ----------
-    path : RectifiedPath
-        The rectified path.
-    linear : (n_kept, p) float
-        Regressors of the linear path, drift removed.
-    output : (n_kept,) float
-        What is to be explained, drift removed.
-
-    Returns
-    -------
-    fit : CascadeFit or None
-        The best of the refined starts; None where no start has a gain above zero.
-    candidates : (n_kept, n_start) float
-        Regressors of the starts less what the linear path explains, for
-        :func:`chance_of_largest_score`.
+    ``path`` the rectified path; ``linear`` (n_kept, p): regressors of the linear path, drift
+    removed; ``output`` (n_kept,): what is to be explained, drift removed. Returns ``fit``: the best
+    of the refined starts; ``candidates`` (n_kept, n_start): regressors of the starts less what the
+    linear path explains, for :func:`chance_of_largest_score`.
     """
     shapes, regressors = path.starts()
     Q = np.linalg.qr(linear)[0]
@@ -332,33 +276,10 @@ def _at_shape(
 def chance_of_largest_score(candidates: np.ndarray, residual: np.ndarray, n_blocks: int) -> float:
     """Return the p-value of the largest of many one-sided score statistics.
 
-    Each candidate regressor x has the statistic ``sum_b g_b / sqrt(sum_b g_b^2)`` with the
-    sums g_b of ``x * residual`` over blocks of time. Searching the largest makes it large
-    by chance; random signs of the blocks, the same for all candidates, show by how much.
-
-    Parameters
-    ----------
-    candidates : (n, m) float
-        Regressors less what the model without them explains.
-    residual : (n,) float
-        Of the model without them.
-    n_blocks : int
-        Blocks, longer than the correlation of the products.
-
-    Returns
-    -------
-    float
-        Between 0.001 and 1.
-
-    Notes
-    -----
-    Wild bootstrap of a supremum of scores: Hansen 1996, doi:10.2307/2171789.
-
-    Examples
-    --------
-    >>> x = np.sin(np.arange(400.0))[:, None]
-    >>> chance_of_largest_score(x, x[:, 0], 40)
-    0.001
+    ``candidates`` (n, m): regressors less what the model without them explains; ``residual`` (n,):
+    of that model. Each has the statistic sum_b g_b / sqrt(sum_b g_b^2), g_b the sums of x *
+    residual over blocks longer than the correlation; random signs of the blocks show how large the
+    largest is by chance. Returns 0.001 to 1. Hansen 1996, doi:10.2307/2171789.
     """
     starts = np.arange(n_blocks) * residual.size // n_blocks
     sums = np.add.reduceat(candidates * residual[:, None], starts, axis=0)
@@ -373,12 +294,7 @@ def chance_of_largest_score(candidates: np.ndarray, residual: np.ndarray, n_bloc
 def linear_fit(regressors: np.ndarray, output: np.ndarray) -> tuple[np.ndarray, float]:
     """Return least-squares coefficients and the condition number of the scaled regressors.
 
-    Parameters
-    ----------
-    regressors : (n, p) float
-        Columns.
-    output : (n,) float
-        What they explain.
+    ``regressors`` (n, p); ``output`` (n,).
     """
     size = np.linalg.norm(regressors, axis=0)
     Q, R = np.linalg.qr(regressors / size)

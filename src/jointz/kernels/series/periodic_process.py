@@ -24,12 +24,8 @@ _UNLIKELY = 1e-4
 class PeriodicCurve:
     """A curve with its pointwise band.
 
-    Parameters
-    ----------
-    value, low, high : (k,) float
-        Median, and ends of the interval.
-    length : float, cycles
-        Over which part of the cycle the curve stays alike: posterior median.
+    ``value``, ``low``, ``high`` (k,): median, and ends of the interval; ``length``: cycles: over
+    which part of the cycle the curve stays alike.
     """
 
     value: np.ndarray
@@ -49,46 +45,11 @@ def periodic_curve(
 ) -> PeriodicCurve:
     """Return a smooth periodic curve through values with errors.
 
-    Parameters
-    ----------
-    phases : (n,) float, cycles
-        Where the values are, rising.
-    values : (n,) float
-        What was measured.
-    covariance : (n, n) float
-        Of all their errors.
-    systematic : (n,) float
-        Sd of those errors that are alike at neighbouring phases: their variance, straight
-        between the values, is added to that of the curve.
-    at : (k,) float, cycles
-        Where the curve is wanted.
-    level : float
-        Of the band.
-
-    Returns
-    -------
-    PeriodicCurve
-        The curve.
-
-    Raises
-    ------
-    ValueError
-        When shapes differ, there are fewer than two values, or phases do not rise.
-
-    Notes
-    -----
-    Length between 5 and 50 % of the cycle, amplitude between 0.1 and 3 times the range of the
-    values, both with even chances in the logarithm. What is systematic counts twice at a value
-    that stands alone; it must not average out where values are dense. Misleads where the curve
-    changes within less than 5 % of the cycle.
-
-    Examples
-    --------
-    >>> p = np.arange(8) / 8.0
-    >>> curve = periodic_curve(p, np.cos(2 * np.pi * p), 1e-6 * np.eye(8),
-    ...                        systematic=np.zeros(8), at=np.array([0.0, 0.25]))
-    >>> abs(curve.value.round(2))
-    array([1., 0.])
+    ``phases`` (n,) cycles, rising; ``values`` (n,) with ``covariance`` (n, n) of their errors;
+    ``systematic`` (n,): sd of those alike at neighbouring phases, which must not average out;
+    ``at`` (k,) cycles: where the curve is evaluated. Length 5 to 50 % of the cycle, amplitude 0.1
+    to 3 times the range of the values, even chances in the logarithm. Misleads where the curve
+    changes within 5 % of the cycle.
     """
     n = values.size
     if n < 2 or phases.shape != (n,) or covariance.shape != (n, n) or (np.diff(phases) < 0).any():

@@ -43,18 +43,10 @@ _SMOOTH_S = 0.02
 class PulseRecord:
     """One stretch of angle and torque, evenly sampled.
 
-    Parameters
-    ----------
-    angle : (n,) float, rad
-        Angle from the first sample of the window.
-    torque : (m,) float, N*m
-        Torque record; the sample ``lead`` has the time of the first angle.
-    lead : int
-        Samples of torque before the first angle, to shift by a negative lag.
-    step_s : float
-        Time between samples.
-    at_rest : bool
-        Whether angle, velocity and torque are zero before the first sample.
+    ``angle`` (n,) rad: angle from the first sample of the window; ``torque`` (m,) N*m: torque
+    record; ``lead``: samples of torque before the first angle, to shift by a negative lag;
+    ``step_s``: time between samples; ``at_rest``: whether angle, velocity and torque are zero
+    before the first sample.
     """
 
     angle: np.ndarray
@@ -68,20 +60,9 @@ class PulseRecord:
 class LikelihoodFit:
     """Where the errors-in-variables likelihood is largest.
 
-    Parameters
-    ----------
-    values : (5,) float
-        K, B, J, lag in s, torque offset in N*m.
-    covariance : (5, 5) float
-        Inverse information; zero for what was held.
-    chi_square : float
-        Whitened sum of squares, prior included.
-    n_residuals : int
-        Residuals behind it, prior included.
-    condition_number : float
-        Of the scaled Jacobian of the free parameters.
-    converged : bool
-        Whether the steps became small.
+    ``values`` (5,): K, B, J, lag in s, torque offset in N*m; ``covariance`` (5, 5): inverse
+    information; ``chi_square``: whitened sum of squares of ``n_residuals``, prior included;
+    ``condition_number``: of the scaled Jacobian of the free parameters.
     """
 
     values: np.ndarray
@@ -251,38 +232,11 @@ def maximise_likelihood(
 ) -> LikelihoodFit:
     """Return K, B, J, lag and offset of largest errors-in-variables likelihood.
 
-    Parameters
-    ----------
-    record : PulseRecord
-        Angle and torque.
-    start : (5,) float
-        K, B, J, lag in s, torque offset in N*m to start from; K, J > 0.
-    noise_sd : tuple of float
-        Sd of the white noise of angle (rad) and torque (N*m); one may be zero.
-    lag_prior : tuple of float or None
-        Value and sd of the lag in s; None: nothing is known. An sd of zero holds the lag.
-
-    Returns
-    -------
-    LikelihoodFit
-        Values and their covariance.
-
-    Raises
-    ------
-    ValueError
-        When shapes, noise or start make no sense.
-
-    Notes
-    -----
-    The true torque of every sample is unknown and profiled out (functional
-    errors in variables): no bias from noise in either record. The offset is
-    zero for a record at rest; otherwise initial state and offset are free. K and
-    J are kept positive through their logarithms, B is not bounded.
-
-    Noise of the torque that is shifted with it ripples the likelihood over the lag, and
-    looks like information. So the residuals are made orthogonal to the sensitivities of
-    the **smoothed** records, which noise has no part in: unbiased for any such instrument,
-    and as efficient as the likelihood as long as the smoothing spares what a load can follow.
+    ``start`` (5,): K, B, J, lag in s, torque offset in N*m; ``noise_sd``: of the white noise of
+    angle (rad) and torque (N*m); ``lag_prior``: value and sd of the lag in s, an sd of zero holds
+    it. The true torque is profiled out (functional errors in variables): no bias from noise.
+    Residuals are made orthogonal to the sensitivities of the smoothed records, since noise shifted
+    with the lag ripples the likelihood and looks like information.
     """
     _check(record, start, noise_sd)
     free_lag = lag_prior is None or lag_prior[1] > 0.0

@@ -40,16 +40,9 @@ _SMOOTH_S = 0.02
 class Drive:
     """What is known of the records of a joint at rest before the first sample.
 
-    Parameters
-    ----------
-    lead : int
-        Samples of torque before the first angle, to shift by a negative lag.
-    step_s : float
-        Time between samples.
-    noise_sd : (float, float)
-        Sd of the white noise of angle (rad) and torque (N*m); that of the angle is above zero.
-    lag_sd_s : float or None
-        What is known of the lag around zero: 0 holds it, None leaves it free.
+    ``lead``: samples of torque before the first angle, to shift by a negative lag; ``step_s``: time
+    between samples; ``noise_sd`` (float, float): sd of the white noise of angle (rad) and torque
+    (N*m); ``lag_sd_s``: what is known of the lag around zero.
     """
 
     lead: int
@@ -72,18 +65,10 @@ class Drive:
 class DrivenFit:
     """A joint fitted to one average.
 
-    Parameters
-    ----------
-    values : (4,) float
-        K, B, J, lag of the torque in s.
-    sensitivity : (n, 4) float
-        Of the whitened errors of the smoothed records to them; zero for a lag that was held.
-    bread : (4, 4) float
-        Its product with the sensitivity of the records as they are, prior included.
-    cost : float
-        Sum of the whitened errors squared, prior included.
-    converged : bool
-        Whether the steps became small.
+    ``values`` (4,): K, B, J, lag of the torque in s; ``sensitivity`` (n, 4): of the whitened errors
+    of the smoothed records to them; ``bread`` (4, 4): its product with the sensitivity of the
+    records as they are, prior included; ``cost``: sum of the whitened errors squared, prior
+    included; ``converged``: whether the steps became small.
     """
 
     values: np.ndarray
@@ -98,23 +83,8 @@ def fit_driven(
 ) -> DrivenFit:
     """Fit K, B, J and the lag to the angle that the torque drives from rest.
 
-    Parameters
-    ----------
-    angle : (n,) float, rad
-        From the onset.
-    torque : (m,) float, N*m
-        Record; the sample ``drive.lead`` has the time of the first angle.
-    start : (4,) float
-        K, B, J, lag to start from; J > 0.
-    drive : Drive
-        Lead, step, noise, lag.
-    bounded : bool
-        Whether K, B >= 0; J is positive in any case, or nothing could be simulated.
-
-    Raises
-    ------
-    ValueError
-        When the inertia to start from, or the noise of the angle, is not positive.
+    ``angle`` (n,) rad from the onset; ``torque`` (m,) N*m; ``start`` (4,): K, B, J, lag in s;
+    ``bounded``: whether K, B >= 0.
     """
     if not start[2] > 0.0 or not drive.noise_sd[0] > 0.0:
         raise ValueError(
@@ -150,23 +120,9 @@ def refit(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal equations for K, B, J of averages near the one that was fitted.
 
-    Parameters
-    ----------
-    fit : DrivenFit
-        To the average.
-    angles : (R, n) float, rad
-        Averages near it.
-    torques : (R, m) float, N*m
-        With them.
-    drive : Drive
-        As for the fit.
-
-    Returns
-    -------
-    gram : (R, 3, 3) float
-        Information about K, B and J, the lag profiled out.
-    moment : (R, 3) float
-        Its product with their values: one Newton step from ``fit``.
+    ``angles`` (R, n) rad, ``torques`` (R, m) N*m: averages near the fitted one. Returns ``gram``
+    (R, 3, 3), information about K, B and J with the lag profiled out, and ``moment`` (R, 3), its
+    product with their values.
     """
     errors = whitened_errors(fit.values, fit.values, angles, torques, drive)
     gradient = errors @ fit.sensitivity
@@ -183,21 +139,9 @@ def whitened_errors(
 ) -> np.ndarray:
     """Return the recursion's errors, whitened by the covariance at other values.
 
-    Parameters
-    ----------
-    values, at : (4,) float
-        K, B, J, lag of the error, and those of its covariance.
-    angles : (R, n) float, rad
-        From the onset.
-    torques : (R, m) float, N*m
-        With ``drive.lead`` samples before it.
-    drive : Drive
-        Lead, step and noise.
-
-    Returns
-    -------
-    (R, n) float
-        NaN where the joint is too quick for the record.
+    ``values``, ``at`` (4,): K, B, J, lag of the error, and those of its covariance; ``angles`` (R,
+    n) rad from the onset; ``torques`` (R, m) N*m with ``drive.lead`` samples before it. Returns (R,
+    n); NaN where the joint is too quick for the record.
     """
     angles, torques = np.ascontiguousarray(angles), np.ascontiguousarray(torques)
     out = np.full(angles.shape, np.nan)

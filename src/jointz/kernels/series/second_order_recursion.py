@@ -19,32 +19,8 @@ def transfer_coefficients(
 ) -> np.ndarray:
     """Return a1, a2, b0, b1, b2 of the exact recursion from torque to angle.
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float
-        K in N*m/rad, B in N*m*s/rad, J in kg*m^2.
-    step_s : float
-        Time between samples.
-
-    Returns
-    -------
-    (5,) float
-        Of ``angle[k] + a1*angle[k-1] + a2*angle[k-2] = b0*torque[k] + b1*torque[k-1] +
-        b2*torque[k-2]``; b in rad/(N*m).
-
-    Notes
-    -----
-    First-order hold: exact for torque that is linear between samples. The matrix
-    exponential and its two integrals are summed as Taylor series in units of one
-    sample, where the matrix is small.
-
-    Examples
-    --------
-    At rest the angle is torque over stiffness:
-
-    >>> a1, a2, b0, b1, b2 = transfer_coefficients(50.0, 1.0, 0.02, 0.001)
-    >>> float(round((b0 + b1 + b2) / (1.0 + a1 + a2) * 50.0, 6))
-    1.0
+    Returns (5,): of angle[k] + a1 angle[k-1] + a2 angle[k-2] = b0 torque[k] + b1 torque[k-1] + b2
+    torque[k-2], with the torque straight between samples.
     """
     k = stiffness * step_s**2 / inertia
     b = damping * step_s / inertia
@@ -75,17 +51,8 @@ def transfer_coefficients(
 def whiten(residual: np.ndarray, band: np.ndarray) -> bool:
     """Solve L w = residual in place, L the Cholesky factor of the banded covariance.
 
-    Parameters
-    ----------
-    residual : (n,) float
-        Becomes w.
-    band : (n, 3) float
-        The covariance of a row with itself and the two before it; becomes L.
-
-    Returns
-    -------
-    bool
-        False where the covariance is not positive definite.
+    ``residual`` (n,): becomes w; ``band`` (n, 3): the covariance of a row with itself and the two
+    before it. Returns false where the covariance is not positive definite.
     """
     n = residual.size
     for k in range(n):
@@ -110,14 +77,8 @@ def whiten(residual: np.ndarray, band: np.ndarray) -> bool:
 def interpolated(torque: np.ndarray, at: float, n: int) -> np.ndarray:
     """Return samples of the torque from a place between its samples.
 
-    Parameters
-    ----------
-    torque : (m,) float, N*m
-        Beyond its ends it stays as it is there.
-    at : float
-        The place of the first one, in samples.
-    n : int
-        How many.
+    ``torque`` (m,) N*m: beyond its ends it stays as it is there; ``at``: place of the first, in
+    samples; ``n``: how many.
     """
     whole = int(np.floor(at))
     taps = np.empty(2 * REACH)
@@ -142,14 +103,8 @@ def recursion_error(
 ) -> np.ndarray:
     """Return the recursion's left minus right side, samples before the window being zero.
 
-    Parameters
-    ----------
-    angle, torque : (n,) float
-        In rad and N*m.
-    taps : (5,) float
-        As :func:`transfer_coefficients` returns them.
-    first : int
-        Rows left out at the beginning.
+    ``angle``, ``torque`` (n,): rad, N*m; ``taps`` (5,): of :func:`transfer_coefficients`;
+    ``first``: rows left out at the beginning.
     """
     out = np.zeros(angle.size - first)
     for k in range(first, angle.size):
@@ -164,14 +119,9 @@ def covariance_band(
 ) -> np.ndarray:
     """Return (n - first, 3): covariance of a row with itself and the two before it.
 
-    Parameters
-    ----------
-    n, first : int
-        Samples, and rows left out at the beginning.
-    taps : (5,) float
-        As :func:`transfer_coefficients` returns them.
-    variances : (float, float)
-        Of the white noise of angle (rad^2) and torque (N^2 m^2).
+    ``n``, ``first``: samples, and rows left out at the beginning; ``taps`` (5,): as
+    :func:`transfer_coefficients` returns them; ``variances`` (float, float): of the white noise of
+    angle (rad^2) and torque (N^2 m^2).
     """
     band = np.zeros((n - first, BAND))
     for k in range(first, n):

@@ -19,20 +19,10 @@ _TINY = np.finfo(float).tiny
 class CrossSpectra:
     """One-sided spectral densities of an input and an output.
 
-    Parameters
-    ----------
-    frequency_hz : (f,) float
-        Frequencies, evenly spaced from zero.
-    auto_in, auto_out : (f,) float
-        Densities of input and output, unit^2/Hz.
-    cross : (f,) complex
-        Density of conj(input) * output.
-    n_averages : float
-        Independent averages in each density; its degrees of freedom are twice
-        this.
-    resolution_hz : float
-        Equivalent noise bandwidth of the smoothing: details closer than this
-        are run together.
+    ``frequency_hz`` (f,): frequencies, evenly spaced from zero; ``auto_in``, ``auto_out`` (f,):
+    densities of input and output, unit^2/Hz; ``cross`` (f,): density of conj(input) * output;
+    ``n_averages``: independent averages in each density; ``resolution_hz``: equivalent noise
+    bandwidth of the smoothing.
     """
 
     frequency_hz: np.ndarray
@@ -58,12 +48,8 @@ class CrossSpectra:
     def relative_sd(self) -> np.ndarray:
         """Return the sd of the gain over the gain, also the sd of the phase in rad.
 
-        Bendat and Piersol 2010 (Random Data, 4th ed., 9.90): sqrt((1 - c) / (2 n c)).
-
-        Returns
-        -------
-        (f,) float
-            Large, but finite, where nothing is coherent.
+        Bendat and Piersol 2010, Random Data, 4th ed., 9.90: sqrt((1 - c) / (2 n c)) with coherence
+        c. Returns (f,): large, but finite, where nothing is coherent.
         """
         c = np.maximum(self.coherence, 1e-12)
         sd: np.ndarray = np.sqrt((1.0 - c) / (2.0 * self.n_averages * c))
@@ -73,23 +59,8 @@ class CrossSpectra:
 def coherence_threshold(n_averages: float, *, level: float = 0.99) -> float:
     """Return the coherence that unrelated records exceed with probability 1 - level.
 
-    Parameters
-    ----------
-    n_averages : float
-        Independent averages.
-    level : float
-        Of the test, for one frequency.
-
-    Notes
-    -----
-    1 - (1 - level)^(1/(n - 1)); Carter, Knapp and Nuttall 1973,
-    doi:10.1109/TAU.1973.1162496. One average has coherence one whatever the
-    records: the threshold is then one.
-
-    Examples
-    --------
-    >>> round(coherence_threshold(20.0), 3)
-    0.215
+    For one frequency, ``n_averages`` independent averages: 1 - (1 - level)^(1/(n - 1)). Carter,
+    Knapp and Nuttall 1973, doi:10.1109/TAU.1973.1162496.
     """
     if n_averages <= 1.0:
         return 1.0
@@ -99,38 +70,8 @@ def coherence_threshold(n_averages: float, *, level: float = 0.99) -> float:
 def welch(x: np.ndarray, y: np.ndarray, *, rate_hz: float, window_s: float) -> CrossSpectra:
     """Return spectra by averaging half-overlapping segments under a Hann window.
 
-    Parameters
-    ----------
-    x, y : (n,) float
-        Input and output; their means are removed.
-    rate_hz : float
-        Sampling rate.
-    window_s : float
-        Length of a segment; the resolution is 1.5 over it.
-
-    Returns
-    -------
-    CrossSpectra
-        Densities at multiples of 1/window_s.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree, or the window is shorter than four samples or
-        longer than the record.
-
-    Notes
-    -----
-    Welch 1967, doi:10.1109/TAU.1967.1161901. A response that is later than the
-    input by d reads too small by d/window_s, and a resonance narrower than the
-    resolution too flat.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal(4000)
-    >>> found = welch(x, 2.0 * x, rate_hz=100.0, window_s=1.0)
-    >>> bool(np.allclose(found.response, 2.0)), round(found.resolution_hz, 2)
-    (True, 1.5)
+    ``x``, ``y`` (n,): input and output; ``rate_hz``: sampling rate; ``window_s``: length of a
+    segment. Returns densities at multiples of 1/window_s. Welch 1967, doi:10.1109/TAU.1967.1161901.
     """
     x, y = _checked(x, y, rate_hz)
     length = round(window_s * rate_hz)
@@ -164,39 +105,9 @@ def blackman_tukey(
 ) -> CrossSpectra:
     """Return spectra of correlations up to a longest lag, under a Hann lag window.
 
-    Parameters
-    ----------
-    x, y : (n,) float
-        Input and output; their means are removed.
-    rate_hz : float
-        Sampling rate.
-    window_s : float
-        Longest lag; the resolution is 1 over it. MATLAB's ``spa`` takes 30
-        samples, whatever the rate and the record.
-
-    Returns
-    -------
-    CrossSpectra
-        Densities at 16 points a resolution, or finer.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree, or the longest lag is shorter than two samples or
-        not shorter than the record.
-
-    Notes
-    -----
-    Blackman and Tukey 1958, doi:10.1002/j.1538-7305.1958.tb03874.x. The window's
-    negative side lobes can make a density negative where it is nearly zero; it
-    is cut off at zero, and the coherence at one.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal(4000)
-    >>> found = blackman_tukey(x, 2.0 * x, rate_hz=100.0, window_s=0.3)
-    >>> round(found.resolution_hz, 2)
-    3.33
+    ``x``, ``y`` (n,): input and output; ``rate_hz``: sampling rate; ``window_s``: longest lag.
+    Returns densities at 16 points a resolution, or finer. Blackman and Tukey 1958,
+    doi:10.1002/j.1538-7305.1958.tb03874.x.
     """
     x, y = _checked(x, y, rate_hz)
     longest = round(window_s * rate_hz)

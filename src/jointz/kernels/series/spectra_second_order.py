@@ -33,24 +33,11 @@ _FEWEST_BINS = 12
 class RecordSpectra:
     """Windowed spectra of one record, offsets removed.
 
-    Parameters
-    ----------
-    s : (f,) complex, rad/s
-        Imaginary unit times angular frequency.
-    motion : (3, f) complex
-        Spectra of angle, velocity and acceleration.
-    torque : (f,) complex
-        Spectrum of the torque.
-    instrument : (f,) complex or None
-        Spectrum of the torque as far as the command explains it.
-    noise : tuple of float
-        Power of the measurement noise of angle and torque at each frequency; 0
-        where it could not be told.
-    untold_share : tuple of float
-        Of angle and torque: the largest share of their power in the band that
-        may be white noise, where it could not be told; else 0.
-    window_power : float
-        Power that white noise of variance one would have.
+    ``s`` (f,) rad/s: imaginary unit times angular frequency; ``motion`` (3, f): of angle, velocity
+    and acceleration; ``torque``, ``instrument`` (f,): of the torque, and of what the command
+    explains of it; ``noise``: power of the measurement noise of angle and torque at each frequency;
+    ``untold_share``: of angle and torque; ``window_power``: what white noise of variance one would
+    have.
     """
 
     s: np.ndarray
@@ -71,21 +58,10 @@ class RecordSpectra:
 class SpectrumFit:
     """Second-order impedance found from spectra.
 
-    Parameters
-    ----------
-    values : (3,) float
-        K, B, J.
-    covariance : (3, 3) float
-        Their covariance, sandwich over frequencies.
-    vaf_pct : float
-        Of the output (angle where the torque was perturbed, else torque) inside
-        the band, by Parseval.
-    condition_number : float
-        Of the scaled equations.
-    error_power, output_power : (f,) float
-        Of the output, at every frequency.
-    converged : bool
-        Whether the passes settled.
+    ``values`` (3,): K, B, J; ``covariance`` (3, 3): their covariance, sandwich over frequencies;
+    ``vaf_pct``: of the output (angle where the torque was perturbed, else torque) inside the band,
+    by Parseval; ``condition_number``: of the scaled equations; ``error_power``, ``output_power``
+    (f,): of the output, at every frequency; ``converged``: whether the passes settled.
     """
 
     values: np.ndarray
@@ -112,21 +88,8 @@ def record_spectra(
 ) -> RecordSpectra:
     """Return the spectra of a record that second-order estimation needs.
 
-    Parameters
-    ----------
-    angle, torque : (n,) float, rad, N*m
-        The record.
-    rate_hz : float
-        Sampling rate.
-    highest_hz : float
-        Frequencies above are left out.
-    command : (n,) float, N*m, optional
-        What was commanded, the instrument.
-
-    Raises
-    ------
-    ValueError
-        When fewer than twelve frequencies lie in the band.
+    ``angle`` (n,) rad, ``torque`` (n,) N*m, ``command`` (n,), the instrument, where there is one;
+    frequencies above ``highest_hz`` are left out.
     """
     n = angle.size
     window, slope, bend = _window(n, rate_hz)
@@ -160,37 +123,10 @@ def fit_second_order(
 ) -> SpectrumFit:
     """Return K, B, J by weighted refined instruments over frequencies.
 
-    Parameters
-    ----------
-    spectra : RecordSpectra
-        From :func:`record_spectra`.
-    perturbed : str
-        ``torque``: the error is in the angle, and the instrument is the angle
-        that the torque (or the command) causes in the joint of the last pass.
-        ``angle``: the error is in the torque.
-    weighting : str
-        ``error``: each frequency by the inverse power of its error, the best
-        where the joint is of second order. ``even``: all alike, so that the
-        squared error of the output is smallest, for a joint that is not.
-
-    Returns
-    -------
-    SpectrumFit
-        Values with covariance.
-
-    Raises
-    ------
-    ValueError
-        Unknown ``perturbed`` or ``weighting``.
-
-    Notes
-    -----
-    The power of the error is averaged over 51 neighbours; muscle torque weighs
-    little where it has its band. White noise
-    of the input, read off the unexcited top of the spectrum, is taken off the
-    equations; with it this is the first-order condition of the errors in
-    variables likelihood, with unknown true input, at high signal to noise
-    (Pintelon and Schoukens 2012, System Identification, 2nd ed., section 9.11;
+    ``perturbed``: ``torque`` or ``angle``; ``weighting``: ``error`` (by its inverse power, best for
+    a joint of second order) or ``even`` (smallest squared error). White noise of the input, read
+    off the unexcited top of the spectrum, is taken off the equations: at high signal to noise the
+    errors-in-variables likelihood (Pintelon and Schoukens 2012, System Identification, 9.11;
     refined instruments: Young 2011, Recursive Estimation, chapter 8).
     """
     if perturbed not in ("torque", "angle"):

@@ -10,14 +10,8 @@ from scipy.special import fdtrc
 class FTest:
     """An F test.
 
-    Parameters
-    ----------
-    statistic : float
-        F; infinite where the groups differ and nothing varies inside them.
-    df_num, df_den : float
-        Degrees of freedom.
-    p : float
-        Probability of an F as large under the null.
+    ``statistic`` with ``df_num`` and ``df_den`` degrees of freedom; ``p``: probability of an F as
+    large under the null.
     """
 
     statistic: float
@@ -29,37 +23,9 @@ class FTest:
 def one_way_anova(response: np.ndarray, group: np.ndarray) -> FTest:
     """Return the F test of equal group means, every row taken as independent.
 
-    Parameters
-    ----------
-    response : (n,) float
-        Finite values.
-    group : (n,) array
-        The group of every row; groups may differ in size.
-
-    Returns
-    -------
-    FTest
-        With ``k - 1`` and ``n - k`` degrees of freedom for k groups.
-
-    Raises
-    ------
-    ValueError
-        When the arrays differ in length, a value is not finite, there are fewer than two
-        groups, no group has two rows, or nothing varies at all.
-
-    Notes
-    -----
-    What ``anova1`` of MATLAB prints. Rows of one trial share that trial's error: where the
-    group varies between trials the test finds effects that are not there, where it is
-    balanced inside them it misses effects that are; see :mod:`.mixed_model_likelihood`.
-
-    Examples
-    --------
-    Two groups of two, one unit apart, half a unit inside:
-
-    >>> test = one_way_anova(np.array([0.0, 0.5, 1.0, 1.5]), np.array([1, 1, 2, 2]))
-    >>> float(test.statistic), test.df_num, test.df_den
-    (8.0, 1.0, 2.0)
+    ``response`` (n,): finite; ``group`` (n,): the group of every row. k - 1 and n - k degrees of
+    freedom for k groups. With several rows a person the rows are not independent, and p is too
+    small.
     """
     y, labels = np.asarray(response, dtype=float), np.asarray(group)
     if y.ndim != 1 or labels.shape != y.shape:
@@ -92,30 +58,8 @@ def one_way_anova(response: np.ndarray, group: np.ndarray) -> FTest:
 def holm(p: np.ndarray) -> np.ndarray:
     """Return p-values adjusted by Holm's step-down method.
 
-    Parameters
-    ----------
-    p : (m,) float
-        The p-values of one family, 0..1.
-
-    Returns
-    -------
-    (m,) float
-        Adjusted p-values in the same order; rejecting those at most alpha keeps the chance
-        of any false rejection in the family at most alpha, however the tests depend.
-
-    Raises
-    ------
-    ValueError
-        When a value is no probability.
-
-    Notes
-    -----
-    Holm 1979, Scand. J. Statist. 6, 65-70.
-
-    Examples
-    --------
-    >>> holm(np.array([0.01, 0.04, 0.03])).tolist()
-    [0.03, 0.06, 0.06]
+    ``p`` (m,): of one family. Returns (m,) in the same order. Holm 1979, Scandinavian Journal of
+    Statistics 6, 65.
     """
     p = np.asarray(p, dtype=float)
     if p.ndim != 1 or not ((p >= 0) & (p <= 1)).all():

@@ -31,20 +31,8 @@ class Contrasts:
 def adjusted_covariance(fit: ComponentsFit) -> np.ndarray:
     """Return the covariance of the fixed effects with the variances taken as estimated.
 
-    Parameters
-    ----------
-    fit : ComponentsFit
-        From :mod:`jointz.kernels.statistics.mixed_model_components`.
-
-    Returns
-    -------
-    (p, p) float
-        ``C + 2 C [sum_ab W_ab (Q_ab - P_a C P_b)] C``.
-
-    Notes
-    -----
-    Kenward and Roger 1997, doi:10.2307/2533558, for variances that enter linearly. A
-    variance at 0 counts as any other, as in pbkrtest.
+    Returns (p, p): C + 2 C [sum_ab W_ab (Q_ab - P_a C P_b)] C. Kenward and Roger 1997,
+    doi:10.2307/2533558, for variances that enter linearly.
     """
     C, P, Q = fit.covariance, fit.information_gradient, fit.information_products
     W = np.linalg.inv(fit.expected_information)
@@ -56,28 +44,8 @@ def adjusted_covariance(fit: ComponentsFit) -> np.ndarray:
 def kenward_roger_test(fit: ComponentsFit, contrast: np.ndarray) -> FTest:
     """Return the scaled F test that contrasts of the fixed effects are 0.
 
-    Parameters
-    ----------
-    fit : ComponentsFit
-        From :mod:`jointz.kernels.statistics.mixed_model_components`.
-    contrast : (q, p) float
-        Independent rows, one a contrast; any basis gives the same test.
-
-    Returns
-    -------
-    FTest
-        The scaled F, as ``Ftest`` of ``KRmodcomp`` in pbkrtest 0.5.
-
-    Raises
-    ------
-    ValueError
-        When the rows depend on each other, or there are too few groups for the method to
-        give degrees of freedom above 0.
-
-    Notes
-    -----
-    Halekoh and Hojsgaard 2014, doi:10.18637/jss.v059.i09. In balanced data with all
-    variances above 0 this is the F of the analysis of variance, with its degrees of freedom.
+    ``contrast`` (q, p): independent rows, one a contrast. The scaled F, as ``Ftest`` of
+    ``KRmodcomp`` in pbkrtest 0.5: Halekoh and Hojsgaard 2014, doi:10.18637/jss.v059.i09.
     """
     L = np.atleast_2d(np.asarray(contrast, dtype=float))
     q = L.shape[0]
@@ -125,21 +93,8 @@ def _denominator_df(A1: float, A2: float, q: int) -> float:
 def single_contrasts(fit: ComponentsFit, contrast: np.ndarray, *, kenward_roger: bool) -> Contrasts:
     """Return value, standard error and degrees of freedom of contrasts one at a time.
 
-    Parameters
-    ----------
-    fit : ComponentsFit
-        From :mod:`jointz.kernels.statistics.mixed_model_components`.
-    contrast : (q, p) float
-        One row a contrast.
-    kenward_roger : bool
-        Else Satterthwaite's.
-
-    Notes
-    -----
-    For one contrast both methods have ``df = 2 v^2 / var(v)``: Kenward and Roger with the
-    expected information of all variances and an adjusted standard error, Satterthwaite with
-    the observed information of those above 0. The df of Kenward and Roger are
-    those of ``Lb_ddf`` of pbkrtest, which has no scaling for one contrast.
+    ``contrast`` (q, p): one row a contrast; degrees of freedom of Kenward and Roger, or of
+    Satterthwaite.
     """
     L = np.atleast_2d(np.asarray(contrast, dtype=float))
     plain = np.einsum("qp,pr,qr->q", L, fit.covariance, L)

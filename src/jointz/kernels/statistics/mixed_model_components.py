@@ -23,18 +23,10 @@ _NO_STEP = 1e-13
 class CellBlocks:
     """The rows of a table by participant, one row a cell.
 
-    Parameters
-    ----------
-    X : (b, m, p) float
-        Fixed effects times the root of the cell's count; 0 where a cell is missing.
-    y : (b, m) float
-        Mean of the cell times the root of its count; 0 where it is missing.
-    G : (k, b, m, m) float
-        Of participants, of cells where they are in the model, and of the residual.
-    missing : (b, m) float
-        1 where there is no cell.
-    within_df, within_ss : float
-        Rows beyond one a cell, and the sum of their squares about the cells' means.
+    ``X`` (b, m, p): fixed effects times the root of the cell's count; ``y`` (b, m): mean of the
+    cell times the root of its count; ``G`` (k, b, m, m): of participants, of cells where they are
+    in the model, and of the residual; ``missing`` (b, m): 1 where there is no cell; ``within_df``,
+    ``within_ss``: rows beyond one a cell, and the sum of their squares about the cells' means.
     """
 
     X: np.ndarray
@@ -60,24 +52,13 @@ class CellBlocks:
 class ComponentsFit:
     """Fixed effects and what the likelihood says of the variances.
 
-    Parameters
-    ----------
-    beta : (p,) float
-        Fixed effects.
-    covariance : (p, p) float
-        Of the fixed effects, the variances taken as known.
-    variances : (k,) float
-        Of participants, of cells where they are in the model, and of the residual.
-    information_gradient : (k, p, p) float
-        Of the inverse of ``covariance`` by the variances: P of Kenward and Roger.
-    information_products : (k, k, p, p) float
-        Q of Kenward and Roger.
-    expected_information, observed_information : (k, k) float
-        Of the variances, from the restricted likelihood.
-    score : (k,) float
-        Gradient of the restricted log-likelihood; 0 where a variance is above 0.
-    deviance : float
-        -2 times the restricted log-likelihood, without its constant.
+    ``beta`` (p,): fixed effects; ``covariance`` (p, p): of the fixed effects, the variances taken
+    as known; ``variances`` (k,): of participants, of cells where they are in the model, and of the
+    residual; ``information_gradient`` (k, p, p): of the inverse of ``covariance``: by the
+    variances; ``information_products`` (k, k, p, p): Q of Kenward and Roger;
+    ``expected_information``, ``observed_information`` (k, k): of the variances, from the restricted
+    likelihood; ``score`` (k,): gradient of the restricted log-likelihood; ``deviance`` -2 times the
+    restricted log-likelihood, without its constant.
     """
 
     beta: np.ndarray
@@ -111,22 +92,8 @@ def cell_blocks(
 ) -> CellBlocks:
     """Return the rows of a table by participant, one row a cell.
 
-    Parameters
-    ----------
-    design : (n, p) float
-        Columns of the fixed effects; the same in all rows of a cell.
-    response : (n,) float
-        Finite values.
-    participant : (n,) int
-        Of every row, 0, 1, ...
-    cell : (n,) int, optional
-        Of every row, 0, 1, ...; a cell belongs to one participant. With it the model has a
-        variance of cells; without it every row is a cell of its own.
-
-    Raises
-    ------
-    ValueError
-        When a cell belongs to two participants or its rows have different fixed effects.
+    ``design`` (n, p): columns of the fixed effects; ``response`` (n,): finite; ``participant``,
+    ``cell`` (n,): of every row, 0, 1, ...
     """
     X, y = np.asarray(design, dtype=float), np.asarray(response, dtype=float)
     index = np.arange(y.size) if cell is None else np.asarray(cell)
@@ -175,17 +142,8 @@ def _diagonal(values: np.ndarray) -> np.ndarray:
 def evaluate_components(blocks: CellBlocks, variances: np.ndarray) -> ComponentsFit:
     """Return fixed effects, score and information at given variances.
 
-    Parameters
-    ----------
-    blocks : CellBlocks
-        From :func:`cell_blocks`.
-    variances : (k,) float
-        In the order of ``blocks.G``; the last, of the residual, above 0.
-
-    Notes
-    -----
-    Kenward and Roger 1997, doi:10.2307/2533558, with the signs of pbkrtest (Halekoh and
-    Hojsgaard 2014, doi:10.18637/jss.v059.i09).
+    ``variances`` (k,): in the order of ``blocks.G``. Kenward and Roger 1997, doi:10.2307/2533558,
+    with the signs of pbkrtest (Halekoh and Hojsgaard 2014, doi:10.18637/jss.v059.i09).
     """
     X, y, G = blocks.X, blocks.y, blocks.G
     v = np.asarray(variances, dtype=float)
@@ -230,41 +188,8 @@ def evaluate_components(blocks: CellBlocks, variances: np.ndarray) -> Components
 def fit_components(blocks: CellBlocks) -> ComponentsFit:
     """Fit fixed effects and variances by restricted maximum likelihood.
 
-    Parameters
-    ----------
-    blocks : CellBlocks
-        From :func:`cell_blocks`.
-
-    Returns
-    -------
-    ComponentsFit
-        Variances at the bound are exactly 0.
-
-    Raises
-    ------
-    ValueError
-        When the likelihood has no maximum that can be found, as where nothing varies inside
-        the cells.
-
-    Notes
-    -----
-    Newton's method on the score, from each corner of the bound and from the middle; the
-    expected information takes the place of the observed where that has no maximum. Agrees
-    with lme4 (Bates et al. 2015, doi:10.18637/jss.v067.i01) to the tolerance of its
-    optimiser.
-
-    Examples
-    --------
-    Balanced, so the textbook's mean squares: 44 between three people, 8 of their cells
-    beside people and levels, 2 inside the cells of two rows.
-
-    >>> means = np.array([[1.0, 2.0], [5.0, 10.0], [6.0, 6.0]])
-    >>> person, cell = np.repeat([0, 1, 2], 4), np.repeat(np.arange(6), 2)
-    >>> y = means.ravel()[cell] + np.tile([-1.0, 1.0], 6)
-    >>> X = np.column_stack([np.ones(12), cell % 2])
-    >>> fit = fit_components(cell_blocks(X, y, person, cell=cell))
-    >>> fit.variances.round(6).tolist()
-    [8.0, 2.5, 2.0]
+    Variances at the bound are exactly 0. Agrees with lme4 (Bates et al. 2015,
+    doi:10.18637/jss.v067.i01) to the tolerance of its optimiser.
     """
     k = blocks.G.shape[0]
     total = float((blocks.y**2).sum() + blocks.within_ss) / max(blocks.missing.size, 1)
@@ -331,15 +256,7 @@ def fit_participants(
 ) -> ComponentsFit:
     """Fit fixed effects and a random intercept of participants, with all that tests need.
 
-    Parameters
-    ----------
-    design, response, participant
-        As in :func:`jointz.kernels.statistics.mixed_model_likelihood.fit_random_intercept`.
-
-    Raises
-    ------
-    ValueError
-        As there.
+    Arguments as in :func:`jointz.kernels.statistics.mixed_model_likelihood.fit_random_intercept`.
     """
     known = fit_random_intercept(design, response, participant)
     blocks = cell_blocks(design, response, participant, cell=None)
@@ -350,14 +267,7 @@ def fit_participants(
 def likelihood_ratio(blocks: CellBlocks, fit: ComponentsFit, component: int) -> float:
     """Return twice the gain in restricted log-likelihood by one of the variances.
 
-    Parameters
-    ----------
-    blocks : CellBlocks
-        The model with the variance.
-    fit : ComponentsFit
-        Its fit.
-    component : int
-        The place of the variance; not the last. At 0 it gains nothing.
+    ``fit`` of ``blocks``, the model with the variance; ``component``: its place.
     """
     if fit.variances[component] == 0:
         return 0.0

@@ -25,12 +25,8 @@ class NoErrorLeftError(ValueError):
 class GroupVariance:
     """The exact test of a variance between groups, and the interval of its ratio.
 
-    Parameters
-    ----------
-    test : FTest
-        Groups against the residual.
-    ratio_low, ratio_high : float
-        Of variance between groups by residual variance; 0 at least.
+    ``test``: groups against the residual; ``ratio_low``, ``ratio_high``: of variance between groups
+    by residual variance.
     """
 
     test: FTest
@@ -43,33 +39,10 @@ def group_variance(
 ) -> GroupVariance:
     """Return the exact F test of groups and the exact interval of their variance ratio.
 
-    Parameters
-    ----------
-    design : (n, p) float
-        Columns of the fixed effects, or of all that the groups are tested beside, such as
-        participants beside their cells; they may depend on each other.
-    response : (n,) float
-        Finite values.
-    group : (n,) array
-        The group of every row.
-    level : float
-        Of the interval.
-
-    Raises
-    ------
-    ValueError
-        When no degree of freedom is left between groups, or inside them, beside the fixed
-        effects.
-    NoErrorLeftError
-        When values do not vary inside the groups.
-
-    Notes
-    -----
-    Exact for one random intercept and normal values, balanced or not (Wald 1940,
-    Annals of Mathematical Statistics 11, 96; Harville and Fenech 1985, doi:10.2307/2530650): with
-    ``A = Z'MZ``, ``t = Z'My`` and M the projection off the fixed effects, t has covariance
-    ``s (A + ratio A^2)`` and is independent of the residual. Balanced, the interval is that
-    of the intraclass correlation of consistency (Shrout and Fleiss 1979, case 3).
+    ``design`` (n, p): columns of the fixed effects, or of all that the groups are tested beside;
+    ``response``, ``group`` (n,). Exact for one random intercept and normal values, balanced or not:
+    with A = Z'MZ, t = Z'My and M the projection off the fixed effects, t has covariance s (A +
+    ratio A^2) (Wald 1940, Ann. Math. Stat. 11, 96; Harville and Fenech 1985, doi:10.2307/2530650).
     """
     X, y = np.asarray(design, dtype=float), np.asarray(response, dtype=float)
     Z = (np.asarray(group)[:, None] == np.unique(group)).astype(float)

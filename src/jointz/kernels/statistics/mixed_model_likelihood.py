@@ -44,19 +44,10 @@ class FixedEffects(Protocol):
 class RandomInterceptFit:
     """A fitted model with one random intercept.
 
-    Parameters
-    ----------
-    beta : (p,) float
-        Fixed effects.
-    covariance : (p, p) float
-        Of the fixed effects, the variances taken as known.
-    variance_group, variance_residual : float
-        REML estimates; ``variance_group`` is 0 at the bound.
-    covariance_gradient : (2, p, p) float
-        Of ``covariance`` by residual variance and by ratio of the variances.
-    variance_covariance : (2, 2) float
-        Of residual variance and ratio, from the observed information; at a ratio of 0 only
-        the residual variance has one.
+    ``beta`` (p,), ``covariance`` (p, p): of the fixed effects, the variances taken as known;
+    ``variance_group``, ``variance_residual``: REML estimates; ``covariance_gradient`` (2, p, p): of
+    ``covariance`` by residual variance and by the ratio of the variances; ``variance_covariance``
+    (2, 2): of these two, from the observed information.
     """
 
     beta: np.ndarray
@@ -98,42 +89,11 @@ def fit_random_intercept(
 ) -> RandomInterceptFit:
     """Fit fixed effects and one random intercept by restricted maximum likelihood.
 
-    Parameters
-    ----------
-    design : (n, p) float
-        Columns of the fixed effects, the intercept among them; full column rank.
-    response : (n,) float
-        Finite values.
-    group : (n,) array
-        The group of every row, such as the trial of a pulse; sizes may differ.
-
-    Returns
-    -------
-    RandomInterceptFit
-        Where the data say nothing about the variance between groups (one group, or groups
-        of one row), it is taken as 0: ordinary least squares, which is exact there.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree, a value is not finite, the design lacks rank, or no residual
-        is left, between or inside the groups, to estimate a variance from.
-
-    Notes
-    -----
-    The ratio is the root of the profile REML score with the smallest deviance, or 0; it
-    agrees with lme4 (Bates et al. 2015, doi:10.18637/jss.v067.i01) to the tolerance of
-    lme4's optimiser. Misleads when the effects themselves vary between groups (random
-    slopes), or with few groups and a variance at 0, where the test is somewhat liberal.
-
-    Examples
-    --------
-    Balanced groups have the textbook answer, (MS between - MS within) / rows a group:
-
-    >>> y, g = np.array([1.0, 3.0, 5.0, 7.0]), np.array([0, 0, 1, 1])
-    >>> fit = fit_random_intercept(np.ones((4, 1)), y, g)
-    >>> round(fit.variance_group, 6), round(fit.variance_residual, 6)
-    (7.0, 2.0)
+    ``design`` (n, p): with the intercept; ``response``, ``group`` (n,), such as the trial of a
+    pulse. The ratio of the variances is the root of the profile REML score with the smallest
+    deviance, or 0, also where the data say nothing about it; agrees with lme4 (Bates et al. 2015,
+    doi:10.18637/jss.v067.i01). Misleads with random slopes, and is somewhat liberal with few groups
+    and a variance at 0.
     """
     sums = _check(design, response, group)
     ratio = _reml_ratio(sums) if _ratio_is_identified(sums) else 0.0
@@ -162,29 +122,10 @@ def fit_random_intercept(
 def satterthwaite_test(fit: FixedEffects, contrast: np.ndarray) -> FTest:
     """Return the F test that contrasts of the fixed effects are 0.
 
-    Parameters
-    ----------
-    fit : FixedEffects
-        From :func:`fit_random_intercept` or :mod:`.mixed_model_components`.
-    contrast : (q, p) float
-        One row a contrast; rows may depend on each other.
-
-    Returns
-    -------
-    FTest
-        ``df_num`` is the rank of the contrasts, ``df_den`` Satterthwaite's.
-
-    Raises
-    ------
-    ValueError
-        When the shape does not fit or every contrast is 0.
-
-    Notes
-    -----
-    As ``contestMD`` of lmerTest (Kuznetsova et al. 2017, doi:10.18637/jss.v082.i13): the
-    contrasts are rotated to be uncorrelated, each has ``2 v^2 / var(v)`` degrees of
-    freedom, and the F of them together gets the df whose mean matches. At a variance of 0
-    between groups the df are those of ordinary least squares, as in lmerTest.
+    ``contrast`` (q, p): one row a contrast; ``df_num`` is their rank. As ``contestMD`` of lmerTest
+    (Kuznetsova et al. 2017, doi:10.18637/jss.v082.i13): the contrasts are rotated to be
+    uncorrelated, each has 2 v^2 / var(v) degrees of freedom, and the F of them together gets the df
+    whose mean matches.
     """
     L = np.atleast_2d(np.asarray(contrast, dtype=float))
     if L.shape[1] != fit.beta.size:
@@ -206,24 +147,8 @@ def satterthwaite_test(fit: FixedEffects, contrast: np.ndarray) -> FTest:
 def sequential_contrasts(design: np.ndarray) -> np.ndarray:
     """Return the basis in which lmerTest tests the effects after the first.
 
-    Parameters
-    ----------
-    design : (n, p) float
-        Columns of the fixed effects, the intercept first; full column rank.
-
-    Returns
-    -------
-    (p - 1, p) float
-        Rows of the unit upper triangle of the Doolittle factors of ``X'X``: every column
-        made orthogonal to those before. The degrees of freedom of
-        :func:`satterthwaite_test` depend on the basis where the data are not balanced, and
-        so on the order of the levels.
-
-    Examples
-    --------
-    >>> X = np.array([[1.0, 0, 0], [1, 1, 0], [1, 0, 1], [1, 0, 1]])
-    >>> sequential_contrasts(X).round(4).tolist()
-    [[0.0, 1.0, -0.6667], [0.0, 0.0, 1.0]]
+    ``design`` (n, p): columns of the fixed effects, the intercept first. Returns (p - 1, p): rows
+    of the unit upper triangle of the Doolittle factors of ``X'X``.
     """
     lower = np.linalg.cholesky(design.T @ design)
     rows: np.ndarray = (lower / np.diag(lower)).T[1:]

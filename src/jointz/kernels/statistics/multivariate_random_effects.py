@@ -20,26 +20,11 @@ _FLAT = 1e-6
 class MultivariateFit:
     """Means and spread over studies of p outcomes together.
 
-    Parameters
-    ----------
-    mean : (p,) float
-        Means over studies.
-    covariance : (p, p) float
-        Of the means' errors, model based; the intervals use it times the scale.
-    low, high : (p,) float
-        Intervals of the means.
-    prediction_low, prediction_high : (p,) float
-        Intervals of the true values of one more study.
-    between : (p, p) float
-        Covariance between studies.
-    df : (p,) float
-        Degrees of freedom: studies that have the outcome, less one.
-    scale : float
-        Mean square of the weighted residuals, before it is bounded.
-    q, q_p : float
-        Cochran's Q of all outcomes and its probability where studies do not differ.
-    log_likelihood : float
-        Restricted, with its constants.
+    ``mean``, ``low``, ``high``, ``df`` (p,), ``covariance`` (p, p): means over studies and their
+    errors, model based; ``prediction_low``, ``prediction_high`` (p,): the true values of one more
+    study; ``between`` (p, p): covariance between studies; ``scale``: mean square of the weighted
+    residuals, before it is bounded; ``q``, ``q_p``: Cochran's Q of all outcomes;
+    ``log_likelihood``: restricted.
     """
 
     mean: np.ndarray
@@ -59,43 +44,13 @@ class MultivariateFit:
 def multivariate_random_effects(
     values: np.ndarray, covariances: np.ndarray, *, level: float = 0.95, modified: bool = False
 ) -> MultivariateFit:
-    r"""Estimate means over studies of several outcomes that depend on one another.
+    """Estimate means over studies of several outcomes that depend on one another.
 
-    Parameters
-    ----------
-    values : (k, p) float
-        A row a study; NaN where a study has not the outcome.
-    covariances : (k, p, p) float
-        Of their errors; rows and columns of absent outcomes are not looked at.
-    level : float
-        Of the intervals.
-    modified : bool
-        As :func:`random_effects`.
-
-    Returns
-    -------
-    MultivariateFit
-        With an unstructured covariance between studies.
-
-    Raises
-    ------
-    ValueError
-        For unlike shapes, an outcome of fewer than two studies, or a covariance that is none.
-
-    Notes
-    -----
-    REML over the Cholesky factor of T, whose boundary (a variance of 0, a correlation of 1) it
-    can reach (Jackson, Riley and White 2011, Stat. Med. 30, 2481-2498). Intervals: the scale of
-    Jackson and Riley (2014, Stat. Med. 33, 541-554), which is Knapp's and Hartung's for one
-    outcome, and studies less one as degrees of freedom (theirs counts outcomes as studies).
-    Misleads with few studies: p (p + 1) / 2 numbers are asked of what lies between them.
-
-    Examples
-    --------
-    >>> y = np.array([[10.0, 1.0], [12.0, 1.2], [17.0, np.nan]])
-    >>> fit = multivariate_random_effects(y, np.tile(np.eye(2) * 0.01, (3, 1, 1)))
-    >>> fit.df
-    array([2., 1.])
+    ``values`` (k, p): a row a study, NaN where it has none; ``covariances`` (k, p, p): of their
+    errors. REML over the Cholesky factor of the covariance between studies, whose boundary it can
+    reach (Jackson, Riley and White 2011, Stat. Med. 30, 2481); intervals: Jackson and Riley 2014,
+    Stat. Med. 33, 541, with studies less one as degrees of freedom. Misleads with few studies: p (p
+    + 1) / 2 numbers lie between them.
     """
     y = np.asarray(values, dtype=float)
     v = np.asarray(covariances, dtype=float)

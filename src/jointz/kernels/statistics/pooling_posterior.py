@@ -22,16 +22,10 @@ _TINY = np.finfo(float).tiny
 class PartialPooling:
     """Means over people and the people's own values, of g groups of n people.
 
-    Parameters
-    ----------
-    mean, mean_low, mean_high : (g,) float
-        Mean of the people that these are a sample of, and its interval; NaN for fewer than two.
-    spread, spread_low, spread_high : (g,) float
-        Median of tau, the sd between people, and its interval; NaN for fewer than two.
-    value, low, high : (g, n) float
-        Every person's own value given all of them, and its interval; NaN for who is absent.
-    sd : (g, n) float
-        Of the own values' errors.
+    ``mean``, ``mean_low``, ``mean_high`` (g,): mean of the people that these are a sample of, and
+    its interval; ``spread``, ``spread_low``, ``spread_high`` (g,): median of tau, the sd between
+    people, and its interval; ``value``, ``low``, ``high`` (g, n): every person's own value given
+    all of them, and its interval; ``sd`` (g, n): of the own values' errors.
     """
 
     mean: np.ndarray
@@ -47,46 +41,13 @@ class PartialPooling:
 
 
 def partial_pooling(values: np.ndarray, sds: np.ndarray, *, level: float = 0.95) -> PartialPooling:
-    r"""Estimate mean and spread over people, and every person's own value given the others.
+    """Estimate mean and spread over people, and every person's own value given the others.
 
-    Parameters
-    ----------
-    values : (g, n) float
-        Estimates, a row a group and a column a person; NaN where a person has none.
-    sds : (g, n) float
-        Their standard errors.
-    level : float
-        Of the intervals.
-
-    Returns
-    -------
-    PartialPooling
-        A person alone in a group keeps what was estimated; there is no mean then.
-
-    Raises
-    ------
-    ValueError
-        When shapes differ, a value has no positive error, or the level is not between 0 and 1.
-
-    Notes
-    -----
-    The prior of :math:`\mu` is flat, that of :math:`\tau` Jeffreys' for known errors,
-
-    .. math:: p(\tau) \propto \Bigl[\sum_i \tau^2 / (s_i^2 + \tau^2)^2\Bigr]^{1/2}
-
-    (Bodnar, Link, Arendacka, Possolo and Elster 2017, Statistics in Medicine 36, 378-399): it has
-    no scale to choose, the posterior is proper from two people on, and where the errors are
-    small beside tau the interval of :math:`\mu` is exactly Student's with n - 1 degrees of
-    freedom. Conditional moments after Gelman et al., Bayesian Data Analysis, 3rd ed., section
-    5.4. The prior is 0 at :math:`\tau = 0`: where people do not differ at all the intervals are
-    wider than they need be. Misleads where values of people are far from normal, where the
-    errors of people have a part in common, and where an error grows with the value itself.
-
-    Examples
-    --------
-    >>> pooled = partial_pooling(np.array([[10.0, 12.0, 17.0]]), np.full((1, 3), 1e-3))
-    >>> pooled.mean.round(2), pooled.mean_low.round(2), pooled.mean_high.round(2)
-    (array([13.]), array([4.04]), array([21.96]))
+    ``values``, ``sds`` (g, n): estimates and standard errors, a row a group, a column a person.
+    Flat prior of mu; Jeffreys' of tau for known errors, p(tau) ~ sqrt(sum tau^2 / (s_i^2 +
+    tau^2)^2) (Bodnar et al. 2017, Statistics in Medicine 36, 378): proper from two people on. A
+    person alone keeps their estimate. Misleads where people are far from normal, share errors, or
+    errors grow with the value.
     """
     known = _checked(values, sds, level)
     y, variance = np.where(known, values, 0.0), np.where(known, sds, 1.0) ** 2
@@ -185,25 +146,8 @@ def mixture_quantile(
 ) -> np.ndarray:
     """Return a quantile of mixtures of normals, by bisection.
 
-    Parameters
-    ----------
-    means, sds : (g, t, k) float
-        Of the normals; the second axis is that of the mixture.
-    chance : (g, t) float
-        Weights of each mixture; they sum to 1.
-    tail : float
-        Probability below the quantile.
-
-    Returns
-    -------
-    (g, k) float
-        The quantiles.
-
-    Examples
-    --------
-    >>> ones = np.ones((1, 2, 1))
-    >>> mixture_quantile(3.0 * ones, ones, np.full((1, 2), 0.5), 0.975).round(2)
-    array([[4.96]])
+    ``means``, ``sds`` (g, t, k): of the normals; ``chance`` (g, t): weights of each mixture;
+    ``tail``: probability below the quantile. Returns (g, k).
     """
     low = (means - 10.0 * sds).min(axis=1)
     high = (means + 10.0 * sds).max(axis=1)

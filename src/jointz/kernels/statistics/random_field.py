@@ -22,16 +22,9 @@ _FEWEST_DF = 2
 class SearchRegion:
     """Where a field is looked at, and how smooth it is there.
 
-    Parameters
-    ----------
-    fwhm_nodes : float
-        Full width at half maximum of the Gaussian kernel that makes white noise as smooth.
-    resels : float
-        Resolution elements: length of the region in widths, gaps left out.
-    n_nodes : int
-        Nodes in the region.
-    n_pieces : int
-        Runs of neighbouring nodes: the region's Euler characteristic.
+    ``fwhm_nodes``: full width at half maximum of the Gaussian kernel that makes white noise as
+    smooth; ``resels``: resolution elements; ``n_nodes``: nodes in the region; ``n_pieces``: runs of
+    neighbouring nodes.
     """
 
     fwhm_nodes: float
@@ -43,41 +36,11 @@ class SearchRegion:
 def search_region(residuals: np.ndarray, tested: np.ndarray) -> SearchRegion:
     """Return smoothness and size of the field that left these residuals.
 
-    Parameters
-    ----------
-    residuals : (n_curve, n_node) float
-        Residuals about the group means; what they are measured in does not matter.
-    tested : (n_node,) bool
-        Nodes of the region; residuals must vary at each.
-
-    Returns
-    -------
-    SearchRegion
-        Width, resels and pieces.
-
-    Raises
-    ------
-    ValueError
-        When no two neighbouring nodes are tested, or residuals do not change over nodes.
-
-    Notes
-    -----
-    At each node the resels per node are sqrt(v / (4 log 2)), where v is the sum over curves of
-    squared central differences over the sum of squared residuals; their mean is one over the
-    width (Kiebel et al. 1999, doi:10.1006/nimg.1999.0508; Pataky 2010,
-    doi:10.1016/j.jbiomech.2010.03.008). Unlike Kiebel's, residuals are not scaled to unit length
-    before the slope is taken, as in spm1d: with few curves resels read large by
-    gamma((df + 1)/2) gamma((df - 1)/2) / gamma(df/2)^2, 6 % at 9 degrees of freedom, which
-    makes the test a little strict.
-
-    Examples
-    --------
-    A cosine and a sine, one period over 100 nodes: v is the square of 2 pi / 100.
-
-    >>> angle = 2 * np.pi * np.arange(101) / 100
-    >>> waves = np.array([np.cos(angle), np.sin(angle)])
-    >>> round(search_region(waves, np.ones(101, dtype=bool)).fwhm_nodes, 1)
-    26.5
+    ``residuals`` (n_curve, n_node): about the group means; ``tested`` (n_node,). Resels per node
+    are sqrt(v / (4 log 2)), v the squared central differences over the squared residuals, summed
+    over curves (Kiebel et al. 1999, doi:10.1006/nimg.1999.0508; Pataky 2010,
+    doi:10.1016/j.jbiomech.2010.03.008). Residuals are not scaled to unit length first, as in spm1d:
+    with few curves the test is a little strict.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], tested, [False]])))
     pieces = list(zip(edges[::2], edges[1::2], strict=True))
@@ -110,21 +73,8 @@ def _densities(height: float, df: float) -> tuple[float, float]:
 def expected_crossings(height: float, *, df: float, region: SearchRegion) -> float:
     """Return the expected Euler characteristic of what a t field has above a height.
 
-    Parameters
-    ----------
-    height : float
-        The height, at least 0.
-    df : float
-        Degrees of freedom of the t field.
-    region : SearchRegion
-        Where.
-
-    Notes
-    -----
-    Sum over dimensions of the region's resels times the field's density (Worsley et al. 1996,
-    doi:10.1002/(SICI)1097-0193(1996)4:1<58::AID-HBM4>3.0.CO;2-O).
-    High up it is the
-    expected number of clusters.
+    Resels times density, summed over dimensions; high up the expected number of clusters. Worsley
+    et al. 1996, doi:10.1002/(SICI)1097-0193(1996)4:1<58::AID-HBM4>3.0.CO;2-O.
     """
     point, line = _densities(height, df)
     return region.n_pieces * point + region.resels * line
@@ -133,24 +83,8 @@ def expected_crossings(height: float, *, df: float, region: SearchRegion) -> flo
 def crossing_probability(height: float, *, df: float, region: SearchRegion) -> float:
     """Return the probability that a t field of no effect goes above a height anywhere.
 
-    Parameters
-    ----------
-    height : float
-        The height, at least 0.
-    df : float
-        Degrees of freedom, at least 2.
-    region : SearchRegion
-        Where.
-
-    Returns
-    -------
-    float
-        One tail: 1 - exp(-expected crossings), or Bonferroni's bound over the nodes where that
-        is smaller, as in fields about as rough as their nodes are apart.
-
-    Notes
-    -----
-    Clusters of noise come like events of a Poisson process (Friston et al. 1994,
+    One tail: 1 - exp(-expected crossings), or Bonferroni's bound over the nodes where that is
+    smaller. Clusters of noise come like events of a Poisson process (Friston et al. 1994,
     doi:10.1002/hbm.460010306). :func:`critical_height` is the inverse.
     """
     field = -expm1(-expected_crossings(height, df=df, region=region))
@@ -160,32 +94,8 @@ def crossing_probability(height: float, *, df: float, region: SearchRegion) -> f
 def critical_height(p: float, *, df: float, region: SearchRegion) -> float:
     """Return the height that a t field of no effect goes above with a given probability.
 
-    Parameters
-    ----------
-    p : float
-        Probability of one tail, 0 to 0.25; half of it for two tails.
-    df : float
-        Degrees of freedom, at least 2.
-    region : SearchRegion
-        Where.
-
-    Returns
-    -------
-    float
-        The height; never above Bonferroni's over the nodes.
-
-    Raises
-    ------
-    ValueError
-        When the probability or the degrees of freedom are outside their range.
-
-    Examples
-    --------
-    Ten people in pairs, 101 nodes, width 12.534 nodes, two tails of 5 %:
-
-    >>> region = SearchRegion(12.534, 100 / 12.534, 101)
-    >>> round(critical_height(0.025, df=9, region=region), 3)
-    4.299
+    ``p``: of one tail, 0 to 0.25 (half of it for two tails); ``df`` at least 2. Never above
+    Bonferroni's height over the nodes.
     """
     if not 0.0 < p <= 0.25:
         raise ValueError(f"critical_height: expected a probability of 0 to 0.25, got {p:g}")
@@ -207,27 +117,9 @@ def cluster_probability(
 ) -> float:
     """Return the probability of a cluster as wide anywhere, in a t field of no effect.
 
-    Parameters
-    ----------
-    extent_resels : float
-        Width of the cluster at the height, over the field's.
-    height : float
-        The height.
-    df : float
-        Degrees of freedom, at least 2.
-    region : SearchRegion
-        Where.
-
-    Returns
-    -------
-    float
-        One tail.
-
-    Notes
-    -----
-    A cluster is at least k resels wide with probability exp(-(gamma(3/2) k / m)^2), where m, its
-    mean, is the ratio of the field's densities of dimension 0 and 1 (Friston et al. 1994; in this
-    form Pataky 2016, doi:10.18637/jss.v071.i07).
+    One tail. A cluster is at least k resels wide with probability exp(-(gamma(3/2) k / m)^2), where
+    its mean m is the ratio of the field's densities of dimension 0 and 1 (Friston et al. 1994; in
+    this form Pataky 2016, doi:10.18637/jss.v071.i07).
     """
     return -expm1(-_wide_clusters(extent_resels, height, df, region))
 
@@ -237,21 +129,8 @@ def set_probability(
 ) -> float:
     """Return the probability of as many clusters, each as wide as the narrowest of these.
 
-    Parameters
-    ----------
-    extents_resels : sequence of float
-        Widths of the clusters, over the field's; at least one.
-    height : float
-        The height they were cut at.
-    df : float
-        Degrees of freedom, at least 2.
-    region : SearchRegion
-        Where.
-
-    Returns
-    -------
-    float
-        One tail (Friston et al. 1996, doi:10.1006/nimg.1996.0074).
+    ``extents_resels``: widths of the clusters cut at ``height``, at least one. One tail. Friston et
+    al. 1996, doi:10.1006/nimg.1996.0074.
     """
     expected = _wide_clusters(min(extents_resels), height, df, region)
     return float(pdtrc(len(extents_resels) - 1, expected))

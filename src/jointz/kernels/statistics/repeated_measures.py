@@ -12,14 +12,9 @@ from jointz.kernels.statistics.anova import FTest
 class RepeatedMeasures:
     """Analysis of variance of participants by levels.
 
-    Parameters
-    ----------
-    test : FTest
-        Levels against the interaction with participants; exact under sphericity.
-    epsilon : float
-        Greenhouse and Geisser's, from 1 / (levels - 1) to 1.
-    p_epsilon : float
-        Probability with both degrees of freedom times ``epsilon``.
+    ``test``: levels against the interaction with participants, exact under sphericity; ``epsilon``:
+    Greenhouse and Geisser's, 1 / (levels - 1) to 1; ``p_epsilon``: with both degrees of freedom
+    times ``epsilon``.
     """
 
     test: FTest
@@ -30,27 +25,9 @@ class RepeatedMeasures:
 def repeated_measures_anova(values: np.ndarray) -> RepeatedMeasures:
     """Return the F test of the levels of a complete table, with Greenhouse and Geisser's p.
 
-    Parameters
-    ----------
-    values : (n, k) float
-        One row a participant, one column a level; no value missing.
-
-    Raises
-    ------
-    ValueError
-        When the table has fewer than two rows or columns, a value is not finite, or nothing
-        varies beside participants and levels.
-
-    Notes
-    -----
-    Greenhouse and Geisser 1959, doi:10.1007/BF02289823. The epsilon is biased low in small
-    groups, so its p is somewhat cautious.
-
-    Examples
-    --------
-    >>> made = repeated_measures_anova(np.array([[1.0, 2.0], [3.0, 5.0], [2.0, 2.0]]))
-    >>> round(made.test.statistic, 6), made.test.df_num, made.test.df_den, made.epsilon
-    (3.0, 1.0, 2.0, 1.0)
+    ``values`` (n, k): a row a participant, a column a level, none missing. Greenhouse and Geisser
+    1959, doi:10.1007/BF02289823; epsilon is biased low in small groups, so its p is somewhat
+    cautious.
     """
     Y = np.asarray(values, dtype=float)
     if Y.ndim != 2 or min(Y.shape) < 2 or not np.isfinite(Y).all():
@@ -83,12 +60,7 @@ def repeated_measures_anova(values: np.ndarray) -> RepeatedMeasures:
 class PairedT:
     """A paired t test.
 
-    Parameters
-    ----------
-    difference, se : float
-        Mean difference and its standard error.
-    df, t, p : float
-        Degrees of freedom, statistic and two-sided probability.
+    ``difference``, ``se``: mean difference and its standard error; ``df``, ``t``, two-sided ``p``.
     """
 
     difference: float
@@ -101,21 +73,7 @@ class PairedT:
 def paired_t_test(first: np.ndarray, second: np.ndarray) -> PairedT:
     """Return the paired t test of first minus second.
 
-    Parameters
-    ----------
-    first, second : (n,) float
-        Finite values of the same participants.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than two pairs or the differences do not vary.
-
-    Examples
-    --------
-    >>> test = paired_t_test(np.array([2.0, 5.0, 2.0]), np.array([1.0, 3.0, 2.0]))
-    >>> round(test.t, 6), test.df
-    (1.732051, 2.0)
+    ``first``, ``second`` (n,): finite values of the same participants.
     """
     d = np.asarray(first, dtype=float) - np.asarray(second, dtype=float)
     if d.size < 2 or not np.isfinite(d).all():

@@ -13,26 +13,8 @@ _LARGEST_SQUARE = 1.0 - 4.0 * float(np.finfo(float).eps)
 def all_signs(n: int) -> np.ndarray:
     """Return every way to flip n signs, those of one another's negatives once.
 
-    Parameters
-    ----------
-    n : int
-        Number of differences, at least 1.
-
-    Returns
-    -------
-    (2**(n-1), n) float64
-        Rows of 1 and -1, the first sign always 1, the first row all 1. Two-sided statistics
-        are the same for a row and its negative, so half of all rows say everything.
-
-    Raises
-    ------
-    ValueError
-        When there is no difference.
-
-    Examples
-    --------
-    >>> all_signs(2).tolist()
-    [[1.0, 1.0], [1.0, -1.0]]
+    Returns (2**(n-1), n): rows of 1 and -1, the first sign always 1, the first row all 1. Two-sided
+    statistics are the same for a row and its negative.
     """
     if n < 1:
         raise ValueError(f"all_signs: expected at least 1 difference, got {n}")
@@ -43,25 +25,8 @@ def all_signs(n: int) -> np.ndarray:
 def drawn_signs(n: int, n_flips: int, rng: np.random.Generator) -> np.ndarray:
     """Return random flips of n signs, the first row as observed.
 
-    Parameters
-    ----------
-    n : int
-        Number of differences, at least 1.
-    n_flips : int
-        Rows, at least 1.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    (n_flips, n) float64
-        Rows of 1 and -1. The observed signs count as one draw, which keeps the test valid
-        however few are drawn (Phipson and Smyth 2010, doi:10.2202/1544-6115.1585).
-
-    Raises
-    ------
-    ValueError
-        When there is no difference or no row.
+    Returns (n_flips, n): rows of 1 and -1. The observed signs count as one draw, which keeps the
+    test valid however few are drawn (Phipson and Smyth 2010, doi:10.2202/1544-6115.1585).
     """
     if n < 1 or n_flips < 1:
         raise ValueError(f"drawn_signs: expected at least 1 each, got n {n}, n_flips {n_flips}")
@@ -73,16 +38,9 @@ def drawn_signs(n: int, n_flips: int, rng: np.random.Generator) -> np.ndarray:
 def cosines(differences: np.ndarray) -> np.ndarray:
     """Return differences whose sums over people are cosines with a constant.
 
-    Parameters
-    ----------
-    differences : (n, n_node) float
-        Differences; none are zero in everybody at a node.
-
-    Returns
-    -------
-    (n, n_node) float
-        Scaled by node, so that ``signs @ cosines`` is between -1 and 1 and grows with t; flips
-        leave the sum of squares, and so the scale, as they are.
+    ``differences`` (n, n_node): not zero in everybody at a node. Returns (n, n_node): scaled by
+    node, so that ``signs @ cosines`` is between -1 and 1 and grows with t; flips leave the scale as
+    it is.
     """
     size = np.sqrt(differences.shape[0] * np.einsum("ij,ij->j", differences, differences))
     return np.asarray(differences / size)
@@ -91,17 +49,7 @@ def cosines(differences: np.ndarray) -> np.ndarray:
 def largest_cosines(scaled: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Return the largest absolute cosine over nodes of each flip.
 
-    Parameters
-    ----------
-    scaled : (n, n_node) float
-        From :func:`cosines`.
-    signs : (n_flips, n) float
-        From :func:`all_signs` or :func:`drawn_signs`.
-
-    Returns
-    -------
-    (n_flips,) float
-        One a flip.
+    ``scaled`` (n, n_node): of :func:`cosines`; ``signs`` (n_flips, n). Returns (n_flips,).
     """
     rows = max(1, _BLOCK // scaled.shape[1])
     largest = np.empty(signs.shape[0])
@@ -114,18 +62,9 @@ def largest_cosines(scaled: np.ndarray, signs: np.ndarray) -> np.ndarray:
 def critical_cosine(largest: np.ndarray, alpha: float) -> float:
     """Return the cosine that more than a share alpha of flips does not go beyond.
 
-    Parameters
-    ----------
-    largest : (n_flips,) float
-        From :func:`largest_cosines`, the observed flip among them.
-    alpha : float
-        Level, 0 to 1.
-
-    Returns
-    -------
-    float
-        Observed cosines beyond it, never those equal to it, are rejected: at most a share
-        alpha of flips are (Nichols and Holmes 2002, doi:10.1002/hbm.1058).
+    ``largest`` (n_flips,): of :func:`largest_cosines`, the observed flip among them. Observed
+    cosines beyond it, never those equal to it, are rejected: at most a share alpha of flips are
+    (Nichols and Holmes 2002, doi:10.1002/hbm.1058).
     """
     # A hair above alpha * n, lest 0.05 * 20 be less than 1.
     allowed = int(alpha * largest.size * (1.0 + _TIE))
@@ -135,17 +74,8 @@ def critical_cosine(largest: np.ndarray, alpha: float) -> float:
 def flip_p_values(observed: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """Return p-values adjusted for all nodes.
 
-    Parameters
-    ----------
-    observed : (n_node,) float
-        Observed cosines.
-    largest : (n_flips,) float
-        From :func:`largest_cosines`, the observed flip among them.
-
-    Returns
-    -------
-    (n_node,) float
-        Share of flips whose largest is at least as large.
+    ``observed`` (n_node,) cosines; ``largest`` (n_flips,). Returns (n_node,): share of flips whose
+    largest is at least as large.
     """
     below = np.searchsorted(np.sort(largest) * (1.0 + _TIE), np.abs(observed), side="left")
     return np.asarray((largest.size - below) / largest.size)
@@ -154,24 +84,8 @@ def flip_p_values(observed: np.ndarray, largest: np.ndarray) -> np.ndarray:
 def cosine_to_t(cosine: np.ndarray, n: int) -> np.ndarray:
     """Return Student's t of the cosine of n differences with a constant.
 
-    Parameters
-    ----------
-    cosine : array of float
-        Between -1 and 1.
-    n : int
-        Number of differences.
-
-    Returns
-    -------
-    array of float
-        t with n - 1 degrees of freedom: sqrt(n - 1) times the cotangent; finite at 1.
-
-    Examples
-    --------
-    Differences 1 and 3 have a mean of 2 and a standard error of 1:
-
-    >>> float(np.round(cosine_to_t(np.array(4 / np.sqrt(2 * 10)), 2), 12))
-    2.0
+    Returns t with n - 1 degrees of freedom: sqrt(n - 1) times the cotangent; finite at a cosine of
+    1.
     """
     square = np.minimum(np.square(cosine), _LARGEST_SQUARE)
     return np.asarray(np.sign(cosine) * np.sqrt((n - 1) * square / (1.0 - square)))

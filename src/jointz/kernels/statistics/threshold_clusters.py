@@ -9,15 +9,8 @@ import numpy as np
 class ThresholdCluster:
     """Neighbouring nodes beyond a threshold, all on one side of zero.
 
-    Parameters
-    ----------
-    start_node, end_node : float
-        Where the straight line between nodes crosses the threshold; the curve's end where it
-        does not.
-    peak_node : int
-        The node farthest from zero.
-    peak : float
-        The statistic there, with its sign.
+    ``start_node``, ``end_node``: where the line between nodes crosses the threshold, or the curve
+    ends; ``peak_node``: farthest from zero; ``peak``: the statistic there, with its sign.
     """
 
     start_node: float
@@ -34,28 +27,7 @@ class ThresholdCluster:
 def threshold_clusters(statistic: np.ndarray, threshold: float) -> tuple[ThresholdCluster, ...]:
     """Return the clusters above a threshold and below its negative, from left to right.
 
-    Parameters
-    ----------
-    statistic : (n_node,) float
-        The curve.
-    threshold : float
-        Positive.
-
-    Returns
-    -------
-    tuple of ThresholdCluster
-        Neighbours on opposite sides of zero are two clusters.
-
-    Raises
-    ------
-    ValueError
-        When the threshold is not positive.
-
-    Examples
-    --------
-    >>> (cluster,) = threshold_clusters(np.array([0.0, 2.0, 6.0, 3.0, 1.0]), 4.0)
-    >>> cluster.start_node, round(cluster.end_node, 3), cluster.peak_node
-    (1.5, 2.667, 2)
+    ``statistic`` (n_node,). Neighbours on opposite sides of zero are two clusters.
     """
     if not threshold > 0.0:
         raise ValueError(f"threshold_clusters: expected a positive threshold, got {threshold:g}")

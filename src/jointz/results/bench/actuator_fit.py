@@ -6,9 +6,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pandas as pd
 
-from jointz.results.base import Fit, parameter_frame
+from jointz.results.base import Fit, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
@@ -19,7 +18,6 @@ _EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
 _REGIME_COLOURS = ("#2c5c8f", "#5b9bc4", "#a9c9dd", "#f0b88a", "#d9763f", "#9c3a1c")
 _INK = "0.25"
 _DOTS: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 3.0}
-_UPPER_PART, _LOWER_PART = (0.0, 0.36, 1.0, 0.64), (0.0, 0.0, 1.0, 0.3)
 #: Shares of the record that end the speed regimes of the figure.
 _REGIME_SHARES = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)
 
@@ -83,6 +81,8 @@ class ActuatorFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.ActuatorFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("rms_error_nm", "n_samples", "model")
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 5.0)
 
     model: str
     parameters: tuple[ParameterEstimate, ...]
@@ -101,63 +101,32 @@ class ActuatorFit(Fit):
     warnings: tuple[str, ...] = ()
     series: ActuatorSeries = field(default_factory=ActuatorSeries)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(
-            self.parameters,
-            rms_error_nm=self.rms_error_nm,
-            n_samples=self.n_samples,
-            model=self.model,
-        )
-
     def summary(self) -> str:
         """Return a short text: parameters, intervals, error, warnings."""
         length = f"{self.n_samples} samples"
         if self.rate_hz is not None:
             length += f" at {self.rate_hz:.6g} Hz"
         lines = [
-            f"Torque model {self.model} ({_EQUATIONS[self.model]}): {self.status}",
-            f"  {length}, gear ratio {self.gear_ratio:g}",
-            *(f"  {_sentence(p)}" for p in self.parameters),
-            f"  RMS error {self.rms_error_nm:.3g} N*m, VAF {self.vaf_pct:.2f} %; "
+            f"{length}, gear ratio {self.gear_ratio:g}",
+            *(parameter_line(p, width=16) for p in self.parameters),
+            f"RMS error {self.rms_error_nm:.3g} N*m, VAF {self.vaf_pct:.2f} %; "
             f"intervals: {self.ci_method}",
-            *(f"  Note: {warning}" for warning in self.warnings),
         ]
-        return "\n".join(lines)
+        title = f"Torque model {self.model} ({_EQUATIONS[self.model]}): {self.status}"
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw measured and modelled torque by regime of speed, the residual below.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, its area is divided in two; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 5.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw measured and modelled torque by regime of speed, the residual below."""
         axes.axis("off")
         axes.set_ylabel("torque")
-        upper, lower = (
-            axes.inset_axes((0.0, 0.36, 1.0, 0.64)),
-            axes.inset_axes((0.0, 0.0, 1.0, 0.3)),
-        )
+        upper = axes.inset_axes((0.0, 0.36, 1.0, 0.64))
+        lower = axes.inset_axes((0.0, 0.0, 1.0, 0.3))
         series = self.series
         position, measured = np.array(series.position), np.array(series.measured)
         modelled = np.array(series.modelled)
         upper.plot(position, measured, color=_INK, linewidth=0.9, label="measured", zorder=1)
         for name, colour, inside in _regimes(np.array(series.velocity), position.size):
-            dots: dict[str, Any] = {
-                "linestyle": "",
-                "marker": ".",
-                "markersize": 3.0,
-                "color": colour,
-            }
+            dots = _DOTS | {"color": colour}
             upper.plot(position[inside], modelled[inside], label=name, **dots)
             lower.plot(position[inside], (measured - modelled)[inside], **dots)
         lower.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
@@ -173,7 +142,6 @@ class ActuatorFit(Fit):
         )
         low, high = upper.get_ylim()
         upper.set_ylim(low, high + 0.3 * (high - low))
-        return axes
 
     def _title(self) -> str:
         constant = self.parameter("torque_constant")
@@ -182,17 +150,6 @@ class ActuatorFit(Fit):
             f"model {self.model} ({_EQUATIONS[self.model]}): "
             f"RMS error {self.rms_error_nm:.2g} N*m, torque constant {value}"
         )
-
-
-def _sentence(parameter: ParameterEstimate) -> str:
-    if parameter.value is None:
-        return f"{parameter.name:<16} {parameter.status}"
-    measure = f"{parameter.name:<16} {parameter.value:.4g} {parameter.unit}"
-    if parameter.ci_low is None or parameter.ci_high is None:
-        known = parameter.status == "ok"
-        return f"{measure} ({parameter.ci_method if known else 'no interval; undecided'})"
-    interval = f"{parameter.ci_low:.4g} to {parameter.ci_high:.4g}"
-    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
 
 
 def _regimes(velocity: np.ndarray, n: int) -> list[tuple[str, str, np.ndarray]]:

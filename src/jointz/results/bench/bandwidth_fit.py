@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class BandwidthFit(Result):
+class BandwidthFit(PlottedResult):
     """Frequency at which a torque loop has lost ``drop_db`` of its gain.
 
     Parameters
@@ -57,6 +57,7 @@ class BandwidthFit(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.BandwidthFit/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
 
     bandwidth_hz: float
     ci_low_hz: float
@@ -103,34 +104,21 @@ class BandwidthFit(Result):
     def summary(self) -> str:
         """Return a short text: the bandwidth, its interval, the resolution, warnings."""
         seconds = self.n_samples / self.rate_hz
-        lines = [
+        title = (
             f"Torque bandwidth, -{self.drop_db:g} dB: {self.bandwidth_hz:.4g} Hz "
-            f"({self.ci_level:.0%} interval {self.ci_low_hz:.4g} to {self.ci_high_hz:.4g})",
-            f"  resolution {self.resolution_hz:.3g} Hz ({self.method}, window {self.window_s:.3g} "
+            f"({self.ci_level:.0%} interval {self.ci_low_hz:.4g} to {self.ci_high_hz:.4g})"
+        )
+        lines = [
+            f"resolution {self.resolution_hz:.3g} Hz ({self.method}, window {self.window_s:.3g} "
             f"s, {self.n_averages:.0f} averages); {seconds:.1f} s at {self.rate_hz:.6g} Hz",
-            f"  coherence {self.coherence:.3f} there; gain {self.reference_gain:.4g} at "
+            f"coherence {self.coherence:.3f} there; gain {self.reference_gain:.4g} at "
             f"{self.reference_hz[0]:.3g} to {self.reference_hz[1]:.3g} Hz",
-            f"  interval: {self.ci_method}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            f"interval: {self.ci_method}",
         ]
-        return "\n".join(lines)
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the gain with its band, the loss, the bandwidth and the resolution.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the gain with its band, the loss, the bandwidth and the resolution."""
         draw_gain(axes, self.response, label="N·m/N·m")
         level = self.reference_gain * 10.0 ** (-self.drop_db / 20.0)
         axes.axhline(self.reference_gain, color="0.6", linewidth=0.8)
@@ -139,9 +127,9 @@ class BandwidthFit(Result):
         )
         axes.axvspan(self.ci_low_hz, self.ci_high_hz, color=MODEL, alpha=0.15, linewidth=0.0)
         axes.plot([self.bandwidth_hz], [level], "o", color=MODEL)
-        wide = (self.bandwidth_hz - self.resolution_hz / 2, self.bandwidth_hz)
+        start_hz = self.bandwidth_hz - self.resolution_hz / 2
         axes.plot(
-            [wide[0], wide[0] + self.resolution_hz],
+            [start_hz, start_hz + self.resolution_hz],
             [0.8 * level, 0.8 * level],
             color=INK,
             linewidth=3.0,
@@ -155,4 +143,3 @@ class BandwidthFit(Result):
             fontsize="medium",
         )
         axes.legend(loc="lower left")
-        return axes

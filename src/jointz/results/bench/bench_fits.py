@@ -1,20 +1,17 @@
-"""What the bench estimators find: impedance of a load, and the lag of its torque record."""
+"""Results of the bench estimators: impedance of a load, and the lag of its torque record."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pandas as pd
 
-from jointz.results.base import Fit, parameter_frame
+from jointz.results.base import SYMBOLS, Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.joint_fit import FitSeries
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -51,6 +48,7 @@ class BenchFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.BenchFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Bench"
 
     parameters: tuple[ParameterEstimate, ...]
@@ -69,54 +67,32 @@ class BenchFit(Fit):
     @property
     def status(self) -> str:
         """``ok``, or ``undecided`` where stiffness or inertia is."""
-        needed = [self.parameter("stiffness"), self.parameter("inertia")]
+        needed = [self.stiffness, self.inertia]
         return next((p.status for p in needed if p.status != "ok"), "ok")
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            lag_model=self.lag_model,
-        )
 
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, warnings."""
         seconds = self.n_samples / self.rate_hz
+        parameters = (
+            parameter_line(p, name=p.name.replace("_", " "), width=16, digits=5)
+            for p in self.parameters
+        )
         lines = [
-            f"{self.TITLE}: {self.status}",
-            f"  {seconds:.2f} s used at {self.rate_hz:.6g} Hz; lag of the torque: {self.lag_model}",
-            *(f"  {_sentence(p)}" for p in self.parameters),
-            f"  VAF of the torque {self.vaf_pct:.2f} %, residual sd {self.residual_sd_nm:.3g} N*m",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            f"{seconds:.2f} s used at {self.rate_hz:.6g} Hz; lag of the torque: {self.lag_model}",
+            *parameters,
+            f"VAF of the torque {self.vaf_pct:.2f} %, residual sd {self.residual_sd_nm:.3g} N*m",
         ]
-        return "\n".join(lines)
+        return summary_text(f"{self.TITLE}: {self.status}", lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw measured and modelled torque.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
-        axes.plot(self.series.time_s, self.series.measured, label="measured", linewidth=1.5)
-        axes.plot(self.series.time_s, self.series.modelled, label="model", linestyle="--")
-        axes.set_xlabel("time (s)")
+    def _draw(self, axes: "Axes") -> None:
+        """Draw measured and modelled torque."""
+        self.series.draw(axes)
         axes.set_ylabel("torque (N*m)")
-        drawn = ", ".join(_figure(p) for p in self.parameters if p.name in _SYMBOLS)
-        axes.set_title(f"{drawn}\nVAF of the torque {self.vaf_pct:.2f} %", fontsize="medium")
+        labels = (parameter_label(p, digits=4) for p in self.parameters if p.name in SYMBOLS)
+        axes.set_title(
+            f"{', '.join(labels)}\nVAF of the torque {self.vaf_pct:.2f} %", fontsize="medium"
+        )
         axes.legend()
-        return axes
 
 
 class FullRecordFit(BenchFit):
@@ -124,6 +100,7 @@ class FullRecordFit(BenchFit):
 
     __slots__ = ()
     SCHEMA: ClassVar[str] = "jointz.FullRecordFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Load from its full record"
 
 
@@ -132,6 +109,7 @@ class PulseFit(BenchFit):
 
     __slots__ = ()
     SCHEMA: ClassVar[str] = "jointz.PulseFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "lag_model")
     TITLE: ClassVar[str] = "Load from one pulse"
 
 
@@ -149,19 +127,3 @@ def estimate(
     if not np.isfinite(half) or reaches_zero:
         return ParameterEstimate(name, None, None, None, "undecided", **common)
     return ParameterEstimate(name, value, value - half, value + half, "ok", **common)
-
-
-def _sentence(parameter: ParameterEstimate) -> str:
-    name = parameter.name.replace("_", " ")
-    if parameter.value is None:
-        return f"{name:<16} {parameter.status}"
-    interval = f"{parameter.ci_low:.5g} to {parameter.ci_high:.5g}"
-    measure = f"{name:<16} {parameter.value:.5g} {parameter.unit}"
-    return f"{measure} ({parameter.ci_level:.0%} interval {interval}; {parameter.status})"
-
-
-def _figure(parameter: ParameterEstimate) -> str:
-    symbol = _SYMBOLS[parameter.name]
-    if parameter.value is None:
-        return f"{symbol} {parameter.status}"
-    return f"{symbol} = {parameter.value:.4g} {parameter.unit}"

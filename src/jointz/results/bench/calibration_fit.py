@@ -1,4 +1,4 @@
-"""What a calibration step found: entries of ``[calibration]`` with sd, and what lies beside."""
+"""Result of a calibration step: entries of ``[calibration]`` with sd, and further values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, Result, summary_text
 from jointz.results.bench.calibration_failure import CalibrationFailure
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def failed(
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSeries:
-    """What a figure of the step shows."""
+    """Data of the figure of a step."""
 
     x: tuple[float, ...] = ()  # in the units of the labels
     measured: tuple[float, ...] = ()
@@ -117,7 +117,7 @@ class CalibrationSeries:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CalibrationFit(Result):
+class CalibrationFit(PlottedResult):
     """The result of one calibration step of one participant."""
 
     SCHEMA: ClassVar[str] = "jointz.CalibrationFit/1"
@@ -166,21 +166,15 @@ class CalibrationFit(Result):
 
     def summary(self) -> str:
         """Return a short text: entries, what was found beside, method, notes."""
-        lines = [
-            f"Calibration, step {self.step}: {self.status}",
-            *(f"  {_line(e)}" for e in self.entries),
-        ]
+        lines = [*map(_line, self.entries)]
         if self.reported:
-            lines += ["  beside:", *(f"    {_line(e)}" for e in self.reported)]
+            lines += ["beside:", *(f"  {_line(e)}" for e in self.reported)]
         if self.method:
-            lines.append(f"  {self.n_samples} samples; {self.method}")
-        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+            lines.append(f"{self.n_samples} samples; {self.method}")
+        return summary_text(f"Calibration, step {self.step}: {self.status}", lines, self.notes)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
+    def _draw(self, axes: "Axes") -> None:
         """Draw what was measured and what the model makes of it."""
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
         shown = self.series
         axes.plot(shown.x, shown.measured, ".", markersize=2.0, label="measured")
         if shown.modelled:
@@ -190,7 +184,6 @@ class CalibrationFit(Result):
         axes.set_title("\n".join([f"Calibration: {self.step}", *map(_line, self.entries)]))
         axes.title.set_fontsize("medium")
         axes.legend()
-        return axes
 
 
 def _line(entry: CalibrationEntry) -> str:

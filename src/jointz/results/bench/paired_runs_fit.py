@@ -1,12 +1,12 @@
-"""Impedance out of pairs of runs along one reference, without and with perturbations."""
+"""Impedance from pairs of runs along one reference, without and with perturbations."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
+from jointz.results.base import Fit, parameter_label, parameter_line, record_frame, summary_text
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class MeanResponse:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PairedRunsFit(Fit):
-    """Impedance out of the differences of perturbed and unperturbed runs.
+    """Impedance from the differences of perturbed and unperturbed runs.
 
     Parameters
     ----------
@@ -66,6 +66,8 @@ class PairedRunsFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.PairedRunsFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_pulses")
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.0)
 
     parameters: tuple[ParameterEstimate, ...]
     pulses: tuple[PairedPulse, ...]
@@ -82,52 +84,36 @@ class PairedRunsFit(Fit):
     response: MeanResponse = field(default_factory=MeanResponse)
 
     @property
+    def n_pulses(self) -> int:
+        """Pulses used."""
+        return len(self.pulses)
+
+    @property
     def status(self) -> str:
         """``ok``, or ``undecided`` where a parameter is."""
         return next((p.status for p in self.parameters if p.status != "ok"), "ok")
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(self.parameters, vaf_pct=self.vaf_pct, n_pulses=len(self.pulses))
-
     def pulses_frame(self) -> pd.DataFrame:
         """Return one row a pulse."""
-        columns = list(PairedPulse.__slots__)
-        return pd.DataFrame([asdict(pulse) for pulse in self.pulses], columns=columns)
+        return record_frame(self.pulses, PairedPulse.__slots__)
 
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, what was left out."""
         lines = [
-            f"Impedance out of {len(self.shifts_s)} pair(s) of runs: {self.status}",
-            f"  {len(self.pulses)} pulses, {1000.0 * self.window_s:g} ms each, "
+            f"{self.n_pulses} pulses, {1000.0 * self.window_s:g} ms each, "
             f"low-pass {self.cutoff_hz:g} Hz, {self.rate_hz:.6g} Hz",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
-            *(f"  Left out: {reason}" for reason in self.left_out),
-            *(f"  Note: {warning}" for warning in self.warnings),
+            *map(parameter_line, self.parameters),
+            f"VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
+            *(f"Left out: {reason}" for reason in self.left_out),
         ]
-        return "\n".join(lines)
+        title = f"Impedance out of {len(self.shifts_s)} pair(s) of runs: {self.status}"
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the mean torque response and the model's.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the mean torque response and the model's."""
         axes.plot(self.response.time_s, self.response.measured, label="perturbed - unperturbed")
         axes.plot(self.response.time_s, self.response.modelled, linestyle="--", label="model")
         axes.set_xlabel("time from the onset (s)")
         axes.set_ylabel("torque (N*m)")
         axes.set_title(", ".join(parameter_label(p) for p in self.parameters), fontsize="medium")
         axes.legend()
-        return axes

@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import pandas as pd
-
-from jointz.results.base import Fit, parameter_frame, parameter_line
+from jointz.results.base import Fit, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 
 if TYPE_CHECKING:
@@ -30,7 +28,7 @@ class LoopSeries:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class StiffnessFit(Fit):
-    """Stiffness of a bench out of one record of angle and torque.
+    """Stiffness of a bench from one record of angle and torque.
 
     Parameters
     ----------
@@ -61,6 +59,8 @@ class StiffnessFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.StiffnessFit/1"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "method")
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.5)
 
     method: str
     parameters: tuple[ParameterEstimate, ...]
@@ -77,52 +77,26 @@ class StiffnessFit(Fit):
     @property
     def status(self) -> str:
         """That of the stiffness: ``ok`` or ``undecided``."""
-        return self.parameter("stiffness").status
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            method=self.method,
-        )
+        return self.stiffness.status
 
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, warnings."""
         seconds = self.n_samples / self.rate_hz
         at = "" if self.frequency_hz is None else f" of {self.frequency_hz:.4g} Hz"
         lines = [
-            f"{_TITLES[self.method]}: {self.status}",
-            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, excursion{at} "
+            f"{seconds:.1f} s at {self.rate_hz:.6g} Hz, excursion{at} "
             f"{1000.0 * self.excursion_rad:.4g} mrad",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            *map(parameter_line, self.parameters),
+            f"VAF of the torque {self.vaf_pct:.2f} %; intervals: {self.ci_method}",
         ]
-        return "\n".join(lines)
+        return summary_text(f"{_TITLES[self.method]}: {self.status}", lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw torque over angle.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.5), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw torque over angle."""
         angle = self.series.angle
         axes.plot(angle, self.series.measured, ".", markersize=2.0, label="measured")
         axes.plot(angle, self.series.modelled, linewidth=1.5, label="model")
         axes.set_xlabel("angle (rad)")
         axes.set_ylabel("torque (N*m)")
-        axes.set_title(parameter_line(self.parameter("stiffness")), fontsize="medium")
+        axes.set_title(parameter_line(self.stiffness), fontsize="medium")
         axes.legend()
-        return axes

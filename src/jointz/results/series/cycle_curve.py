@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import Result
+from jointz.results.base import Result, axes_or_new, summary_text
 from jointz.results.series.frequency_response_curve import INK
 
 if TYPE_CHECKING:
@@ -124,8 +124,7 @@ class PhaseCurve(Result):
         """Return one row an estimate that a curve goes by."""
         names = list(CurvePoint.__slots__)
         rows = [
-            {"participant": band.participant, "parameter": band.parameter}
-            | {name: getattr(point, name) for name in names}
+            (band.participant, band.parameter, *(getattr(point, name) for name in names))
             for band in self.bands
             for point in band.points
         ]
@@ -133,13 +132,11 @@ class PhaseCurve(Result):
 
     def summary(self) -> str:
         """Return a short text: range and width of every curve."""
-        lines = [
+        title = (
             f"Impedance over the gait cycle, {len(self.bands)} curve(s), {self.ci_level:.0%} "
-            f"pointwise bands: {self.ci_method}",
-            *(f"  {_told(band, self.gait_pct)}" for band in self.bands),
-            *(f"  Note: {warning}" for warning in self.warnings),
-        ]
-        return "\n".join(lines)
+            f"pointwise bands: {self.ci_method}"
+        )
+        return summary_text(title, (_range(b, self.gait_pct) for b in self.bands), self.warnings)
 
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
         """Draw the curves of one parameter over the cycle, with band and estimates.
@@ -156,9 +153,7 @@ class PhaseCurve(Result):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 4.0), layout="constrained")[1]
+        axes = axes_or_new(ax, (7.0, 4.0))
         bands = [band for band in self.bands if band.parameter == parameter]
         # The mean stands out; people are thin lines beside it.
         main = next((b for b in bands if b.participant == MEAN), bands[0] if bands else None)
@@ -176,7 +171,7 @@ class PhaseCurve(Result):
         return axes
 
 
-def _told(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
+def _range(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
     """Return a line: smallest and largest value, where they are, how wide the band is."""
     low, high = int(np.argmin(band.value)), int(np.argmax(band.value))
     widths = 0.5 * (np.array(band.ci_high) - np.array(band.ci_low))
@@ -189,13 +184,13 @@ def _told(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
 
 def _draw_points(axes: "Axes", points: tuple[CurvePoint, ...]) -> None:
     for decided, face in ((True, INK), (False, "white")):
-        mine = [point for point in points if point.decided is decided]
-        if not mine:
+        shown = [point for point in points if point.decided is decided]
+        if not shown:
             continue
-        value = np.array([point.value for point in mine])
-        ends = np.array([[p.value - p.ci_low, p.ci_high - p.value] for p in mine]).T
+        value = np.array([point.value for point in shown])
+        ends = np.array([[p.value - p.ci_low, p.ci_high - p.value] for p in shown]).T
         axes.errorbar(
-            [point.gait_pct for point in mine],
+            [point.gait_pct for point in shown],
             value,
             yerr=ends,
             fmt="o",

@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import pandas as pd
-
-from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
+from jointz.results.base import Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import INK, ResponseCurve, draw_gain, draw_phase
 from jointz.results.series.second_order_verdict import SecondOrderCheck
@@ -60,6 +58,7 @@ class FrequencyResponseFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.FrequencyResponseFit/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 6.0)
 
     model: str
     estimator: str
@@ -81,47 +80,22 @@ class FrequencyResponseFit(Fit):
     warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter; the curve is ``response.table()``."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            model=self.model,
-            estimator=self.estimator,
-        )
-
     def summary(self) -> str:
         """Return a short text: parameters, intervals, resolution, warnings."""
         seconds = self.n_samples / self.rate_hz
         lines = [
-            f"Frequency response of a joint, {self.input} perturbed: {self.status}",
-            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, band to {self.cutoff_hz:.4g} Hz, "
+            f"{seconds:.1f} s at {self.rate_hz:.6g} Hz, band to {self.cutoff_hz:.4g} Hz, "
             f"resolution {self.resolution_hz:.3g} Hz, {self.n_averages:.0f} averages",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  VAF of the {self.vaf_of} {self.vaf_pct:.2f} %; {self.estimator}",
-            f"  intervals: {self.ci_method}",
-            f"  Check: {self.check.sentence()}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            *map(parameter_line, self.parameters),
+            f"VAF of the {self.vaf_of} {self.vaf_pct:.2f} %; {self.estimator}",
+            f"intervals: {self.ci_method}",
+            f"Check: {self.check.sentence()}",
         ]
-        return "\n".join(lines)
+        title = f"Frequency response of a joint, {self.input} perturbed: {self.status}"
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw gain, phase and coherence with the band, and the second-order joint.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, its area is divided in three; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 6.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw gain, phase and coherence with the band, and the second-order joint."""
         axes.axis("off")
         axes.set_ylabel("impedance")
         gain, phase, coherence = (
@@ -141,4 +115,3 @@ class FrequencyResponseFit(Fit):
         vaf = f"VAF of the {self.vaf_of} {self.vaf_pct:.2f} %"
         gain.set_title(f"{drawn}\n{vaf}, resolution {self.resolution_hz:.2g} Hz", fontsize="medium")
         gain.legend()
-        return axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
+from jointz.results.base import Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import BAND, INK, MODEL
 from jointz.results.series.second_order_verdict import SecondOrderCheck
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
+#: Response -> its unit.
+RESPONSE_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,7 @@ class ImpulseResponseFit(Fit):
     """
 
     SCHEMA: ClassVar[str] = "jointz.ImpulseResponseFit/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
 
     model: str
     estimator: str
@@ -110,51 +112,26 @@ class ImpulseResponseFit(Fit):
     @property
     def unit(self) -> str:
         """Unit of the response."""
-        return _UNITS[self.response_of]
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter; the response is ``curve.table()``."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            model=self.model,
-            estimator=self.estimator,
-        )
+        return RESPONSE_UNITS[self.response_of]
 
     def summary(self) -> str:
         """Return a short text: the response, parameters, intervals, warnings."""
         seconds, lags = self.n_samples / self.rate_hz, self.curve.lag_s
         reach = f"{min(lags):.3g} to {max(lags):.3g} s" if lags else "no lags"
         lines = [
-            f"Impulse response ({self.response_of}), {self.input} perturbed: {self.status}",
-            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz; lags {reach}, step {self.step_s:.3g} s, "
+            f"{seconds:.1f} s at {self.rate_hz:.6g} Hz; lags {reach}, step {self.step_s:.3g} s, "
             f"{self.n_kept} of {len(lags)} directions",
-            f"  VAF of the {self.vaf_of} {self.vaf_pct:.2f} %, of a second-order joint "
+            f"VAF of the {self.vaf_of} {self.vaf_pct:.2f} %, of a second-order joint "
             f"{self.second_order_vaf_pct:.2f} %",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  {self.estimator}; intervals: {self.ci_method}",
-            f"  Check: {self.check.sentence()}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            *map(parameter_line, self.parameters),
+            f"{self.estimator}; intervals: {self.ci_method}",
+            f"Check: {self.check.sentence()}",
         ]
-        return "\n".join(lines)
+        title = f"Impulse response ({self.response_of}), {self.input} perturbed: {self.status}"
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the impulse response with its bounds and the second-order joint's.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the impulse response with its bounds and the second-order joint's."""
         milliseconds = 1e3 * np.array(self.curve.lag_s)
         axes.fill_between(
             milliseconds, self.curve.low, self.curve.high, color=BAND, alpha=0.5, linewidth=0.0
@@ -171,4 +148,3 @@ class ImpulseResponseFit(Fit):
         second = f"second order {self.second_order_vaf_pct:.2f} %"
         axes.set_title(f"{drawn}\n{vaf}, {second}", fontsize="medium")
         axes.legend()
-        return axes

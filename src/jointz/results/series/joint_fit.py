@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import pandas as pd
-
-from jointz.results.base import Fit, parameter_frame, parameter_label, parameter_line
+from jointz.results.base import Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.second_order_verdict import SecondOrderCheck
 
@@ -26,10 +24,16 @@ class FitSeries:
     measured: tuple[float, ...] = ()
     modelled: tuple[float, ...] = ()
 
+    def draw(self, axes: "Axes") -> None:
+        """Draw measurement and model over time."""
+        axes.plot(self.time_s, self.measured, label="measured", linewidth=1.5)
+        axes.plot(self.time_s, self.modelled, label="model", linestyle="--")
+        axes.set_xlabel("time (s)")
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class JointFit(Fit):
-    """Impedance of a joint out of one time series.
+    """Impedance of a joint from one time series.
 
     Parameters
     ----------
@@ -90,50 +94,24 @@ class JointFit(Fit):
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
     series: FitSeries = field(default_factory=FitSeries)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            model=self.model,
-            estimator=self.estimator,
-        )
-
     def summary(self) -> str:
         """Return a short text: parameters, intervals, quality, warnings."""
         seconds = self.n_samples / self.rate_hz
         lines = [
-            f"Joint impedance, estimator {self.estimator}, {self.input} perturbed: {self.status}",
-            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  VAF of the {self.vaf_of} {self.vaf_pct:.1f} %; intervals: {self.ci_method}",
-            f"  Check: {self.check.sentence()}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            f"{seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz",
+            *map(parameter_line, self.parameters),
+            f"VAF of the {self.vaf_of} {self.vaf_pct:.1f} %; intervals: {self.ci_method}",
+            f"Check: {self.check.sentence()}",
         ]
-        return "\n".join(lines)
+        title = (
+            f"Joint impedance, estimator {self.estimator}, {self.input} perturbed: {self.status}"
+        )
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw measured and modelled signal over a readable stretch.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
-        axes.plot(self.series.time_s, self.series.measured, label="measured", linewidth=1.5)
-        axes.plot(self.series.time_s, self.series.modelled, label="model", linestyle="--")
-        axes.set_xlabel("time (s)")
+    def _draw(self, axes: "Axes") -> None:
+        """Draw measured and modelled signal over a readable stretch."""
+        self.series.draw(axes)
         axes.set_ylabel(_AXIS_LABELS[self.vaf_of])
         drawn = ", ".join(parameter_label(p) for p in self.parameters)
         axes.set_title(f"{drawn}\nVAF of the {self.vaf_of} {self.vaf_pct:.1f} %", fontsize="medium")
         axes.legend()
-        return axes

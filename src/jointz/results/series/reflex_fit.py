@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import pandas as pd
-
-from jointz.results.base import Fit, parameter_frame, parameter_line
+from jointz.results.base import Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
@@ -42,7 +40,7 @@ class ReflexPath:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ReflexFit(Fit):
-    """Intrinsic and reflex impedance of a joint out of one time series.
+    """Intrinsic and reflex impedance of a joint from one time series.
 
     Parameters
     ----------
@@ -113,33 +111,22 @@ class ReflexFit(Fit):
     warnings: tuple[str, ...] = ()
     series: ReflexSeries = field(default_factory=ReflexSeries)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
-        return parameter_frame(
-            self.parameters,
-            vaf_pct=self.vaf_pct,
-            n_samples=self.n_samples,
-            model=self.model,
-            estimator=self.estimator,
-        )
-
     def summary(self) -> str:
         """Return a short text: both paths, intervals, quality, warnings."""
         seconds = self.n_samples / self.fit_rate_hz
         lines = [
-            f"Intrinsic and reflex impedance, {self.input} perturbed: {self.status}",
-            f"  {seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz, fitted "
+            f"{seconds:.1f} s at {self.rate_hz:.6g} Hz, low-pass {self.cutoff_hz:g} Hz, fitted "
             f"at {self.fit_rate_hz:.4g} Hz",
-            *(f"  {parameter_line(p)}" for p in self.parameters),
-            f"  {self._reflex_line()}",
-            f"  VAF of the torque {self.vaf_pct:.1f} %: intrinsic path {self.intrinsic_vaf_pct:.1f}"
+            *map(parameter_line, self.parameters),
+            self._reflex_line(),
+            f"VAF of the torque {self.vaf_pct:.1f} %: intrinsic path {self.intrinsic_vaf_pct:.1f}"
             f" %, reflex path {self.reflex_vaf_pct:.1f} %",
-            f"  without a reflex path {self.linear_vaf_pct:.1f} % and stiffness "
+            f"without a reflex path {self.linear_vaf_pct:.1f} % and stiffness "
             f"{self.linear_stiffness:.4g} N*m/rad",
-            f"  intervals: {self.ci_method}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            f"intervals: {self.ci_method}",
         ]
-        return "\n".join(lines)
+        title = f"Intrinsic and reflex impedance, {self.input} perturbed: {self.status}"
+        return summary_text(title, lines, self.warnings)
 
     def _reflex_line(self) -> str:
         path = self.path
@@ -151,42 +138,25 @@ class ReflexFit(Fit):
             f"(p {path.p_value:.2g})"
         )
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw measured and modelled torque and both paths over a readable stretch.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
-        shown = self.series
-        axes.plot(shown.time_s, shown.measured, color=INK, linewidth=1.5, label="measured")
-        axes.plot(shown.time_s, shown.modelled, color=MODEL, linestyle="--", label="both paths")
-        axes.plot(
-            shown.time_s, shown.intrinsic, color=_INTRINSIC, linewidth=0.9, label="intrinsic path"
-        )
-        axes.plot(shown.time_s, shown.reflex, color=_REFLEX, linewidth=1.2, label="reflex path")
+    def _draw(self, axes: "Axes") -> None:
+        """Draw measured and modelled torque and both paths over a readable stretch."""
+        for name, label, style in (
+            ("measured", "measured", {"color": INK, "linewidth": 1.5}),
+            ("modelled", "both paths", {"color": MODEL, "linestyle": "--"}),
+            ("intrinsic", "intrinsic path", {"color": _INTRINSIC, "linewidth": 0.9}),
+            ("reflex", "reflex path", {"color": _REFLEX, "linewidth": 1.2}),
+        ):
+            axes.plot(self.series.time_s, getattr(self.series, name), label=label, **style)
         axes.set_xlabel("time (s)")
         axes.set_ylabel("torque less its slow part (N*m)")
         axes.set_title(self._title(), fontsize="medium")
         axes.legend(ncols=4, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.17))
-        return axes
 
     def _title(self) -> str:
         symbols = {"stiffness": "K", "reflex_gain": "reflex gain", "reflex_delay": "delay"}
-        drawn = ", ".join(
-            f"{symbol} {p.status}" if p.value is None else f"{symbol} = {p.value:.3g} {p.unit}"
-            for symbol, p in ((s, self.parameter(name)) for name, s in symbols.items())
-        )
+        labels = (parameter_label(self.parameter(n), symbol=s) for n, s in symbols.items())
         return (
-            f"{drawn}\nVAF {self.vaf_pct:.1f} %; intrinsic alone {self.intrinsic_vaf_pct:.1f} %, "
+            f"{', '.join(labels)}\n"
+            f"VAF {self.vaf_pct:.1f} %; intrinsic alone {self.intrinsic_vaf_pct:.1f} %, "
             f"without reflex path {self.linear_vaf_pct:.1f} %"
         )

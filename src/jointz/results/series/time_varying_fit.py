@@ -8,14 +8,12 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import Result
+from jointz.results.base import ParameterResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL
+from jointz.results.series.impulse_response_fit import RESPONSE_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +34,11 @@ class ParameterCurve:
         return PARAMETER_UNITS[self.name]
 
     @property
+    def ci(self) -> tuple[tuple[float | None, float | None], ...]:
+        """The pointwise intervals, ends (low, high), a phase each."""
+        return tuple(zip(self.ci_low, self.ci_high, strict=True))
+
+    @property
     def n_decided(self) -> int:
         """Phases with an estimate."""
         return sum(v is not None for v in self.value)
@@ -53,7 +56,7 @@ class PhaseResponses:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class TimeVaryingFit(Result):
+class TimeVaryingFit(ParameterResult[ParameterCurve]):
     """Impulse response and K, B, J of a joint at phases of the gait cycle.
 
     Parameters
@@ -100,6 +103,7 @@ class TimeVaryingFit(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.TimeVaryingFit/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
 
     estimator: str
     input: str
@@ -130,26 +134,7 @@ class TimeVaryingFit(Result):
     @property
     def response_unit(self) -> str:
         """Unit of the impulse responses."""
-        return _UNITS[self.response_of]
-
-    def parameter(self, name: str) -> ParameterCurve:
-        """Return a parameter over the cycle by name.
-
-        Parameters
-        ----------
-        name : str
-            ``stiffness``, ``damping`` or ``inertia``.
-
-        Raises
-        ------
-        KeyError
-            When the fit has no such parameter.
-        """
-        for curve in self.parameters:
-            if curve.name == name:
-                return curve
-        known = ", ".join(curve.name for curve in self.parameters)
-        raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
+        return RESPONSE_UNITS[self.response_of]
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter and phase; the responses are ``responses``."""
@@ -177,35 +162,22 @@ class TimeVaryingFit(Result):
     def summary(self) -> str:
         """Return a short text: strides, resolution, ranges of K, B, J, warnings."""
         left_out = ", ".join(f"{n} {code}" for code, n in self.excluded.items())
-        lines = [
+        title = (
             f"Impedance over the gait cycle, {self.estimator}, {self.input} perturbed: "
-            f"{self.status}",
-            f"  {self.n_used} strides of {self.stride_s:.3g} s"
+            f"{self.status}"
+        )
+        lines = [
+            f"{self.n_used} strides of {self.stride_s:.3g} s"
             + (f"; left out: {left_out}" if left_out else ""),
-            f"  segments of {self.segment_s:.3g} s, a resolution of {self.resolution_pct:.3g} % of "
+            f"segments of {self.segment_s:.3g} s, a resolution of {self.resolution_pct:.3g} % of "
             f"the cycle; low-pass {self.cutoff_hz:g} Hz",
-            *(f"  {_range(curve, self.gait_pct)}" for curve in self.parameters),
-            f"  intervals: {self.ci_level:.0%}, pointwise, {self.ci_method}",
-            *(f"  Note: {warning}" for warning in self.warnings),
+            *(_range(curve, self.gait_pct) for curve in self.parameters),
+            f"intervals: {self.ci_level:.0%}, pointwise, {self.ci_method}",
         ]
-        return "\n".join(lines)
+        return summary_text(title, lines, self.warnings)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw stiffness, and damping on a second axis, over the cycle with their bands.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes of the stiffness.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(7.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw stiffness, and damping on a second axis, over the cycle with their bands."""
         right = axes.twinx()
         lines = []
         for on, name, style in ((axes, "stiffness", INK), (right, "damping", MODEL)):
@@ -227,11 +199,10 @@ class TimeVaryingFit(Result):
         text = f"{self.n_used} strides, resolution {self.resolution_pct:.2g} % of the cycle"
         axes.set_title(f"{text}, {self.ci_level:.0%} bands", fontsize="medium")
         axes.legend(handles=lines, loc="upper right", ncols=2, frameon=False)
-        return axes
 
 
 def _alone(values: np.ndarray) -> np.ndarray:
-    """Tell which values have no neighbour, so that no band can be drawn through them."""
+    """Return which values have no neighbour, so that no band can be drawn through them."""
     there = np.pad(np.isfinite(values), 1)
     alone: np.ndarray = there[1:-1] & ~there[:-2] & ~there[2:]
     return alone
@@ -239,11 +210,11 @@ def _alone(values: np.ndarray) -> np.ndarray:
 
 def _range(curve: ParameterCurve, gait_pct: tuple[float, ...]) -> str:
     """Return a line: smallest and largest estimate, where they are, how many are decided."""
-    found = [(v, pct) for v, pct in zip(curve.value, gait_pct, strict=True) if v is not None]
-    decided = f"decided at {len(found)} of {len(gait_pct)} phases"
-    if not found:
+    estimates = [(v, pct) for v, pct in zip(curve.value, gait_pct, strict=True) if v is not None]
+    decided = f"decided at {len(estimates)} of {len(gait_pct)} phases"
+    if not estimates:
         return f"{curve.name:<10} {decided}"
-    (low, low_at), (high, high_at) = min(found), max(found)
+    (low, low_at), (high, high_at) = min(estimates), max(estimates)
     low_end, high_end = (np.array(ends, dtype=float) for ends in (curve.ci_low, curve.ci_high))
     half_width = 0.5 * float(np.nanmedian(high_end - low_end))
     return (

@@ -1,4 +1,4 @@
-"""Labels that are not the same but look it: S01 and s1."""
+"""Detection of labels that differ only in spelling, such as S01 and s1."""
 
 import re
 from collections.abc import Iterable
@@ -7,7 +7,7 @@ _ZEROS = re.compile(r"(?<![\d.])0+(?=\d)")
 
 
 def label_key(label: str) -> str:
-    """Return what labels share that a reader takes for one."""
+    """Return the key that labels share if they differ only in spelling."""
     text = _ZEROS.sub("", label.strip().casefold())
     try:
         number = float(text)

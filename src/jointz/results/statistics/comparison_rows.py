@@ -1,4 +1,4 @@
-"""The rows of a comparison: whose values, means, differences, tests, repeatability."""
+"""Rows of a comparison: values, means, differences, tests, repeatability."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ PAIRED, GROUPS, POOLED = "paired", "groups", "pooled"
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One of the results that are compared."""
+    """One of the compared results."""
 
     name: str  # as tables and figures call it
     participants: tuple[str, ...]  # everybody in it, with a value or without
@@ -20,7 +20,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class PersonValue:
-    """One participant's value, as it was compared."""
+    """One participant's compared value."""
 
     source: str  # whose, and of what
     participant: str
@@ -126,7 +126,7 @@ class FactorTest:
 
 @dataclass(frozen=True, slots=True)
 class Repeatability:
-    """How well values of the same people repeat."""
+    """Repeatability of values of the same people."""
 
     parameter: str
     unit: str
@@ -153,7 +153,7 @@ class Repeatability:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceRange:
-    """What is published beside a mean; nothing is tested against it."""
+    """A published value shown beside a mean; nothing is tested against it."""
 
     name: str  # whose, and of what
     parameter: str

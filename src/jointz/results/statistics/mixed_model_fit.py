@@ -1,13 +1,13 @@
 """The mixed model of one response: participants as a random factor, levels as a fixed one."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.errors import DataError
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,7 +108,7 @@ class LevelPair:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class MixedModelFit(Result):
+class MixedModelFit(PlottedResult):
     """A mixed model of one response on the levels of one factor within participants.
 
     Parameters
@@ -148,6 +148,7 @@ class MixedModelFit(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.MixedModelFit/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.0)
 
     response: str
     within: str
@@ -208,7 +209,7 @@ class MixedModelFit(Result):
                 )
         chosen = [pair for pair in self.comparisons if pair.error == error]
         columns = [f.name for f in fields(LevelPair) if f.name != "error"]
-        frame = pd.DataFrame([asdict(pair) for pair in chosen])[columns]
+        frame = record_frame(chosen, columns)
         numbers = ["difference", "se", "df", "t", "p"]
         frame[numbers] = frame[numbers].astype(float)
         n_tests = int(frame["p"].notna().sum())
@@ -222,34 +223,32 @@ class MixedModelFit(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a level: mean, interval, participants."""
-        return pd.DataFrame([asdict(m) for m in self.means])
+        return record_frame(self.means, LevelMean.__slots__)
 
     def summary(self) -> str:
         """Return a short text: the tests, the variances, the pairs, the notes."""
         f, icc = self.f_test, self.icc
-        lines = [
-            f"{self.formula}: {self.n_rows} rows of {self.n_participants} participants",
-            f"  {self.within}: {_f_text(f)} ({_METHODS[self.df_method]})",
-        ]
+        title = f"{self.formula}: {self.n_rows} rows of {self.n_participants} participants"
+        lines = [f"{self.within}: {_f_text(f)} ({_METHODS[self.df_method]})"]
         if self.repeated_measures is not None:
             rm = self.repeated_measures
             lines.append(
-                f"  repeated-measures ANOVA: {_f_text(rm)}; Greenhouse-Geisser epsilon "
+                f"repeated-measures ANOVA: {_f_text(rm)}; Greenhouse-Geisser epsilon "
                 f"{rm.epsilon:.3f}, p {rm.p_epsilon:.3g}"
             )
-        lines += [f"  {_random_text(test)}" for test in self.random_effects]
+        lines += map(_random_text, self.random_effects)
         cell = "" if self.variances.cell is None else f", cell {self.variances.cell:.4g}"
         lines += [
-            f"  variances: participant {self.variances.participant:.4g}{cell}, "
+            f"variances: participant {self.variances.participant:.4g}{cell}, "
             f"residual {self.variances.residual:.4g}",
-            f"  intraclass correlation {icc.value:.3f} ({icc.ci_low:.3f} to {icc.ci_high:.3f}, "
+            f"intraclass correlation {icc.value:.3f} ({icc.ci_low:.3f} to {icc.ci_high:.3f}, "
             f"{'exact' if icc.exact else 'approximate'})",
-            f"  pairs, pooled error, Bonferroni: {self._pairs_text()}",
+            f"pairs, pooled error, Bonferroni: {self._pairs_text()}",
         ]
         if self.missing:
             cells = ", ".join(f"{who} at {level}" for who, level in self.missing)
-            lines.append(f"  no value: {cells}; their other values are used")
-        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+            lines.append(f"no value: {cells}; their other values are used")
+        return summary_text(title, lines, self.notes)
 
     def _pairs_text(self) -> str:
         table = self.pairs()
@@ -262,22 +261,8 @@ class MixedModelFit(Result):
         ]
         return f"{', '.join(shown) or 'none'} differ, of {len(table)}"
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the mean of every level with its interval.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the mean of every level with its interval."""
         at = list(range(len(self.means)))
         mean = [m.mean for m in self.means]
         half = [m.ci_high - m.mean for m in self.means]
@@ -286,7 +271,6 @@ class MixedModelFit(Result):
         axes.set_xlabel(self.within)
         axes.set_ylabel(f"{self.response}, mean and {100 * self.ci_level:g} % interval")
         axes.set_title(f"{_f_text(self.f_test)} ({_METHODS[self.df_method]})", fontsize="medium")
-        return axes
 
 
 def _adjusted(p: "pd.Series[float]", adjust: str) -> "pd.Series[float]":

@@ -1,4 +1,4 @@
-"""What a cell says of a parameter before anything was bounded or refused: value and errors."""
+"""Unbounded estimates of a cell with their errors, undecided ones included."""
 
 from dataclasses import dataclass
 
@@ -32,12 +32,12 @@ class UnboundedEstimate:
 
 
 def has_budget(cell: CellEstimate) -> bool:
-    """Tell whether a cell says where its uncertainty comes from."""
+    """Return whether a cell has an error budget."""
     return bool(cell.budget)
 
 
 def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
-    """Return what the data alone say of a parameter: the priors of K, B and J taken out.
+    """Return the estimate of a parameter without the priors of K, B and J.
 
     A mean over people must not count the prior once per person: where data decide nothing, all
     estimates are the prior's mean, and agree.

@@ -1,14 +1,14 @@
-"""What the sign of a pulse, and its direction against the trajectory, do to the estimates."""
+"""Tests of the sign and direction of pulses on the estimates."""
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
-from enum import StrEnum
+from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.core.codes import Code
+from jointz.results.base import PlottedResult, Result, columns_with, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,30 +20,18 @@ _RESPONSE_COLOURS = {"stiffness": "C0", "inertia": "C1"}
 _SMALLEST_DRAWN_P = 1e-16
 
 
-class Undecided(StrEnum):
+class Undecided(Code):
     """Why a test of pulses has no answer; part of the file format."""
 
-    TOO_FEW_PULSES = "too_few_pulses"
-    ONE_LEVEL = "one_level"
-    NO_VARIATION = "no_variation"
-    CONFOUNDED = "confounded"
-    MISSING_COMBINATION = "missing_combination"
-    TOO_FEW_TRIALS = "too_few_trials"
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for tables and tooltips."""
-        return _MEANING[self]
-
-
-_MEANING = {
-    Undecided.TOO_FEW_PULSES: "fewer pulses with a finite estimate than the test needs",
-    Undecided.ONE_LEVEL: "every pulse has the same level: nothing to compare",
-    Undecided.NO_VARIATION: "the estimates do not vary, or not inside the trials",
-    Undecided.CONFOUNDED: "type and direction go together: only their joint effect can be told",
-    Undecided.MISSING_COMBINATION: "a combination of type and direction has no pulse",
-    Undecided.TOO_FEW_TRIALS: "too few trials to tell the effects from differences between trials",
-}
+    TOO_FEW_PULSES = "too_few_pulses", "fewer pulses with a finite estimate than the test needs"
+    ONE_LEVEL = "one_level", "every pulse has the same level: nothing to compare"
+    NO_VARIATION = "no_variation", "the estimates do not vary, or not inside the trials"
+    CONFOUNDED = "confounded", "type and direction go together: only their joint effect can be told"
+    MISSING_COMBINATION = "missing_combination", "a combination of type and direction has no pulse"
+    TOO_FEW_TRIALS = (
+        "too_few_trials",
+        "too few trials to tell the effects from differences between trials",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +115,7 @@ class PulseCount(Result):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PulseEffects(Result):
+class PulseEffects(PlottedResult):
     """Effects of pulse type and direction over the cases and trajectories of a study.
 
     Parameters
@@ -179,13 +167,13 @@ class PulseEffects(Result):
         every = ("stiffness", "inertia", "all")
         for analysis in ("one_way", "mixed"):
             for effect in ("type", "direction", "all", "joint", "type:direction"):
-                wanted = ("type", "direction") if effect == "all" else (effect,)
+                effects = ("type", "direction") if effect == "all" else (effect,)
                 for response in every:
                     p = [
                         t.p
                         for t in self.tests
                         if t.analysis == analysis
-                        and t.effect in wanted
+                        and t.effect in effects
                         and response in (t.response, "all")
                         and t.p is not None
                     ]
@@ -206,45 +194,27 @@ class PulseEffects(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the tests as a table, one row a test."""
-        columns = [f.name for f in fields(PulseTest)]
-        return pd.DataFrame([asdict(test) for test in self.tests], columns=columns)
+        return record_frame(self.tests, PulseTest.__slots__)
 
     def means_frame(self) -> pd.DataFrame:
         """Return the means as a table, one row a case, trajectory and parameter."""
-        columns = [f.name for f in fields(PulseMeans)]
-        return pd.DataFrame([asdict(mean) for mean in self.means], columns=columns)
+        return record_frame(self.means, PulseMeans.__slots__)
 
     def counts_frame(self) -> pd.DataFrame:
         """Return the counts as a table, with their share in percent."""
-        columns = [f.name for f in fields(PulseCount)]
-        rows = [asdict(c) | {"share_pct": c.share_pct} for c in self.counts]
-        return pd.DataFrame(rows, columns=[*columns, "share_pct"])
+        return record_frame(self.counts, columns_with(PulseCount, "share_pct", after="of"))
 
     def summary(self) -> str:
         """Return a short text: the counts of both analyses, and the notes."""
         cells = {(m.case, m.trajectory) for m in self.means}
-        lines = [f"Pulse type and direction in {len(cells)} case-trajectory pairs"]
-        lines += [f"  {_sentence(c, self.alpha)}" for c in self.counts if c.of]
+        title = f"Pulse type and direction in {len(cells)} case-trajectory pairs"
+        lines = [_sentence(c, self.alpha) for c in self.counts if c.of]
         undecided = sum(t.status != "ok" for t in self.tests)
-        lines.append(f"  {undecided} of {len(self.tests)} tests undecided")
-        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+        lines.append(f"{undecided} of {len(self.tests)} tests undecided")
+        return summary_text(title, lines, self.notes)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the p-values of the mixed model, one column a case and trajectory.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the p-values of the mixed model, one column a case and trajectory."""
         names = list(dict.fromkeys(f"{m.case}{m.trajectory}" for m in self.means))
         for effect, marker in _EFFECT_MARKERS.items():
             for response, symbol in _RESPONSE_SYMBOLS.items():
@@ -265,7 +235,6 @@ class PulseEffects(Result):
         axes.set_xlabel("case and trajectory")
         axes.set_ylabel("p, trial as a random factor")
         axes.legend(fontsize="small", ncols=2)
-        return axes
 
 
 def finite_or_none(value: float) -> float | None:

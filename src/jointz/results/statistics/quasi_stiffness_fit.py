@@ -1,18 +1,16 @@
 """Quasi-stiffness over the gait cycle, and beside the stiffness of perturbations."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.core.codes import Code
+from jointz.results.base import PlottedResult, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-SCHEMA = "jointz.QuasiStiffness/1"
 
 #: Slope over the phase; slope over a window about the timing point; moment over angle.
 MEASURES = ("slope", "local_slope", "secant")
@@ -20,30 +18,15 @@ MEASURES = ("slope", "local_slope", "secant")
 _DEGREE = 57.29577951308232
 
 
-class Doubt(StrEnum):
+class Doubt(Code):
     """Why a quasi-stiffness is not to be relied on; part of the file format."""
 
-    ANGLE_TURNS = "angle_turns"
-    SMALL_RANGE = "small_range"
-    NOT_A_LINE = "not_a_line"
-    SMALL_ANGLE = "small_angle"
-    TOO_FEW_NODES = "too_few_nodes"
-    NO_RANGE = "no_range"
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for tables and tooltips."""
-        return _MEANING[self]
-
-
-_MEANING = {
-    Doubt.ANGLE_TURNS: "the angle turns here, so one angle has two moments",
-    Doubt.SMALL_RANGE: "the angle moves less than a degree here",
-    Doubt.NOT_A_LINE: "less than half of the moment's variation follows the angle",
-    Doubt.SMALL_ANGLE: "the angle is within a degree of its zero",
-    Doubt.TOO_FEW_NODES: "fewer than three nodes of the curve lie here",
-    Doubt.NO_RANGE: "the angle does not move here, or is zero",
-}
+    ANGLE_TURNS = "angle_turns", "the angle turns here, so one angle has two moments"
+    SMALL_RANGE = "small_range", "the angle moves less than a degree here"
+    NOT_A_LINE = "not_a_line", "less than half of the moment's variation follows the angle"
+    SMALL_ANGLE = "small_angle", "the angle is within a degree of its zero"
+    TOO_FEW_NODES = "too_few_nodes", "fewer than three nodes of the curve lie here"
+    NO_RANGE = "no_range", "the angle does not move here, or is zero"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +52,7 @@ class QuasiStiffnessEstimate:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class QuasiStiffness(Result):
+class QuasiStiffness(PlottedResult):
     """Quasi-stiffness of a mean stride: how moment goes with angle in unperturbed gait.
 
     Parameters
@@ -86,7 +69,8 @@ class QuasiStiffness(Result):
         What a reader of the numbers must know.
     """
 
-    SCHEMA: ClassVar[str] = SCHEMA
+    SCHEMA: ClassVar[str] = "jointz.QuasiStiffness/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.5)
 
     estimates: tuple[QuasiStiffnessEstimate, ...]
     unit: str
@@ -111,9 +95,9 @@ class QuasiStiffness(Result):
         KeyError
             When there is none.
         """
-        for found in self.estimates:
-            if (found.timing_point, found.measure) == (timing_point, measure):
-                return found
+        for estimate in self.estimates:
+            if (estimate.timing_point, estimate.measure) == (timing_point, measure):
+                return estimate
         points = ", ".join(dict.fromkeys(e.timing_point for e in self.estimates))
         raise KeyError(
             f"no {measure!r} at {timing_point!r}: expected one of {', '.join(MEASURES)} at one of "
@@ -143,38 +127,23 @@ class QuasiStiffness(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a timing point and measure."""
-        columns = list(QuasiStiffnessEstimate.__slots__)
-        rows = [asdict(e) | {"doubts": ";".join(e.doubts)} for e in self.estimates]
-        table = pd.DataFrame(rows, columns=columns)
-        table.insert(columns.index("value") + 1, "unit", self.unit)
+        table = record_frame(self.estimates, QuasiStiffnessEstimate.__slots__)
+        table["doubts"] = [";".join(e.doubts) for e in self.estimates]
+        table.insert(list(table.columns).index("value") + 1, "unit", self.unit)
         return table
 
     def summary(self) -> str:
         """Return a short text: every measure at every timing point, doubts, notes."""
-        lines = [f"Quasi-stiffness, {self.unit}"]
+        lines = []
         for e in self.estimates:
             value = "undecided" if e.value is None else f"{e.value:.3g}"
             why = f" ({'; '.join(Doubt(d).meaning for d in e.doubts)})" if e.doubts else ""
             where = f"{e.timing_point:<4} {e.onset_gait_pct:>5g} %"
-            lines.append(f"  {where}  {e.measure:<11} {value:>9}{why}")
-        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+            lines.append(f"{where}  {e.measure:<11} {value:>9}{why}")
+        return summary_text(f"Quasi-stiffness, {self.unit}", lines, self.notes)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw moment over angle, with the line of every phase; dashed where ill-conditioned.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.5), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw moment over angle, with the line of every phase; dashed where ill-conditioned."""
         axes.plot([_DEGREE * a for a in self.angle], self.moment, color="0.6", linewidth=1.0)
         for colour, e in enumerate(e for e in self.estimates if e.measure == "slope"):
             inside = [
@@ -198,7 +167,6 @@ class QuasiStiffness(Result):
         axes.set_ylabel(f"moment ({self.unit.replace('/rad', '')})")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(title=self.unit, fontsize="small")
-        return axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +180,7 @@ class ComparedPoint:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class QuasiStiffnessComparison(Result):
+class QuasiStiffnessComparison(PlottedResult):
     """Quasi-stiffness beside stiffness, as section 4.3.2.3 compares them.
 
     Parameters
@@ -234,6 +202,7 @@ class QuasiStiffnessComparison(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.QuasiStiffnessComparison/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.0)
 
     points: tuple[ComparedPoint, ...]
     unit: str
@@ -249,40 +218,26 @@ class QuasiStiffnessComparison(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a timing point."""
-        return pd.DataFrame([asdict(point) | {"unit": self.unit} for point in self.points])
+        return record_frame(self.points, ComparedPoint.__slots__).assign(unit=self.unit)
 
     def summary(self) -> str:
         """Return a short text: percent differences, the test with its n, the interval."""
-        lines = [f"Quasi-stiffness and stiffness, {self.unit}"]
+        lines = []
         for point in self.points:
             apart = point.difference_pct
             shown = "no percentage: K is 0" if apart is None else f"{apart:+.2f} %"
             values = f"{point.quasi_stiffness:>8.3f} {point.stiffness:>8.3f}"
-            lines.append(f"  {point.timing_point:<4} {values}  {shown}")
+            lines.append(f"{point.timing_point:<4} {values}  {shown}")
         lines += [
-            f"  Welch's unpaired t = {self.statistic:.3f}, df {self.df:.2f}, p = {self.p:.4f}, "
+            f"Welch's unpaired t = {self.statistic:.3f}, df {self.df:.2f}, p = {self.p:.4f}, "
             f"n = {self.n} and {self.n}",
-            f"  mean difference {self.difference:.3f} ({1 - self.alpha:.0%} interval "
+            f"mean difference {self.difference:.3f} ({1 - self.alpha:.0%} interval "
             f"{self.ci_low:.3f} to {self.ci_high:.3f})",
         ]
-        return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
+        return summary_text(f"Quasi-stiffness and stiffness, {self.unit}", lines, self.notes)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw both at every timing point.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw both at every timing point."""
         places = range(len(self.points))
         axes.axhline(0.0, color="0.8", linewidth=0.8)
         axes.plot(places, [p.stiffness for p in self.points], "o", label="stiffness")
@@ -291,4 +246,3 @@ class QuasiStiffnessComparison(Result):
         axes.set_ylabel(f"stiffness ({self.unit})")
         axes.set_title(f"Welch's t: p = {self.p:.3g}, n = {self.n} and {self.n}", fontsize="medium")
         axes.legend()
-        return axes

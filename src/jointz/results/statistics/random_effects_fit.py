@@ -1,23 +1,36 @@
-"""Studies together: the mean over studies of one parameter, or of several."""
+"""Random-effects means over studies, of one parameter or of several."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 import pandas as pd
+from pydantic import BeforeValidator, InstanceOf
 from scipy.special import stdtrit
 
 from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
 from jointz.kernels.statistics.multivariate_random_effects import MultivariateFit
-from jointz.results.base import Result, checked_values
+from jointz.results.base import Array, PlottedResult, Result, axes_or_new, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA: Final = "jointz.RandomEffects/1"
-JOINT_SCHEMA: Final = "jointz.JointRandomEffects/1"
+
+def _rebuilt(kind: type, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    return kind(**{k: np.asarray(v, float) if isinstance(v, list) else v for k, v in value.items()})
+
+
+_UnivariateFit = Annotated[
+    InstanceOf[RandomEffectsFit], BeforeValidator(partial(_rebuilt, RandomEffectsFit))
+]
+_MultivariateFit = Annotated[
+    InstanceOf[MultivariateFit], BeforeValidator(partial(_rebuilt, MultivariateFit))
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,19 +54,13 @@ class StudyMean:
 class RandomEffects(Result):
     """One parameter over studies."""
 
+    SCHEMA: ClassVar[str] = "jointz.RandomEffects/1"
+
     parameter: str
     unit: str
     studies: tuple[StudyMean, ...]  # what was pooled
-    fit: RandomEffectsFit  # mean, intervals, spread between studies, weights
+    fit: _UnivariateFit  # mean, intervals, spread between studies, weights
     ci_level: float = 0.95  # of all intervals
-
-    def __eq__(self, other: object) -> bool:
-        # Arrays have no single truth; their plain values do.
-        if not isinstance(other, RandomEffects):
-            return NotImplemented
-        return self.to_dict() == other.to_dict()
-
-    __hash__ = None  # type: ignore[assignment]
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a study: ``study, value, se, ci_low, ci_high, n_people, weight_pct``."""
@@ -68,15 +75,16 @@ class RandomEffects(Result):
         """Return mean, interval, and how much studies differ."""
         f, people = self.fit, sum(s.n_people for s in self.studies)
         level = f"{100 * self.ci_level:g} %"
-        return "\n".join(
-            [
-                f"{self.parameter}: {f.mean:.4g} {self.unit}, {level} interval {f.low:.4g} to "
-                f"{f.high:.4g} ({len(self.studies)} studies, {people} people)",
-                f"  another study: {f.prediction_low:.4g} to {f.prediction_high:.4g}",
-                f"  between studies: sd {np.sqrt(f.tau2):.3g} ({np.sqrt(f.tau2_low):.3g} to "
-                f"{np.sqrt(f.tau2_high):.3g}), I2 {f.i2_pct:.0f} %, Q {f.q:.3g} (p {f.q_p:.2g})",
-            ]
+        title = (
+            f"{self.parameter}: {f.mean:.4g} {self.unit}, {level} interval {f.low:.4g} to "
+            f"{f.high:.4g} ({len(self.studies)} studies, {people} people)"
         )
+        lines = [
+            f"another study: {f.prediction_low:.4g} to {f.prediction_high:.4g}",
+            f"between studies: sd {np.sqrt(f.tau2):.3g} ({np.sqrt(f.tau2_low):.3g} to "
+            f"{np.sqrt(f.tau2_high):.3g}), I2 {f.i2_pct:.0f} %, Q {f.q:.3g} (p {f.q_p:.2g})",
+        ]
+        return summary_text(title, lines)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw a forest plot: the studies, their mean below them."""
@@ -87,44 +95,20 @@ class RandomEffects(Result):
         axes.set_xlabel(f"{self.parameter} ({self.unit}), {100 * self.ci_level:g} % intervals")
         return axes
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "schema": SCHEMA,
-            "parameter": self.parameter,
-            "unit": self.unit,
-            "studies": [asdict(s) for s in self.studies],
-            "fit": _plain_fit(self.fit),
-            "ci_level": self.ci_level,
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "RandomEffects":
-        """Rebuild from :meth:`to_dict`."""
-        values = checked_values(data, SCHEMA)
-        values["studies"] = tuple(StudyMean(**s) for s in values["studies"])
-        values["fit"] = RandomEffectsFit(**_arrays(values["fit"]))
-        return cls(**values)
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class JointRandomEffects(Result):
+class JointRandomEffects(PlottedResult):
     """Several parameters over studies, their errors and their spread going together."""
+
+    SCHEMA: ClassVar[str] = "jointz.JointRandomEffects/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 3.0)
 
     parameters: tuple[str, ...]  # of what, in the order of all arrays
     units: tuple[str, ...]
     studies: tuple[str, ...]  # what was pooled
-    values: np.ndarray  # means over people; NaN where a study has none
-    fit: MultivariateFit  # means, intervals, covariance between studies
+    values: Array  # means over people; NaN where a study has none
+    fit: _MultivariateFit  # means, intervals, covariance between studies
     ci_level: float = 0.95  # of all intervals
-
-    def __eq__(self, other: object) -> bool:
-        # Arrays have no single truth; their plain values do.
-        if not isinstance(other, JointRandomEffects):
-            return NotImplemented
-        return self.to_dict() == other.to_dict()
-
-    __hash__ = None  # type: ignore[assignment]
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: mean, intervals, sd between studies, studies."""
@@ -144,19 +128,16 @@ class JointRandomEffects(Result):
 
     def summary(self) -> str:
         """Return a line for each parameter."""
-        lines = [f"{len(self.studies)} studies, {', '.join(self.parameters)} together"]
-        lines += [
-            f"  {row.parameter}: {row.value:.4g} {row.unit}, {100 * self.ci_level:g} % interval "
+        title = f"{len(self.studies)} studies, {', '.join(self.parameters)} together"
+        lines = (
+            f"{row.parameter}: {row.value:.4g} {row.unit}, {100 * self.ci_level:g} % interval "
             f"{row.ci_low:.4g} to {row.ci_high:.4g}; sd between studies {row.tau:.3g}"
             for row in self.to_frame().itertuples()
-        ]
-        return "\n".join(lines)
+        )
+        return summary_text(title, lines)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
+    def _draw(self, axes: "Axes") -> None:
         """Draw every parameter as a share of its mean, with its intervals."""
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 3.0), layout="constrained")[1]
         f, size, at = self.fit, np.abs(self.fit.mean), np.arange(len(self.parameters))
         axes.hlines(at, f.prediction_low / size, f.prediction_high / size, lw=1.0, color=INK)
         axes.hlines(at, f.low / size, f.high / size, lw=3.0, color=INK)
@@ -164,40 +145,18 @@ class JointRandomEffects(Result):
         axes.set_yticks(at, list(self.parameters))
         axes.set_ylabel("parameter")
         axes.set_xlabel("share of the mean: interval (thick), another study (thin)")
-        return axes
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        rows = self.values.tolist()
-        values = [[v if np.isfinite(v) else None for v in row] for row in rows]
-        return {
-            "schema": JOINT_SCHEMA,
-            "parameters": list(self.parameters),
-            "units": list(self.units),
-            "studies": list(self.studies),
-            "values": values,
-            "fit": _plain_fit(self.fit),
-            "ci_level": self.ci_level,
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "JointRandomEffects":
-        """Rebuild from :meth:`to_dict`."""
-        values = checked_values(data, JOINT_SCHEMA)
-        for name in ("parameters", "units", "studies"):
-            values[name] = tuple(values[name])
-        values["values"] = np.asarray(values["values"], dtype=float)
-        values["fit"] = MultivariateFit(**_arrays(values["fit"]))
-        return cls(**values)
+        """Return plain values, ready for JSON, which has no NaN."""
+        values = [[v if np.isfinite(v) else None for v in row] for row in self.values.tolist()]
+        return Result.to_dict(self) | {"values": values}
 
 
 def draw_forest(
     studies: Sequence[Mapping[Any, Any]], mean: Mapping[Any, Any], ax: "Axes | None" = None
 ) -> "Axes":
     """Draw a forest plot: the studies, their mean below them."""
-    import matplotlib.pyplot as plt
-
-    axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    axes = axes_or_new(ax, (6.0, 4.0))
     at, below = np.arange(len(studies)), len(studies) + 0.3
     values = np.array([s["value"] for s in studies])
     axes.hlines(at, [s["ci_low"] for s in studies], [s["ci_high"] for s in studies], color="0.4")
@@ -211,12 +170,3 @@ def draw_forest(
     axes.invert_yaxis()
     axes.set_ylabel("study (people)")
     return axes
-
-
-def _plain_fit(fit: RandomEffectsFit | MultivariateFit) -> dict[str, Any]:
-    held = {f.name: getattr(fit, f.name) for f in fields(fit)}
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in held.items()}
-
-
-def _arrays(held: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: np.asarray(v, dtype=float) if isinstance(v, list) else v for k, v in held.items()}

@@ -1,12 +1,12 @@
-"""The test of a difference between curves, node by node, and what differences it leaves open."""
+"""Test of a difference between curves, node by node, with the differences not ruled out."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ class WaveformCluster:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class WaveformTest(Result):
+class WaveformTest(PlottedResult):
     """Two sets of curves compared node by node, errors held over the whole curve.
 
     Parameters
@@ -161,24 +161,23 @@ class WaveformTest(Result):
 
     def clusters_frame(self) -> pd.DataFrame:
         """Return one row a cluster."""
-        names = [f.name for f in fields(WaveformCluster)]
-        rows = [asdict(c) | {"extent_nodes": c.extent_nodes} for c in self.clusters]
-        return pd.DataFrame(rows, columns=[*names, "extent_nodes"])
+        return record_frame(self.clusters, columns_with(WaveformCluster, "extent_nodes", after="p"))
 
     def summary(self) -> str:
         """Return a short text: threshold, clusters, what differences are left open."""
         people = f"{self.n_a}" if self.design == "paired" else f"{self.n_a} and {self.n_b}"
-        lines = [
+        title = (
             f"{_TITLES[self.method]}, {self.design} t, two-tailed, {people} participants, "
-            f"{len(self.t)} nodes: {self.verdict}",
-            f"  |t| > {self.threshold:.4g} at alpha {self.alpha:g} ({self.threshold_from}); "
-            f"p {self.p_value:.3g}",
+            f"{len(self.t)} nodes: {self.verdict}"
+        )
+        lines = [
+            f"|t| > {self.threshold:.4g} at alpha {self.alpha:g} ({self.threshold_from}); "
+            f"p {self.p_value:.3g}"
         ]
         if self.fwhm_nodes is not None:
-            lines.append(f"  width {self.fwhm_nodes:.4g} nodes, {self.resels:.4g} resels")
-        lines += [f"  {_cluster_line(cluster)}" for cluster in self.clusters]
-        lines.append(f"  {self._open_line()}")
-        return "\n".join([*lines, *(f"  Note: {warning}" for warning in self.warnings)])
+            lines.append(f"width {self.fwhm_nodes:.4g} nodes, {self.resels:.4g} resels")
+        lines += [*map(_cluster_line, self.clusters), self._open_line()]
+        return summary_text(title, lines, self.warnings)
 
     def _open_line(self) -> str:
         band = f"{1.0 - self.alpha:.3g} band over all nodes at once"
@@ -188,22 +187,8 @@ class WaveformTest(Result):
         share = f"{sum(self.equivalent)} of {len(self.equivalent)} nodes"
         return f"{text}; equivalent within {self.equivalence_margin:.4g} at {share}"
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the difference with its band, clusters shaded.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the difference with its band, clusters shaded."""
         nodes = range(len(self.t))
         label = f"{1.0 - self.alpha:.3g} band, all nodes at once"
         axes.fill_between(nodes, self.ci_low, self.ci_high, alpha=0.25, label=label)
@@ -219,7 +204,6 @@ class WaveformTest(Result):
         title = f"{self.verdict}: |t| > {self.threshold:.4g}, p {self.p_value:.3g}"
         axes.set_title(title, fontsize="medium")
         axes.legend(fontsize="small")
-        return axes
 
 
 def _cluster_line(cluster: WaveformCluster) -> str:
