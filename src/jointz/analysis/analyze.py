@@ -15,11 +15,13 @@ from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import assembled, replicates_for
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS, failed_parameters
+from jointz.identify.estimators import METHODS
+from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
 from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import VirtualEstimate
 from jointz.results.estimates import CellEstimate
@@ -62,7 +64,7 @@ def analyze(
     study : Study or path
         An opened study, or its folder.
     method : str
-        ``recommended`` or a name of :data:`jointz.identify.methods.cells.METHODS`.
+        ``recommended`` or a name of :data:`jointz.identify.estimators.METHODS`.
     resamples : int
         Bootstrap resamples a cell.
     seed : int
@@ -205,9 +207,11 @@ def _chosen(study: Study, method: str) -> str:
     """Return the method by its name; what is recommended depends on the study."""
     baseline = study.spec.perturbations.baseline
     name = _recommended(study) if method == RECOMMENDED else method
-    if study.spec.kind == "walking" and name in BENCH_ONLY:
-        raise DataError(f"method: {name} is for bench studies; this study walks. Choose another.")
-    if baseline == PREDICTED and name not in (RECOMMENDED, *BENCH_ONLY):
+    kind, kinds = study.spec.kind, METHODS[name].kinds
+    if kind not in kinds:
+        this = "this study walks" if kind == "walking" else f"the kind of this study is {kind}"
+        raise DataError(f"method: {name} is for {kinds[0]} studies; {this}. Choose another.")
+    if baseline == PREDICTED and name != RECOMMENDED and "walking" in kinds:
         raise DataError(
             f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, in walking '
             "that torque perturbs. Choose another under perturbations.baseline."
@@ -347,7 +351,7 @@ def _missing(
 
 def _baseline(study: Study, method: str) -> str:
     """Return what is subtracted: as the study asks, else the method's own."""
-    own = METHODS[method].baseline_for(walking=study.spec.kind == "walking")
+    own = METHODS[method].baseline_for(KINDS[study.spec.kind])
     return study.spec.perturbations.baseline or own
 
 

@@ -20,6 +20,7 @@ from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import named_as_written, shown_file
@@ -175,13 +176,13 @@ def participant_settings(
 ) -> ParticipantSettings:
     """Return what the study asks for about one participant."""
     spec = study.spec
-    walking = spec.kind == "walking"
+    kind = KINDS[spec.kind]
     # Beside the dissertation's method, the one that differs in nothing but the baseline.
-    compared = method != "dissertation" and (walking or method == FULL_RECORD)
-    others = ["dissertation"] if compared else ["matched_strides"] if walking else []
+    compared = method != "dissertation" and (kind.by_gait or method == FULL_RECORD)
+    others = ["dissertation"] if compared else ["matched_strides"] if kind.by_gait else []
     own = spec.perturbations.baseline is None
     return ParticipantSettings(
-        walking=walking,
+        kind=kind,
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,

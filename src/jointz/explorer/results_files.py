@@ -13,7 +13,7 @@ from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
 from jointz.explorer.reestimation import with_again
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS
+from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult
 from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
@@ -97,7 +97,7 @@ class Exploration:
         if fixed or own["kind"] != "walking":
             return ()
         there = self.methods()
-        return tuple(m for m in METHODS if m not in BENCH_ONLY and m not in there)
+        return tuple(m for m in METHODS.serving("walking") if m not in there)
 
     def command(self) -> str:
         """Return the command line that makes the same numbers."""

@@ -9,7 +9,7 @@ import numpy as np
 from jointz.core.codes import Exclusion, Failure
 from jointz.identify.appraisal.specification_baselines import with_baseline
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.assignment import Candidate, assign_pulses, label_names
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -233,7 +233,7 @@ def _filtered(
             continue
         for window_s in choices.windows_s:
             asked = _asked(settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline)
-            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, asked)
+            estimator = CellEstimator(participant, DISSERTATION, conditioned, asked)
             candidates = assign_pulses(participant, conditioned, asked, baseline=baseline)
             choice = {
                 "method": FILTERED,

@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identify.methods.cell_equations import fitted_by_equations
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_COMMAND,
     CellData,
@@ -112,3 +113,8 @@ def _driven(values: np.ndarray, torque: np.ndarray, rate_hz: float) -> np.ndarra
     velocity = np.gradient(angle) * rate_hz
     acceleration = (torque - values[0] * angle - values[1] * velocity) / values[2]
     return np.stack([angle, velocity, acceleration])
+
+
+INSTRUMENTAL_VARIABLE = CellMethod(
+    "instrumental_variable", "matched_strides", instrumental_variable, raw=True
+)

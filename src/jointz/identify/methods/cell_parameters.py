@@ -11,7 +11,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.study import Calibrated
 from jointz.identify.preparation.calibration import relative_sd
-from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, calibration_sd
+from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, intrinsic_impedance
 from jointz.results.estimates import ParameterEstimate
 
 _PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
@@ -77,14 +77,15 @@ class BootstrapSpread(Spread):
         replicates: Replicates,
         settings: FitSettings,
         *,
-        what: str,
+        with_strides: bool,
         rng: np.random.Generator,
     ) -> None:
         super().__init__(replicates.active)
         scale, intrinsic = _calibration_draws(settings, len(replicates.bounded), rng)
         self._bounded = scale[:, None] * replicates.bounded - intrinsic
         self._free = scale[:, None] * replicates.unbounded - intrinsic
-        self._made = f"of {settings.n_resamples} bootstrap resamples of {what}"
+        drawn = "pulses and unperturbed strides" if with_strides else "pulses"
+        self._made = f"of {settings.n_resamples} bootstrap resamples of {drawn}"
 
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
@@ -145,8 +146,8 @@ class JackknifeSpread(Spread):
     def _total(self, sd: float, i: int, point: Point) -> float:
         known = self._settings.calibration
         gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
-        intrinsic = calibration_sd(getattr(known, f"intrinsic_{PARAMETERS[i]}"))
-        parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic]
+        intrinsic_sd = intrinsic_impedance(known)[1][i]
+        parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic_sd]
         return float(np.linalg.norm(parts))
 
 
@@ -154,11 +155,9 @@ def parameter_estimates(
     point: Point, spread: Spread, settings: FitSettings
 ) -> tuple[ParameterEstimate, ...]:
     """Return K, B, J and the values per kg with intervals and statuses."""
-    entries = [getattr(settings.calibration, f"intrinsic_{name}") for name in PARAMETERS]
     estimates = []
     for i, name in enumerate(PARAMETERS):
-        entry = entries[i]
-        known = 0.0 if entry is None else entry.value
+        known = intrinsic_impedance(settings.calibration)[0][i]
         share = spread.share_at_bound(i)
         at_bound = bool(point.held >> i & 1) or share >= 0.5 or point.value[i] == 0.0
         low, high = spread.interval(i, point, bound=float(0.0 - known), at_bound=at_bound)
@@ -214,10 +213,8 @@ def _calibration_draws(
     scale = _gain_draws(calibration.angle_gain, n, rng) / _gain_draws(
         calibration.torque_gain, n, rng
     )
-    entries = [getattr(calibration, f"intrinsic_{name}") for name in PARAMETERS]
-    known = np.array([0.0 if e is None else e.value for e in entries])
-    spread = np.array([calibration_sd(e) for e in entries])
-    return scale, known + spread * rng.standard_normal((n, len(PARAMETERS)))
+    values, sds = intrinsic_impedance(calibration)
+    return scale, values + sds * rng.standard_normal((n, len(PARAMETERS)))
 
 
 def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> np.ndarray:

@@ -37,7 +37,7 @@ def redrawn_averages(
         strides = baseline.windows.reshape(-1, averages.shape[1])
         averages -= change.reshape(len(weights), -1) @ strides
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    return _twisted(_lagged(averages, settings, rng), settings, rng)
+    return _with_instrument_errors(averages, settings, rng, raw=False)
 
 
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
@@ -60,9 +60,7 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
         draws = resample_weights(count, settings.n_resamples, rng, block=baseline.block)
         averages -= (draws * count - 1.0) @ _stride_influence(windows)
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    if windows.lead:
-        return _raw_twisted(_raw_lagged(averages, settings, rng), settings, rng)
-    return _twisted(_lagged(averages, settings, rng), settings, rng)
+    return _with_instrument_errors(averages, settings, rng, raw=windows.lead > 0)
 
 
 def _widening(n: int) -> float:
@@ -83,31 +81,11 @@ def _stride_influence(windows: Windows) -> np.ndarray:
     return influence
 
 
-def _lagged(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
-    """Shift each resample's torque by a draw of the lag that may be left over."""
-    sd = lag_sd(settings.calibration)
-    if not sd:
-        return averages
-    late = rng.normal(0.0, sd, size=(len(averages), 1))
-    averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=settings.rate_hz)
-    return averages
-
-
 def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
     """Return a low-passed torque later by a small time, to second order."""
     rate = derivative(torque, rate_hz=rate_hz)
     curvature = derivative(rate, rate_hz=rate_hz)
     return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
-
-
-def _twisted(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
-    """Turn each resample's motion by a draw of what torque may still make the sensor show."""
-    sd = twist_sd(settings.calibration)
-    if not sd:
-        return averages
-    twist = rng.normal(0.0, sd, size=(len(averages), 1, 1))
-    averages[:, :TORQUE] -= twist * shown_by(averages[:, TORQUE], rate_hz=settings.rate_hz)
-    return averages
 
 
 def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
@@ -116,30 +94,26 @@ def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
     return np.stack([torque, rate, derivative(rate, rate_hz=rate_hz)], axis=-2)
 
 
-def _raw_twisted(
-    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
+def _with_instrument_errors(
+    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator, *, raw: bool
 ) -> np.ndarray:
-    """Do the same to an unfiltered angle."""
-    sd = twist_sd(settings.calibration)
-    if not sd:
-        return averages
-    twist = rng.normal(0.0, sd, size=(len(averages), 1))
-    averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
-    return averages
-
-
-def _raw_lagged(
-    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
-) -> np.ndarray:
-    """Do the same to an unfiltered torque, by the derivatives of its local cubic."""
-    sd = lag_sd(settings.calibration)
-    if not sd:
-        return averages
-    late = rng.normal(0.0, sd, size=(len(averages), 1))
-    mean = averages[:, RAW_TORQUE].mean(axis=0)
-    width = 2 * max(2, round(_SMOOTH_S * settings.rate_hz)) + 1
-    rate, curvature = (
-        savgol_filter(mean, width, 3, deriv=order, delta=1.0 / settings.rate_hz) for order in (1, 2)
-    )
-    averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
+    """Draw the remaining errors of lag and of torque seen as angle for each resample."""
+    count, rate_hz = len(averages), settings.rate_hz
+    if sd := lag_sd(settings.calibration):
+        late = rng.normal(0.0, sd, size=(count, 1))
+        if raw:  # by the derivatives of the local cubic of the mean
+            mean = averages[:, RAW_TORQUE].mean(axis=0)
+            width = 2 * max(2, round(_SMOOTH_S * rate_hz)) + 1
+            rate, curvature = (
+                savgol_filter(mean, width, 3, deriv=k, delta=1.0 / rate_hz) for k in (1, 2)
+            )
+            averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
+        else:
+            averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=rate_hz)
+    if sd := twist_sd(settings.calibration):
+        twist = rng.normal(0.0, sd, size=(count, 1))
+        if raw:
+            averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
+        else:
+            averages[:, :TORQUE] -= twist[:, None] * shown_by(averages[:, TORQUE], rate_hz=rate_hz)
     return averages

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jointz.identify.methods.cell_equations import fitted_by_equations, undecided, white_noise_sd
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_ANGLE,
     RAW_TORQUE,
@@ -107,3 +108,9 @@ def _lag_found(fit: DrivenFit, drive: Drive) -> tuple[ParameterEstimate, ...]:
     inside = fit.converged and abs(lag) < drive.lead * drive.step_s
     value = lag if inside else None
     return (ParameterEstimate("torque_lag", value, None, None, "ok" if inside else "undecided"),)
+
+
+OUTPUT_ERROR = CellMethod("output_error", "matched_strides", output_error, raw=True)
+ERRORS_IN_VARIABLES = CellMethod(
+    "errors_in_variables", "matched_strides", errors_in_variables, raw=True
+)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jointz.identify.methods.cell_equations import fitted_by_equations, white_noise_sd
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_ANGLE,
     RAW_TORQUE,
@@ -41,3 +42,6 @@ def weak_form(cell: CellData, settings: FitSettings) -> CellFit:
         return weak_equations(angles, torques, functions, whitener, angle_sd=sd[0])
 
     return fitted_by_equations(cell, settings, equations, windows=windows)
+
+
+WEAK_FORM = CellMethod("weak_form", "matched_strides", weak_form, raw=True)

@@ -15,6 +15,7 @@ from jointz.identify.preparation.baselines import Baseline, StridePool
 from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.identify.preparation.conditioning import ANGLE, Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+from jointz.identify.study_kinds import StudyKind
 
 _UNFILTERED = ("angle", "torque", "command")
 
@@ -45,7 +46,7 @@ class WindowCutter:
             parts.append((index, *self._of_source(index, mine)))
         windows = np.concatenate([w for _, w, _ in parts])
         baseline = _stacked([(self._home(index), b) for index, _, b in parts])
-        if not self._settings.walking:  # trials do not drift as posture does in walking
+        if not self._settings.kind.drifts:
             baseline = replace(baseline, block=1)
         # Back into the order of the candidates.
         placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
@@ -77,8 +78,7 @@ class WindowCutter:
         if self._baseline != "unperturbed_mean":
             return (index,)
         unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
-        # A new donning moves the sensor; on a bench every trial has a reference of its own.
-        keys = ("session", "side") if self._settings.walking else ("session", "side", "trial")
+        keys = self._settings.kind.reference_keys
         alike = most_alike(self._sources[index].given, unperturbed, keys=keys)
         return tuple(k for k, s in enumerate(self._sources) if any(s.given is a for a in alike))
 
@@ -87,9 +87,7 @@ class WindowCutter:
             sources = [self._sources[k] for k in home]
             own = self._baseline == "matched_strides"
             self._pools[home] = (
-                _own_pool(sources[0])
-                if own
-                else _unperturbed_pool(sources, walking=self._settings.walking)
+                _own_pool(sources[0]) if own else _unperturbed_pool(sources, self._settings.kind)
             )
         return self._pools[home]
 
@@ -123,11 +121,11 @@ def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
     )
 
 
-def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
+def _unperturbed_pool(sources: Sequence[Source], kind: StudyKind) -> StridePool:
     """Collect the strides of the unperturbed condition; a bench trial is one stride."""
     recordings, starts, onsets = [], [], []
     for source in sources:
-        if walking and source.strides is None:
+        if kind.by_gait and source.strides is None:
             continue
         recordings.append(source.signals)
         onsets.append(_onsets(source))

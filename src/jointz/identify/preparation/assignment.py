@@ -82,7 +82,7 @@ def _of_source(
     )
     damage_s = damage_of(source.given.recording)
     damage = [damage_near(damage_s, *_reach(p, source, settings)) for p in source.pulses]
-    grouped = settings.perturbations.group is not None
+    by_gait, grouped = settings.kind.by_gait, settings.perturbations.group is not None
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     outside = is_outside(onsets, source)
     measured_pct = np.full(onsets.size, np.nan)
@@ -103,7 +103,7 @@ def _of_source(
             duration_s=_known(pulse.duration_s),
             amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
-            target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
+            target_pct=settings.timing_points.get(labels[k]) if by_gait else None,
             measured_pct=_known(measured_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
             detail=user.reason if user else detail,
@@ -126,7 +126,7 @@ def _known(value: float) -> float | None:
 def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
     """Tell whether a pulse takes its timing point from the gait, not from a name or group."""
     grouped = settings.perturbations.group is not None
-    return settings.walking and not grouped and not pulse.timing_point
+    return settings.kind.by_gait and not grouped and not pulse.timing_point
 
 
 def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
@@ -143,7 +143,7 @@ def _phases(
     Where nobody asked, what cannot be trusted is unknown instead of coded.
     """
     unknown = np.full(onsets.size, np.nan)
-    if not settings.walking and source.strides is None:
+    if not settings.kind.by_gait and source.strides is None:
         return unknown, onsets - source.given.recording["time"].to_numpy()[0], [""] * onsets.size
     if source.strides is None:
         return unknown, unknown, [""] * onsets.size
@@ -167,7 +167,7 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     labels = []
     for pulse, pct in zip(source.pulses, phase_pct, strict=True):
         nearest = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
-        labels.append(pulse.timing_point or (nearest if settings.walking else case))
+        labels.append(pulse.timing_point or (nearest if settings.kind.by_gait else case))
     if ALL_POINTS in labels:
         file = source.given.file
         raise DataError(

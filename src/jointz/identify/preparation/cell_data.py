@@ -149,6 +149,13 @@ def calibration_sd(entry: Calibrated | None) -> float:
     return 0.0 if entry is None else entry.sd
 
 
+def intrinsic_impedance(known: CalibrationSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Return the device's own K, B and J in the torque, zero if unknown, and their sds."""
+    none = Calibrated(value=0.0, sd=0.0)
+    entries = [getattr(known, f"intrinsic_{name}") or none for name in PARAMETERS]
+    return np.array([e.value for e in entries]), np.array([e.sd for e in entries])
+
+
 def lag_sd(calibration: CalibrationSpec) -> float:
     """Return the sd of the lag between angle and torque, s; only their difference matters."""
     lags = (calibration.angle_lag_s, calibration.torque_lag_s)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from jointz.identify.preparation.sources import RecordingInput
+from jointz.identify.study_kinds import StudyKind
 
 #: Session and side, "" where they are not stated.
 Unit = tuple[str, str]
@@ -15,7 +16,7 @@ def unit_of(recording: RecordingInput) -> Unit:
 
 
 def recording_groups(
-    recordings: Sequence[RecordingInput], *, walking: bool
+    recordings: Sequence[RecordingInput], kind: StudyKind
 ) -> list[tuple[Unit | None, list[RecordingInput]]]:
     """Return the recordings that are estimated together, with their session and side.
 
@@ -26,7 +27,7 @@ def recording_groups(
     """
     ordered = sorted(recordings, key=lambda r: r.condition != "perturbed")
     units = dict.fromkeys(unit_of(r) for r in ordered if r.condition == "perturbed")
-    if not walking or not units:
+    if not kind.by_side or not units:
         return [(("", ""), ordered)]
     groups: list[tuple[Unit | None, list[RecordingInput]]] = []
     for unit in units:

@@ -29,6 +29,7 @@ from jointz.identify.preparation.pulses import (
     pulses_from_table,
     with_measured_amplitudes,
 )
+from jointz.identify.study_kinds import StudyKind
 
 _STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
 #: What friction makes of a torque out of current: no name that a user's own channel would have.
@@ -60,7 +61,7 @@ class RecordingInput:
 class ParticipantSettings:
     """What the study and the caller ask for."""
 
-    walking: bool  # walking or bench
+    kind: StudyKind
     perturbations: PerturbationsSpec  # of the study
     group_edges: tuple[float, ...]  # edges of the groups, SI
     torque_model: TorqueModelSpec | None  # torque out of current
@@ -221,7 +222,7 @@ def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettin
     """Refuse a timing point that the study's own list does not have: most likely a slip."""
     known = settings.perturbations.timing_points
     unknown = {p.timing_point for p in pulses if p.timing_point} - set(known or ())
-    if settings.walking and known and unknown:
+    if settings.kind.by_gait and known and unknown:
         raise DataError(
             f"{file}: its pulse table names the timing point(s) {', '.join(sorted(unknown))}, "
             f"perturbations.timing_points has {', '.join(known)}. Correct one of them.",

@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from jointz.core.codes import Doubt, Exclusion, Failure
-from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
-from jointz.identify.methods.cells import failed_parameters
-from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.estimators import Estimates, ParticipantData
+from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
+from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import calibration_sd, dead_signals
 from jointz.identify.preparation.raw_signals import common_rate_hz, intrinsic_left_in, raw_signals
@@ -69,6 +70,7 @@ from jointz.identify.recommended.walking_responses import (
     known_together,
     priors_of,
 )
+from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.results.participant_model import ParticipantModel
 
@@ -78,8 +80,34 @@ BASELINE = "predicted"
 _MOST_UNFELT = 0.3
 
 
+class RecommendedMethod:
+    """Estimator of walking that explains all timing points of a participant together."""
+
+    name = METHOD
+    kinds = ("walking",)
+
+    def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
+        """Return ``predicted``."""
+        return BASELINE
+
+    def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
+        """Estimate every timing point, that of a lone pulse too."""
+        estimator = WalkingEstimator(data.participant, data.sources, settings)
+        pulses = assign_pulses(
+            data.participant, data.sources, settings, baseline=BASELINE, alone=True
+        )
+        cells, records = estimator.run(pulses)
+        return Estimates(cells, records, model=estimator.model, evidence=estimator.evidence)
+
+
 class WalkingEstimator:
-    """Estimates every timing point of a walking participant."""
+    """Estimates every timing point of a walking participant.
+
+    After a run, ``model`` describes the estimated joint and sensor, and ``evidence`` the
+    responses and what explains them; both are None if no response could be explained.
+    """
+
+    baseline = BASELINE
 
     def __init__(
         self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
@@ -89,28 +117,8 @@ class WalkingEstimator:
         self._settings = settings
         self._predictors: dict[int, UnperturbedPredictor] = {}
         self._unfelt: set[str] = set()
-        self._model: ParticipantModel | None = None
-        self._evidence: Evidence | None = None
-
-    @property
-    def evidence(self) -> Evidence | None:
-        """What the last run explained, and by what; None where nothing could be."""
-        return self._evidence
-
-    @property
-    def model(self) -> ParticipantModel | None:
-        """What was found about joint and sensor by the last run."""
-        return self._model
-
-    @property
-    def baseline(self) -> str:
-        """What is subtracted."""
-        return BASELINE
-
-    @property
-    def single(self) -> tuple[PulseEstimate, ...]:
-        """Pulses estimated each by itself: none in walking."""
-        return ()
+        self.model: ParticipantModel | None = None
+        self.evidence: Evidence | None = None
 
     def run(
         self, candidates: Sequence[Candidate]
@@ -237,8 +245,8 @@ class WalkingEstimator:
                 cell.label: doubted(self._estimate(i, evidence, counts, effects[i]), compared)
                 for i, cell in enumerate(evidence.cells)
             }
-            self._model = _model(evidence, _doubts(compared, odds))
-            self._evidence = evidence
+            self.model = _model(evidence, _doubts(compared, odds))
+            self.evidence = evidence
         estimates = self._without_steep(estimates)
         for cell in cells:
             failure = failures[cell.label]
@@ -290,13 +298,13 @@ class WalkingEstimator:
 
     def _without_steep(self, estimates: dict[str, CellEstimate]) -> dict[str, CellEstimate]:
         """Withhold values where K changes steeply inside the window, and say so."""
-        if self._model is None:
+        if self.model is None:
             return estimates
-        cells = undecided_where_steep(list(estimates.values()), self._model.curve_probability)
+        cells = undecided_where_steep(list(estimates.values()), self.model.curve_probability)
         kept = dict(zip(estimates, cells, strict=True))
         if any(kept[label] is not estimate for label, estimate in estimates.items()):
-            doubts = (*self._model.doubts, Doubt.STEEP_CHANGE.value)
-            self._model = replace(self._model, doubts=doubts)
+            doubts = (*self.model.doubts, Doubt.STEEP_CHANGE.value)
+            self.model = replace(self.model, doubts=doubts)
         return kept
 
     def _failure_before(
@@ -403,7 +411,8 @@ class WalkingEstimator:
         return calibration_sd(known.angle_zero_rad)
 
     def _failed(self, label: str, codes: Sequence[str]) -> CellEstimate:
-        return self._without_value(label, _why(codes), onset=None, counts=(0, len(codes)))
+        failure = failure_of_codes(codes)
+        return self._without_value(label, failure, onset=None, counts=(0, len(codes)))
 
     def _refused(self, cell: PredictedCell, failure: Failure, n_pulses: int) -> CellEstimate:
         used = cell.used
@@ -414,18 +423,15 @@ class WalkingEstimator:
     def _without_value(
         self, label: str, failure: Failure, *, onset: float | None, counts: tuple[int, int]
     ) -> CellEstimate:
-        return CellEstimate(
+        return failed_cell(
+            failure,
+            self._settings,
             participant=self._participant,
             timing_point=label,
-            onset_gait_pct=onset,
-            parameters=failed_parameters(
-                failure, mass_kg=self._settings.mass_kg, wants_per_mass=True
-            ),
-            vaf_pct=None,
-            n_used=counts[0],
-            n_excluded=counts[1],
+            counts=counts,
             method=METHOD,
             baseline=BASELINE,
+            onset_gait_pct=onset,
         )
 
 
@@ -480,20 +486,3 @@ def _nuisance(posterior: JointPosterior) -> tuple[ParameterEstimate, ...]:
             ParameterEstimate(name, moments.mean, moments.mean - reach, moments.mean + reach, "ok")
         )
     return tuple(rows)
-
-
-def _why(codes: Sequence[str]) -> Failure:
-    kinds = set(codes)
-    if Exclusion.NO_BASELINE.value in kinds:
-        return Failure.NO_UNPERTURBED_STRIDES
-    for code, failure in (
-        (Exclusion.CONSTANT_ANGLE, Failure.CONSTANT_ANGLE),
-        (Exclusion.CONSTANT_TORQUE, Failure.CONSTANT_TORQUE),
-        (Exclusion.NO_TORQUE, Failure.CONSTANT_TORQUE),
-        (Exclusion.NO_RESPONSE, Failure.CONSTANT_ANGLE),
-    ):
-        if code.value in kinds:
-            return failure
-    if kinds == {Exclusion.NO_HEEL_STRIKES.value}:
-        return Failure.NO_HEEL_STRIKES
-    return Failure.ALL_PULSES_EXCLUDED

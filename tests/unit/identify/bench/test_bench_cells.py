@@ -8,6 +8,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import BENCH
 
 RATE_HZ = 500.0
 SPRING = 160.0  # N*m/rad, hardly any inertia: a lag and a damping are one and the same
@@ -33,7 +34,7 @@ def analyzed(table=None, *, position_m=None, **calibration):
     units = {"position": "m"}
     recording = build_recording(t, channels, units=units, condition="perturbed", file="spring.csv")
     settings = ParticipantSettings(
-        walking=False,
+        kind=BENCH,
         perturbations=PerturbationsSpec(),
         group_edges=(),
         torque_model=None,

@@ -11,6 +11,7 @@ from jointz.identify.preparation.sources import (
     RecordingInput,
     prepare_sources,
 )
+from jointz.identify.study_kinds import WALKING
 
 STRIDE_S = 1.0
 
@@ -31,7 +32,7 @@ def recording(*, condition="no_device", side="left", missing=(), moment=True):
 
 def found(*recordings, exclusions=()):
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(),
         group_edges=(),
         torque_model=None,

@@ -17,12 +17,13 @@ from jointz.identify.preparation.raw_signals import (
     raw_signals,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import WALKING
 
 
 def source(time, channels, *, calibration=None, torque_model=None, condition="perturbed"):
     recording = build_recording(time, channels, condition=condition, file="walk.csv")
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(source="command"),
         group_edges=(),
         torque_model=torque_model,

@@ -21,13 +21,14 @@ from jointz.identify.preparation.sources import (
     most_alike,
     prepare_sources,
 )
+from jointz.identify.study_kinds import BENCH, WALKING
 
 MODEL = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1)
 
 
 def settings(*, torque_model=None, exclusions=(), walking=True, **more):
     return ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
         group_edges=(),
         torque_model=torque_model,
