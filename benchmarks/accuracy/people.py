@@ -164,11 +164,9 @@ def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> Particip
     return ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(TIMING_POINTS), source="table"),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
         methods=tuple(methods),
         n_resamples=RESAMPLES,
-        seed=0,
         mass_kg=rig.person.mass_kg,
         **more,
     )

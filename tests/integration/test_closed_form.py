@@ -85,11 +85,8 @@ def settings(*methods: str, baseline: str | None = None, walking: bool = True, *
     return ParticipantSettings(
         kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(baseline=baseline, **more),
-        group_edges=(),
-        torque_model=None,
         methods=methods,
         n_resamples=40,
-        seed=0,
         mass_kg=70.0,
     )
 

@@ -52,8 +52,6 @@ def run(recordings, *, participant="S01", seed=0, mass_kg=70.0):
     setting = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=METHODS,
         n_resamples=40,
         seed=seed,

@@ -35,11 +35,8 @@ def analyzed(settings: Preset, person: int) -> ParticipantResult:
     asked = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(plan.timing_points)),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=rig.person.mass_kg,
     )
     columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]

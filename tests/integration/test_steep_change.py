@@ -45,11 +45,8 @@ def held(person):
     asked = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=POINTS),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=rig.person.mass_kg,
     )
     columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]

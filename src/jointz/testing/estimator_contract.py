@@ -43,7 +43,9 @@ _STATUSES = ("ok", "at_bound", "undecided")
 class EstimatorContract(ABC):
     """What holds for every estimator."""
 
-    tolerance: ClassVar[float] = 0.25  # relative error of K that is accepted beside its interval
+    #: Relative error of K that is accepted outside its interval; None for a method whose
+    #: assumptions these recordings do not meet.
+    tolerance: ClassVar[float | None] = 0.25
 
     @abstractmethod
     def make(self) -> Estimator:
@@ -118,7 +120,7 @@ class EstimatorContract(ABC):
 
     def _expect_stiffness(self, stiffness: ParameterEstimate, label: str) -> None:
         value, low, high = stiffness.value, stiffness.ci_low, stiffness.ci_high
-        if value is None or low is None or high is None:
+        if self.tolerance is None or value is None or low is None or high is None:
             return
         close = abs(value / JOINT[0] - 1.0) < self.tolerance or low <= JOINT[0] <= high
         _expect(
@@ -175,7 +177,7 @@ def _recording(kind: StudyKind, condition: str, rng: np.random.Generator) -> Rec
     onsets = strikes[8 + 3 * np.arange(_N_PULSES)] + 0.3 * _STRIDE_S
     perturbed = condition == "perturbed"
     pressed = (time[:, None] >= onsets) & (time[:, None] < onsets + _PULSE_S)
-    command = _PULSE_NM * perturbed * pressed.any(axis=1)
+    command = np.where(pressed.any(axis=1), _PULSE_NM * perturbed, 0.0)
     pulses = lfilter([0.1], [1.0, -0.9], command)
     stiffness, damping, inertia = JOINT
     channels |= {

@@ -149,11 +149,7 @@ def walk_settings(
         kind=WALKING,
         perturbations=perturbations
         or PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=70.0,
         **more,
     )

@@ -52,11 +52,8 @@ def analyzed(*recordings, methods=("dissertation",), exclusions=()):
     settings = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=methods,
         n_resamples=300,
-        seed=0,
         mass_kg=70.0,
         user_exclusions=tuple(exclusions),
     )

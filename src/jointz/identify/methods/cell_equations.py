@@ -59,7 +59,9 @@ def fitted_by_equations(
     point, condition = solve_average(gram, moment, average, bounded=settings.bounded)
     replicates = solve_resamples(*equations(linear_averages(windows, settings)), settings)
     rng = rng or np.random.default_rng([settings.seed, 1])
-    spread = BootstrapSpread(replicates, settings, with_strides=not windows.baseline.own, rng=rng)
+    spread = BootstrapSpread(
+        replicates, settings, with_strides=windows.baseline.has_strides, rng=rng
+    )
     return cell_fit(
         average, point, spread, settings, condition=condition, lag_s=lag_s, nuisance=nuisance
     )

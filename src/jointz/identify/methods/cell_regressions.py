@@ -53,7 +53,7 @@ def resampled(cell: CellData, settings: FitSettings) -> CellFit:
     point, condition = _plug_in(average, bounded=settings.bounded)
     rng = np.random.default_rng(settings.seed)
     weights = resample_weights(len(responses), settings.n_resamples, rng)
-    with_strides = not (settings.letter or windows.baseline.own)
+    with_strides = windows.baseline.has_strides and not settings.letter
     if with_strides or lag_sd(known) or twist_sd(known):
         averages = redrawn_averages(windows, settings, rng, weights)
         replicates = solve_resamples(*torque_on_motion(averages), settings)

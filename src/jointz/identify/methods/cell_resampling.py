@@ -25,13 +25,13 @@ _LEAST_FREEDOM = 4
 def redrawn_averages(
     windows: Windows, settings: FitSettings, rng: np.random.Generator, weights: np.ndarray
 ) -> np.ndarray:
-    """Return the averages of filtered responses under resampling, each drawn to the letter."""
+    """Return the averages of filtered responses under exact resampling."""
     baseline, responses = windows.baseline, windows.responses()
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
-    if not (settings.letter or baseline.own):
+    if baseline.has_strides and not settings.letter:
         n_strides = baseline.n_sources
         draws = resample_weights(n_strides, settings.n_resamples, rng, block=baseline.block)
-        # The mean that was subtracted gives way to the mean of the strides drawn.
+        # The mean of the drawn strides replaces the subtracted mean.
         change = baseline.weights(draws) - baseline.weights(np.ones((1, n_strides)))
         change *= (weights * windows.turned[:, 0, 0])[:, :, None]
         strides = baseline.windows.reshape(-1, averages.shape[1])
@@ -43,11 +43,11 @@ def redrawn_averages(
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     """Return the averages under resampling, to first order in what each stride adds.
 
-    A resample's average is that of its pulses minus the sum of what its strides change, as if
-    the pulses were all there: the product of both changes, one over the number of pulses
-    smaller, is left out. That takes a hundredth of the time. Deviations of n pulses are drawn
-    larger by ``sqrt(n / (n - 1))``, which a bootstrap lacks, and by the quantile of Student's t
-    over the normal one; below five pulses no more than for five, or averages would be none.
+    A resample's average is that of its pulses minus the effects of its strides on the average of
+    all pulses. The product of both changes, smaller by the number of pulses, is neglected, which
+    takes a hundredth of the time. Deviations of n pulses are enlarged by ``sqrt(n / (n - 1))``,
+    which a bootstrap lacks, and by the quantile of Student's t over the normal one, for fewer than
+    five pulses that of five.
     """
     rng = np.random.default_rng(settings.seed)
     responses, baseline = windows.responses(), windows.baseline
@@ -55,7 +55,7 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     flat = responses.reshape(n, -1)
     weights = resample_weights(n, settings.n_resamples, rng) - 1.0 / n
     averages = flat.mean(axis=0) + _widening(n) * (weights @ flat)
-    if not baseline.own:
+    if baseline.has_strides:
         count = baseline.n_sources
         draws = resample_weights(count, settings.n_resamples, rng, block=baseline.block)
         averages -= (draws * count - 1.0) @ _stride_influence(windows)
@@ -64,13 +64,13 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
 
 
 def _widening(n: int) -> float:
-    """Return how much larger than in a bootstrap the deviations of n pulses are drawn."""
+    """Return the enlargement of the deviations of n pulses."""
     freedom = max(n - 1, _LEAST_FREEDOM)
     return float(np.sqrt(n / (n - 1)) * student_t.ppf(0.975, freedom) / norm.ppf(0.975))
 
 
 def _stride_influence(windows: Windows) -> np.ndarray:
-    """Return what one stride more adds to the average baseline, (n_sources, 4 * n)."""
+    """Return the change of the average baseline by one more stride, (n_sources, 4 * n)."""
     baseline = windows.baseline
     counts = np.maximum(baseline.valid.sum(axis=1), 1)
     share = windows.signs / (len(windows.signs) * counts)
@@ -89,7 +89,7 @@ def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.nda
 
 
 def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
-    """Return the motion that 1 rad/(N*m) of torque seen as angle shows."""
+    """Return the apparent motion by 1 rad/(N*m) of torque seen as angle."""
     rate = derivative(torque, rate_hz=rate_hz)
     return np.stack([torque, rate, derivative(rate, rate_hz=rate_hz)], axis=-2)
 

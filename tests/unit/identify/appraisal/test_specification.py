@@ -94,11 +94,8 @@ def walked(plan, *, points, reflex=None):
     asked = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=points),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=70.0,
     )
     return [RecordingInput(recording, rig.calibration, walk.pulses[columns])], asked

@@ -36,12 +36,8 @@ def analyzed(table=None, *, position_m=None, **calibration):
     settings = ParticipantSettings(
         kind=BENCH,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=("full_record",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
     return analyze_participant("rig", [RecordingInput(recording, known, table)], settings)

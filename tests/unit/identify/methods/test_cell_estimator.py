@@ -65,12 +65,8 @@ def run(*given, method="dissertation", walking=True, **more):
     settings = ParticipantSettings(
         kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
-        group_edges=(),
-        torque_model=None,
         methods=(method,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, settings)
     estimator = CellEstimator("S01", METHODS[method], sources, settings)

@@ -400,12 +400,8 @@ def analysed(given, name, **perturbations):
     options = ParticipantSettings(
         kind=BENCH,
         perturbations=PerturbationsSpec(source="table", **perturbations),
-        group_edges=(),
-        torque_model=None,
         methods=(name,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, options)
     estimator = CellEstimator("S01", METHODS[name], sources, options)

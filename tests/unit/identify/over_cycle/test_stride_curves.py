@@ -34,12 +34,7 @@ def found(*recordings, exclusions=()):
     settings = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=2,
-        seed=0,
-        mass_kg=None,
         user_exclusions=exclusions,
     )
     inputs = [RecordingInput(r, CalibrationSpec()) for r in recordings]

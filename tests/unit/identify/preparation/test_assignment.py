@@ -54,11 +54,8 @@ def assigned(*given, walking=True, exclusions=(), group=None, baseline="unpertur
         kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(group=group, **more),
         group_edges=group.edges if group else (),
-        torque_model=None,
         methods=("dissertation",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
         user_exclusions=tuple(exclusions),
     )
     sources = prepare_sources(given, settings)

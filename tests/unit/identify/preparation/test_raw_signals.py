@@ -25,12 +25,8 @@ def source(time, channels, *, calibration=None, torque_model=None, condition="pe
     settings = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(source="command"),
-        group_edges=(),
         torque_model=torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     given = RecordingInput(recording, calibration or CalibrationSpec())
     return prepare_sources([given], settings)[0]

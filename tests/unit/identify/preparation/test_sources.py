@@ -30,12 +30,9 @@ def settings(*, torque_model=None, exclusions=(), walking=True, **more):
     return ParticipantSettings(
         kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
-        group_edges=(),
         torque_model=torque_model,
         methods=("dissertation",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
         user_exclusions=tuple(exclusions),
     )
 

@@ -19,12 +19,7 @@ def prepared(walker, given):
     settings = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     source = prepare_sources([given], settings)[0]
     candidates = assign_pulses("S01", [source], settings, baseline="predicted", alone=True)
