@@ -18,6 +18,7 @@ from jointz.identify.preparation.sources import (
     prepare_sources,
 )
 from jointz.identify.recommended.unperturbed_prediction import UnperturbedPredictor
+from jointz.identify.study_kinds import WALKING
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.report.style import (
     BLUE,
@@ -51,7 +52,7 @@ def candidates_of(study: Study, person: str) -> tuple[list[Candidate], list[Sour
             RecordingInput(recording, spec.calibration_of(entry), read_pulse_table(study, entry))
         )
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,

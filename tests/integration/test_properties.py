@@ -12,6 +12,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 
 METHODS = ("dissertation", "pre_pulse", "matched_strides")
 FEW = settings(
@@ -49,10 +50,8 @@ def plain(pair):
 
 def run(recordings, *, participant="S01", seed=0, mass_kg=70.0):
     setting = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=METHODS,
         n_resamples=40,
         seed=seed,

@@ -9,6 +9,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import PerturbationsSpec
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.people import draw_person
@@ -32,13 +33,10 @@ def analyzed(settings: Preset, person: int) -> ParticipantResult:
         file="walk.nc",
     )
     asked = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(plan.timing_points)),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=rig.person.mass_kg,
     )
     columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]

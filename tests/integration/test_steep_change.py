@@ -10,6 +10,7 @@ from jointz.core.study import Calibrated, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
@@ -42,13 +43,10 @@ def held(person):
         file="walk.nc",
     )
     asked = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=POINTS),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=rig.person.mass_kg,
     )
     columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]

@@ -15,11 +15,13 @@ from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import assembled, replicates_for
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS, failed_parameters
+from jointz.identify.estimators import METHODS
+from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
 from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import VirtualEstimate
 from jointz.results.estimates import CellEstimate
@@ -62,7 +64,7 @@ def analyze(
     study : Study or path
         An opened study, or its folder.
     method : str
-        ``recommended`` or a name of :data:`jointz.identify.methods.cells.METHODS`.
+        ``recommended`` or a name of :data:`jointz.identify.estimators.METHODS`.
     resamples : int
         Bootstrap resamples for each cell.
     seed : int
@@ -203,11 +205,12 @@ def _chosen(study: Study, method: str) -> str:
     """Return the name of the method; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
     name = _recommended(study) if method == RECOMMENDED else method
-    if study.spec.kind == "walking" and name in BENCH_ONLY:
+    kind, kinds = study.spec.kind, METHODS[name].kinds
+    if kind not in kinds:
         raise DataError(
-            f"method: {name} is for bench studies; this is a walking study. Choose another."
+            f"method: {name} is for {kinds[0]} studies; this is a {kind} study. Choose another."
         )
-    if baseline == PREDICTED and name not in (RECOMMENDED, *BENCH_ONLY):
+    if baseline == PREDICTED and name != RECOMMENDED and "walking" in kinds:
         raise DataError(
             f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, for walking '
             "with perturbations of torque. Choose another under perturbations.baseline."
@@ -329,7 +332,7 @@ def _failed_cell(
 
 def _baseline(study: Study, method: str) -> str:
     """Return the baseline of the study, else the method's own."""
-    own = METHODS[method].baseline_for(walking=study.spec.kind == "walking")
+    own = METHODS[method].baseline_for(KINDS[study.spec.kind])
     return study.spec.perturbations.baseline or own
 
 

@@ -20,6 +20,7 @@ from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import named_as_written, shown_file
@@ -173,13 +174,13 @@ def participant_settings(
 ) -> ParticipantSettings:
     """Return the settings of the study for one participant."""
     spec = study.spec
-    walking = spec.kind == "walking"
+    kind = KINDS[spec.kind]
     # The dissertation's method is compared with one that differs in the baseline only.
-    compared = method != "dissertation" and (walking or method == FULL_RECORD)
-    others = ["dissertation"] if compared else ["matched_strides"] if walking else []
+    compared = method != "dissertation" and (kind.by_gait or method == FULL_RECORD)
+    others = ["dissertation"] if compared else ["matched_strides"] if kind.by_gait else []
     default_baseline = spec.perturbations.baseline is None
     return ParticipantSettings(
-        walking=walking,
+        kind=kind,
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,

@@ -9,6 +9,7 @@ from jointz.core.study import Study
 from jointz.identify.appraisal.specification import Choices, specification_estimates
 from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.study_kinds import WALKING
 from jointz.io.study_reader import open_study
 from jointz.results.specification_curve import SpecificationCurve
 from jointz.tasks.progress import Progress
@@ -80,7 +81,7 @@ def specification_curve(
             progress(next(done), total, what)
 
     settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
-    groups = recording_groups(read_participant(opened, who, {}), walking=True)
+    groups = recording_groups(read_participant(opened, who, {}), WALKING)
     by_label = {row_label(who, *unit): own for unit, own in groups if unit is not None}
     if participant is None or (label == who and len(by_label) == 1):
         label = next(iter(by_label))

@@ -13,7 +13,7 @@ from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
 from jointz.explorer.reestimation import with_new_estimates
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS
+from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult
 from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
@@ -91,7 +91,7 @@ class Exploration:
         if fixed or self.analysed.settings["kind"] != "walking":
             return ()
         present = self.methods()
-        return tuple(m for m in METHODS if m not in BENCH_ONLY and m not in present)
+        return tuple(m for m in METHODS.serving("walking") if m not in present)
 
     def command(self) -> str:
         """Return the command line that gives the same numbers."""

@@ -15,8 +15,8 @@ import numpy as np
 from jointz.core.events import PulseRecord
 from jointz.explorer.exclusions import is_about
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_windows import WindowCutter
-from jointz.identify.methods.cells import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE, Conditioned
@@ -118,7 +118,7 @@ def pulse_traces(
 ) -> dict[PulseKey, PulseTrace]:
     """Return the signals that every pulse of a participant was estimated from."""
     traces: dict[PulseKey, PulseTrace] = {}
-    for unit, group in recording_groups(recordings, walking=settings.walking):
+    for unit, group in recording_groups(recordings, settings.kind):
         if unit is not None:
             traces |= _group_traces(participant, group, settings, _part(result, unit))
     return traces
@@ -220,7 +220,7 @@ def _filtered(
     participant: str, method: str, sources: Sequence[Source], settings: ParticipantSettings
 ) -> _Windows:
     """Yield the filtered windows of a method and its baseline."""
-    default = METHODS[method].baseline_for(walking=settings.walking)
+    default = METHODS[method].baseline_for(settings.kind)
     baseline = settings.perturbations.baseline or default
     candidates = assign_pulses(participant, sources, settings, baseline=baseline, alone=True)
     usable = [c for c in candidates if not c.record.code and np.isfinite(c.elapsed_s)]

@@ -240,7 +240,7 @@ def test_sentences_have_one_comma_and_one_stop(walking, method, window_s):
 
 def test_every_method_says_how_it_fits():
     from jointz.analysis.paper.methods_fit import _FITS, FULL_RECORD, RECOMMENDED
-    from jointz.identify.methods.cells import METHODS
+    from jointz.identify.estimators import METHODS
 
     assert set(METHODS) - set(_FITS) <= {RECOMMENDED, FULL_RECORD}
 

@@ -23,7 +23,7 @@ from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
 from jointz.demo.demo_study import run_demo
 from jointz.devices.config import device_file
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.estimators import METHODS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.results.certificate_result import Certificate

@@ -14,7 +14,7 @@ from jointz.cli.command_line import app
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.experiment import loop
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS
+from jointz.identify.estimators import METHODS
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -124,7 +124,7 @@ def test_what_start_says_of_wrong_signs_and_units_are_codes():
 
 
 def test_the_mission_counts_the_methods_of_walking():
-    others = len(METHODS) - len(BENCH_ONLY) - len(("recommended", "dissertation"))
+    others = len(METHODS.serving("walking")) - len(("recommended", "dissertation"))
     words = {7: "seven", 8: "eight", 9: "nine", 10: "ten"}
 
     assert f"dissertation's and {words[others]} others" in " ".join(text("docs/mission.md").split())

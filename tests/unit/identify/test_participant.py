@@ -7,6 +7,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 
 RATE_HZ = 500.0
 TRUTH = np.array([50.0, 1.5, 0.05])
@@ -49,13 +50,10 @@ def given(condition, *, pulses=(), lag_s=0.0, calibration=None, cut=None):
 
 def analyzed(*recordings, methods=("dissertation",), exclusions=()):
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=methods,
         n_resamples=300,
-        seed=0,
         mass_kg=70.0,
         user_exclusions=tuple(exclusions),
     )

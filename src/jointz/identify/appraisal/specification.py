@@ -9,7 +9,7 @@ import numpy as np
 from jointz.core.codes import Exclusion, Failure
 from jointz.identify.appraisal.specification_baselines import with_baseline
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.assignment import Candidate, assign_pulses, label_names
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -234,7 +234,7 @@ def _filtered(
             changed = _with_perturbations(
                 settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline
             )
-            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, changed)
+            estimator = CellEstimator(participant, DISSERTATION, conditioned, changed)
             candidates = assign_pulses(participant, conditioned, changed, baseline=baseline)
             choice = {
                 "method": FILTERED,

@@ -14,7 +14,8 @@ from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
 from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS, PARAMETERS, failed_parameters
+from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.assignment import Candidate, is_outside
 from jointz.identify.preparation.calibration import (
     joint_angle,
@@ -23,6 +24,7 @@ from jointz.identify.preparation.calibration import (
     twist_sd,
     value_of,
 )
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.results.bench.bench_fits import FullRecordFit
 from jointz.results.estimates import CellEstimate
@@ -47,7 +49,7 @@ class FullRecordEstimator:
         self._participant = participant
         self._sources = sources
         self._settings = settings
-        self._by_pulse = CellEstimator(participant, METHODS["dissertation"], sources, settings)
+        self._by_pulse = CellEstimator(participant, DISSERTATION, sources, settings)
 
     @property
     def baseline(self) -> str:
@@ -122,7 +124,7 @@ class FullRecordEstimator:
         else:
             settings = self._settings
             parameters = failed_parameters(
-                outcome, mass_kg=settings.mass_kg, wants_per_mass=settings.walking
+                outcome, mass_kg=settings.mass_kg, wants_per_mass=settings.kind.per_mass
             )
         return CellEstimate(
             participant=self._participant,

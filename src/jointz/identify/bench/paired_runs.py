@@ -10,7 +10,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.identify.bench.bench_estimates import NEGATIVE_STIFFNESS, bench_estimates
 from jointz.identify.bench.paired_responses import PairResponses, check_same_rate, pair_responses
-from jointz.identify.methods.cells import PARAMETERS
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.conditioning import ACCELERATION, ANGLE, TORQUE
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.series.block_regression import fitted_sandwich, t_factor

@@ -172,9 +172,10 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
 def _estimate_cycle(
     record: JointRecord, used: ChosenStrides, settings: TimeVaryingSettings
 ) -> TimeVaryingFit:
-    """Estimate all phases and put them together."""
+    """Return the curves of all phases."""
     gait = (np.arange(settings.n_phases) + 0.5) / settings.n_phases
-    instrument = _instrument(record, settings.input)
+    measured = "torque" if settings.input == "torque" else None
+    instrument = "command" if "command" in record.channels else measured
     layout = lay_out(record, used, gait, settings)
     signals = filter_signals(
         record.channels,
@@ -186,11 +187,11 @@ def _estimate_cycle(
     weights = resample_weights(
         used.start_s.size, settings.resamples, np.random.default_rng(settings.seed)
     )
-    found = [
+    estimates = [
         _estimate(signals, layout, phase, settings.input, weights)
         for phase in range(settings.n_phases)
     ]
-    curves = parameter_curves(found, ci_level=settings.ci_level)
+    curves = parameter_curves(estimates, ci_level=settings.ci_level)
     n_used, n_excluded = used.start_s.size, sum(used.excluded.values())
     return TimeVaryingFit(
         estimator="least_squares" if instrument is None else "instrumental_variable",
@@ -198,9 +199,9 @@ def _estimate_cycle(
         gait_pct=tuple((100.0 * gait).tolist()),
         parameters=curves,
         response_of="admittance" if settings.input == "torque" else "impedance",
-        responses=phase_responses(found, layout.response_lags, record.rate_hz),
-        vaf_pct=tuple(one.response.vaf_pct if one else None for one in found),
-        second_order_vaf_pct=tuple(one.fit.vaf_pct if one else None for one in found),
+        responses=phase_responses(estimates, layout.response_lags, record.rate_hz),
+        vaf_pct=tuple(e.response.vaf_pct if e else None for e in estimates),
+        second_order_vaf_pct=tuple(e.fit.vaf_pct if e else None for e in estimates),
         status="ok" if all(c.n_decided == settings.n_phases for c in curves) else "undecided",
         n_used=n_used,
         n_excluded=n_excluded,
@@ -223,15 +224,8 @@ def _estimate_cycle(
     )
 
 
-def _instrument(record: JointRecord, perturbed: str) -> str | None:
-    """Return the channel that moved the joint and is free of what the joint did."""
-    if "command" in record.channels:
-        return "command"
-    return "torque" if perturbed == "torque" else None
-
-
 def _check_varies(signals: CycleSignals, layout: SegmentLayout, name: str) -> None:
-    """Refuse a perturbation that repeats with the stride: nothing is left without the mean."""
+    """Raise EstimationError for a perturbation that repeats with the stride."""
     source = signals.angle if signals.instrument is None else signals.instrument
     cut = source[layout.centres]
     if float(np.sum((cut - cut.mean(axis=0)) ** 2)) > _REPEATED * float(np.sum(cut**2)):
@@ -255,7 +249,7 @@ def _estimate(
     perturbed: str,
     weights: np.ndarray,
 ) -> PhaseEstimate | None:
-    """Return the estimate of a phase, None where its equations have no solution."""
+    """Return the estimate of a phase, None if its equations have no solution."""
     try:
         return estimate_phase(signals, layout, phase, perturbed=perturbed, resampling=weights)
     except (ValueError, np.linalg.LinAlgError):

@@ -1,4 +1,4 @@
-"""Short segments about one phase of every stride, and what is estimated from them."""
+"""Short segments about one phase of every stride, and estimates from them."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class CycleSignals:
     # on the angle before the filter, not after it
     angle_moment: np.ndarray
     torque: np.ndarray  # N*m: on the joint
-    # what moved the joint and is free of what the joint did; None for least squares
+    # perturbation that does not depend on the joint; None for least squares
     instrument: np.ndarray | None
 
 
@@ -44,7 +44,7 @@ class SegmentLayout:
 
 @dataclass(frozen=True, slots=True)
 class PhaseEstimate:
-    """What one phase of the cycle gave."""
+    """Estimates at one phase of the cycle."""
 
     response: EnsembleResponse  # impulse response
     fit: SegmentFit  # stiffness, damping, inertia, and the stiffness gained over half a segment

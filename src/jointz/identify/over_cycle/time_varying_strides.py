@@ -1,4 +1,4 @@
-"""Which strides a time-varying estimate uses, and where its segments lie in the record."""
+"""Strides and segments of a time-varying estimate."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -33,15 +33,15 @@ _LONGEST_SEGMENT = 0.5
 class TimeVaryingSettings:
     """Settings of :func:`jointz.identify_time_varying`."""
 
-    input: str  # what was perturbed; which side the torque acts on
+    input: str
     torque_acts_on: str
-    segment_s: float  # length of a segment; longest lag of the impulse response
+    segment_s: float
     length_s: float
     n_phases: int
-    cutoff_hz: float  # low-pass filter
-    resamples: int  # of the bootstrap
+    cutoff_hz: float
+    resamples: int
     seed: int
-    ci_level: float  # level of the intervals
+    ci_level: float
 
     def check(self, rate_hz: float) -> None:
         """Raise ValueError for a setting outside its range."""
@@ -66,15 +66,15 @@ class TimeVaryingSettings:
 
 @dataclass(frozen=True, slots=True)
 class ChosenStrides:
-    """Strides that are used, and why the others are not."""
+    """Strides for an estimate, and counts of the excluded ones by code."""
 
-    start_s: np.ndarray  # of the strides used
+    start_s: np.ndarray
     duration_s: np.ndarray
-    excluded: dict[str, int]  # how many were left out, by code
+    excluded: dict[str, int]
 
 
 def default_length_s(perturbed: str) -> float:
-    """Return the longest lag of the impulse response that is taken by default, s."""
+    """Return the default longest lag of the impulse response, s."""
     return _ADMITTANCE_S if perturbed == "torque" else _IMPEDANCE_S
 
 
@@ -111,7 +111,7 @@ def locate_strikes(
 def choose_strides(
     record: JointRecord, strikes: np.ndarray, settings: TimeVaryingSettings
 ) -> ChosenStrides:
-    """Return the strides inside the accepted band whose segments lie inside the record."""
+    """Return the accepted strides whose segments lie inside the record."""
     strides = find_strides(strikes, np.empty((0, 2)))
     longest = max(settings.length_s, _ADMITTANCE_S)
     reach = 0.5 * settings.segment_s + longest + _GUARD_PERIODS / settings.cutoff_hz

@@ -1,4 +1,4 @@
-"""From a recording to filtered signals on a uniform clock, calibrated.
+"""Filtered and calibrated signals of a recording on a uniform clock.
 
 Angle and torque go through the same zero-phase filter, derivatives are taken
 of the filtered angle, and only then is anything cut (SCIENCE trap 5): the
@@ -42,14 +42,14 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Conditioned:
-    """A recording ready for cutting windows."""
+    """Stretches of a recording from which windows are cut."""
 
     stretches: tuple[Stretch, ...]  # in order of time
     rate_hz: float  # samples a second, the same in all stretches
-    guard_s: float  # s: what the filter smears: a window keeps this far from a stretch's ends
-    start_s: float  # s: first and last time stamp of the recording
-    end_s: float  # s
-    gaps: np.ndarray  # holes in the time stamps
+    guard_s: float  # distance that windows keep from a stretch's ends, for the filter
+    start_s: float  # first and last time stamp of the recording
+    end_s: float
+    gaps: np.ndarray  # gaps in the time stamps, (n, 2) s
 
     def cut(
         self,
@@ -60,25 +60,27 @@ class Conditioned:
         rows: slice = slice(None),
         every: int = 1,
     ) -> tuple[np.ndarray, list[str]]:
-        """Cut one window a start."""
+        """Return one window for each start, NaN and a code if there is none."""
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
         n_rows = len(range(4)[rows])
         offsets = np.arange(-n_before, n_after, every)
         windows = np.full((starts.size, n_rows, offsets.size), np.nan)
         codes = [""] * starts.size
-        home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
-        for index in np.unique(home[home >= 0]):
-            chosen = np.flatnonzero(home == index)
+        stretch_of = self._stretch_of(
+            starts - before_s - self.guard_s, starts + after_s + self.guard_s
+        )
+        for index in np.unique(stretch_of[stretch_of >= 0]):
+            chosen = np.flatnonzero(stretch_of == index)
             stretch = self.stretches[index]
             columns = stretch.nearest(starts[chosen])[:, None] + offsets
             windows[chosen] = stretch.signals[rows][:, columns].transpose(1, 0, 2)
-        for k in np.flatnonzero(home < 0):
-            codes[k] = self._why_not(starts[k] - before_s, starts[k] + after_s)
+        for k in np.flatnonzero(stretch_of < 0):
+            codes[k] = self._exclusion(starts[k] - before_s, starts[k] + after_s)
         return windows, codes
 
-    def _home(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return the index of the stretch that holds each window whole, else -1."""
+    def _stretch_of(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return the index of the stretch that contains each whole window, else -1."""
         if not self.stretches:
             return np.full(begins.size, -1)
         first = np.array([s.time[0] for s in self.stretches])
@@ -88,7 +90,7 @@ class Conditioned:
         inside = (index >= 0) & (ends <= last[np.maximum(index, 0)] + half_a_sample)
         return np.where(inside, index, -1)
 
-    def _why_not(self, begin: float, end: float) -> str:
+    def _exclusion(self, begin: float, end: float) -> str:
         if begin - self.guard_s < self.start_s or end + self.guard_s > self.end_s:
             return Exclusion.EDGE_OF_RECORD.value
         near = (self.gaps[:, 0] < end + self.guard_s) & (self.gaps[:, 1] > begin - self.guard_s)
@@ -107,10 +109,13 @@ def condition(
     raw = _calibrated(recording, calibration)
     own_rate = rate_hz(time)
     if cutoff_hz >= own_rate / 2:
+        # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
+        slow = own_rate < _SLOWEST_HZ
+        remedy = "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
         raise DataError(
             f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
             f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. "
-            f"{_todo_about(own_rate)}",
+            f"{remedy}",
             path=str(recording.attrs.get("file")),
         )
     lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
@@ -136,12 +141,6 @@ def condition(
     )
 
 
-def _todo_about(rate: float) -> str:
-    # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
-    slow = rate < _SLOWEST_HZ
-    return "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
-
-
 def torque_from_current(
     recording: xr.Dataset,
     model: TorqueModelSpec,
@@ -162,7 +161,7 @@ def torque_from_current(
 
 
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocity and acceleration of the output, as measured as possible.
+    """Return velocity and acceleration of the output, from measured channels if possible.
 
     The sign of a differentiated velocity is taken after the low-pass; the
     acceleration is left as it is: the torque it goes into is low-passed later,
@@ -213,20 +212,20 @@ def _stretch(
         signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
     signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)
     signals[ACCELERATION] = derivative(signals[VELOCITY], rate_hz=own_rate)
-    wanted = uniform
+    new_time = uniform
     if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
-        wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
+        new_time = np.arange(uniform[0], uniform[-1], 1.0 / rate)
     late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
-    if wanted is not uniform or late_s.any():
+    if new_time is not uniform or late_s.any():
         # A cubic spline: the signals are low-passed, and a straight line would damp them.
-        where = (wanted - uniform[0] + late_s[:, None]) * own_rate
+        where = (new_time - uniform[0] + late_s[:, None]) * own_rate
         signals = np.stack(
             [
                 map_coordinates(row, [place], order=3, mode="nearest")
                 for row, place in zip(signals, where, strict=True)
             ]
         )
-    return Stretch(time=wanted, signals=signals)
+    return Stretch(time=new_time, signals=signals)
 
 
 def _calibrated(

@@ -1,4 +1,4 @@
-"""Which recording of a file each pulse of the file's table belongs to."""
+"""Parts of a file's pulse table, one for each perturbed recording of the file."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,29 +13,26 @@ _Span = tuple[float, float]
 
 
 def share_table(table: pd.DataFrame, recordings: Sequence[xr.Dataset]) -> list[pd.DataFrame | None]:
-    """Give every perturbed recording of a file its part of the file's pulse table."""
-    perturbed = [k for k, r in enumerate(recordings) if r.attrs["condition"] == "perturbed"]
-    spans = {k: _span(recordings[k]) for k in perturbed}
-    perturbed.sort(key=lambda k: spans[k])
-    in_order = [spans[k] for k in perturbed]
-    file = str(recordings[0].attrs["file"])
-    _check_clock(in_order, file)
+    """Return each perturbed recording's part of the pulse table of their file."""
+    times = {
+        k: r["time"].to_numpy()
+        for k, r in enumerate(recordings)
+        if r.attrs["condition"] == "perturbed"
+    }
+    spans = {k: (float(time[0]), float(time[-1])) for k, time in times.items()}
+    perturbed = sorted(spans, key=lambda k: spans[k])
+    ordered = [spans[k] for k in perturbed]
     onsets = table["onset_s"].to_numpy(dtype=float)
-    _check_onsets(onsets, in_order, file)
-    starts = [begin for begin, _ in in_order]
-    home = np.maximum(np.searchsorted(starts, onsets, side="right") - 1, 0)
+    _check(onsets, ordered, str(recordings[0].attrs["file"]))
+    starts = [begin for begin, _ in ordered]
+    position = np.maximum(np.searchsorted(starts, onsets, side="right") - 1, 0)
     shares: list[pd.DataFrame | None] = [None] * len(recordings)
-    for place, k in enumerate(perturbed):
-        shares[k] = table[home == place]
+    for i, k in enumerate(perturbed):
+        shares[k] = table[position == i]
     return shares
 
 
-def _span(recording: xr.Dataset) -> _Span:
-    time = recording["time"].to_numpy()
-    return float(time[0]), float(time[-1])
-
-
-def _check_clock(spans: Sequence[_Span], file: str) -> None:
+def _check(onsets: np.ndarray, spans: Sequence[_Span], file: str) -> None:
     for (_, end), (begin, _) in pairwise(spans):
         if begin <= end:
             raise DataError(
@@ -46,9 +43,6 @@ def _check_clock(spans: Sequence[_Span], file: str) -> None:
                 path=file,
                 channel="time",
             )
-
-
-def _check_onsets(onsets: np.ndarray, spans: Sequence[_Span], file: str) -> None:
     if onsets.size and not any(((begin <= onsets) & (onsets <= end)).any() for begin, end in spans):
         known = ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans) or "there are none"
         raise DataError(

@@ -40,11 +40,10 @@ _SUBSTEP_S = 1e-3
 _PASSES, _FIRST_PASSES = 40, 30
 #: White noise added to that of the data before it is inverted, share of its mean variance.
 _EVEN_SHARE = 1e-3
-#: Over which part of the cycle the curve through the timing points is alike: about their
-#: distance.
+#: Length scale of the curve through the timing points, cycles: about their distance.
 _CURVE_CYCLES = 0.16
 _ANY_LEVEL, _CURVE_NUGGET = 10.0, 1e-4
-#: What the search may reach: parameters of a point, then the shared ones.
+#: Limits of the search: parameters of a point, then the shared ones.
 _POINT_RANGE = np.array([[-500.0, 5000.0], [-3, 3], [-5.0, 100.0], [-3, 3], [-1.5, 1.5]])
 _SHARED_RANGE = np.array(
     [
@@ -70,7 +69,7 @@ class CellResponse:
     period_s: float  # s: between samples
     phase: float  # of the onset, cycles; NaN where unknown
     stride_s: float  # s: duration of a stride
-    # s: the first sample is so much before the onset; the joint is at rest there
+    # s: time from the first sample, with the joint at rest, to the onset
     lead_s: float = 0.0
 
     @property
@@ -79,10 +78,9 @@ class CellResponse:
         return np.asarray(np.arange(self.angle.size) * self.period_s)
 
     def weights(self) -> np.ndarray:
-        """Return the inverse of the noise, made safe where few strides tell of it.
+        """Return the inverse of the noise covariance, regularised.
 
-        A covariance of n samples from m strides has directions without noise where m is small;
-        those would decide everything.
+        A covariance from few strides has directions without noise, which would dominate a fit.
         """
         n = self.angle.size
         even = _EVEN_SHARE * np.trace(self.noise) / n * np.eye(n)
@@ -91,9 +89,9 @@ class CellResponse:
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """What is known before the data, as mean and sd; wide where little is."""
+    """Prior means and sds."""
 
-    # N*m/rad, N*m*s/rad, logarithm of kg*m^2. Normal: they cover zero and below
+    # N*m/rad, N*m*s/rad, logarithm of kg*m^2; K and B are normal and include negative values
     stiffness: tuple[float, float] = (60.0, 100.0)
     damping: tuple[float, float] = (2.5, 4.0)
     log_inertia: tuple[float, float] = (float(np.log(0.08)), 1.0)
@@ -118,14 +116,14 @@ class Priors:
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What may be true of the joint and the sensor."""
+    """A hypothesis about the joint and the sensor."""
 
     inertia_sd: float  # relative sd of the points' inertias about the shared one
-    drift_sd: float  # sd of what K and B change over the window, over their size
-    # whether K and B change as the curve through the timing points does, besides
+    drift_sd: float  # relative sd of the change of K and B over the window
+    # whether K and B also follow the curve through the timing points
     follows_curve: bool = False
     resonance: bool = False  # whether soft tissue resonates between joint and sensor
-    chance: float = 1.0  # before the data
+    chance: float = 1.0  # prior probability
     reflex_s: float = 0.0  # s: latency of a reflex; 0: there is none
 
 
@@ -134,21 +132,18 @@ class Posterior:
     """Mode and covariance under one hypothesis."""
 
     hypothesis: Hypothesis
-    values: np.ndarray  # parameters: those of the points one after the other, then the shared ones
-    # of their error: sandwich of the covariance of the responses and the priors
-    covariance: np.ndarray
+    values: np.ndarray  # parameters of the points one after the other, then the shared ones
+    covariance: np.ndarray  # sandwich of the covariance of the responses and the priors
     bread: np.ndarray  # inverse of the curvature
     prior_precision: np.ndarray  # curvature that the priors add
-    prior_mean: np.ndarray  # where the priors have their means
-    # of the responses, by Laplace's approximation, plus that of the hypothesis before the data; up
-    # to a constant that all hypotheses share
+    prior_mean: np.ndarray
+    # by Laplace's approximation, with the prior probability; up to a common constant
     log_evidence: float
     # of every point: bread times Jacobian times weights, from angle to parameters
     gains: tuple[np.ndarray, ...]
     fitted: tuple[np.ndarray, ...]  # simulated angles
-    middle_s: np.ndarray  # when, from the first sample, K, B and J have the values given
-    # what one sd of a reflex that the responses leave open does to the parameters
-    reflex_reach: np.ndarray
+    middle_s: np.ndarray  # times from the first sample at which K, B and J hold
+    reflex_reach: np.ndarray  # change of the parameters by one sd of the reflex
 
     def point(self, i: int) -> np.ndarray:
         """Return the parameters of a timing point, (5,)."""
@@ -233,23 +228,23 @@ class ResponseModel:
         return values
 
     def _refer(self, values: np.ndarray) -> None:
-        """Measure drifts by the K and B found, and give K, B, J at the middle of their weight."""
+        """Scale drifts by K and B, and set the times at which K, B and J hold."""
         points = values[:-SHARED].reshape(-1, PER_POINT)
         sizes = np.maximum(np.abs(points[:, [K, B]]), (K_FLOOR, B_FLOOR))
         middles = self._frame.middle_s.copy()
         for i, cell in enumerate(self._cells):
-            found = self._middle_of(cell, points[i], values[-SHARED:])
-            if found is not None:
-                middles[i] = found
+            middle = self._middle_of(cell, points[i], values[-SHARED:])
+            if middle is not None:
+                middles[i] = middle
         self._frame = self._frame._replace(size_per_s=sizes / self._window_s, middle_s=middles)
 
     def _middle_of(
         self, cell: CellResponse, point: np.ndarray, shared: np.ndarray
     ) -> np.ndarray | None:
-        """Return when the response tells of K, B and J, on average; None where it does not.
+        """Return the mean times at which the response depends on K, B and J; None if it does not.
 
-        A change at time t moves the angle from then on; least squares on the angle weighs it by
-        what it does to the value for the whole window.
+        A change at time t moves the angle from then on; least squares on the angle weights it by
+        its effect on the value for the whole window.
         """
         n = int((cell.lead_s + self._window_s) / cell.period_s + 1e-9) + 1
         torque = cell.torque[:, :n]
@@ -263,8 +258,8 @@ class ResponseModel:
         times = np.arange(n) * cell.period_s
         middles = []
         for motion in (x, v, np.gradient(v, cell.period_s)):
-            told = np.convolve(response, motion)[:n]
-            weight = motion * np.convolve(response, told[::-1])[:n][::-1]
+            effect = np.convolve(response, motion)[:n]
+            weight = motion * np.convolve(response, effect[::-1])[:n][::-1]
             total = weight.sum()
             if not total > 0.0:
                 return None
@@ -325,7 +320,7 @@ def _padded(cells: Sequence[CellResponse]) -> Responses:
 
 
 def response_to_kick(posterior: Posterior, i: int, *, period_s: float, n: int) -> np.ndarray:
-    """Return the angle shown after one sample of torque of 1 N*m, (n,) rad/(N*m)."""
+    """Return the measured angle after one sample of torque of 1 N*m, (n,) rad/(N*m)."""
     shared = posterior.shared
     impedance = _steady(posterior.point(i), shared)
     kick = np.zeros((2, n + 1))
@@ -357,7 +352,7 @@ def _prior_moments(priors: Priors, hypothesis: Hypothesis, n: int) -> tuple[np.n
     point = [priors.stiffness, drift, priors.damping, drift, (0.0, hypothesis.inertia_sd)]
     shared = [
         priors.log_inertia,
-        # A calibration tells of lag and delay together; alone the lag may be anything.
+        # A calibration limits the sum of lag and delay, not the lag alone.
         (priors.lag_s[0], 0.05),
         priors.delay_s,
         priors.friction_gain,

@@ -1,4 +1,4 @@
-"""What the recommended method knows of a participant after it has explained the pulses."""
+"""Responses of a participant and their explanation by the recommended method."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ from jointz.identify.recommended.walking_responses import PredictedCell
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """The pulses of a participant, predicted and explained."""
+    """Predicted pulses of a participant and the posterior of joint and sensor."""
 
-    participant: str  # the id
+    participant: str
     cells: tuple[PredictedCell, ...]  # the timing points
-    responses: tuple[CellResponse, ...]  # their averages
-    posterior: JointPosterior  # what explains them
-    known: CalibrationSpec  # of the instruments
-    # for each timing point, which of the device's own K, B and J are still in its torque
+    responses: tuple[CellResponse, ...]  # their average responses
+    posterior: JointPosterior
+    known: CalibrationSpec
+    # for each timing point, which of the device's K, B and J remain in its torque
     subtract_intrinsic: tuple[tuple[str, ...], ...]
-    window_s: float  # s: of the motion
-    session: str = ""  # of the pulses; "" where the study does not state them
+    window_s: float
+    session: str = ""  # session and side of the pulses; "" if the study does not state them
     side: str = ""

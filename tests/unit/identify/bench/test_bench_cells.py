@@ -9,6 +9,7 @@ from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.bench.bench_cells import _lag
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import BENCH
 
 RATE_HZ = 500.0
 SPRING = 160.0  # N*m/rad, hardly any inertia: a lag and a damping are one and the same
@@ -34,14 +35,10 @@ def analyzed(table=None, *, position_m=None, **calibration):
     units = {"position": "m"}
     recording = build_recording(t, channels, units=units, condition="perturbed", file="spring.csv")
     settings = ParticipantSettings(
-        walking=False,
+        kind=BENCH,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
         methods=("full_record",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
     return analyze_participant("rig", [RecordingInput(recording, known, table)], settings)

@@ -9,13 +9,14 @@ import pytest
 from jointz.core.gait_phases import mean_phase
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.estimators import METHODS
 from jointz.identify.methods import cell_resampling
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_windows import _stacked
-from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import BENCH, WALKING
 from jointz.kernels.resampling import resample_weights
 
 RATE_HZ = 500.0
@@ -62,14 +63,10 @@ def record(
 
 def run(*given, method="dissertation", walking=True, **more):
     settings = ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
-        group_edges=(),
-        torque_model=None,
         methods=(method,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, settings)
     estimator = CellEstimator("S01", METHODS[method], sources, settings)

@@ -7,8 +7,10 @@ from scipy.optimize import lsq_linear
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.methods.cells import FitSettings, failed_parameters, fit_cell
+from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.baselines import Baseline, pre_pulse
+from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
 from jointz.kernels.resampling import resample_weights
 
 RATE_HZ = 1000.0
@@ -41,19 +43,17 @@ def no_baseline(n: int) -> Baseline:
 
 
 def fit(windows, *, letter=True, calibration=None, signs=None, baseline=None, **more):
-    return fit_cell(
-        windows,
-        np.ones(len(windows)) if signs is None else signs,
-        baseline or no_baseline(len(windows)),
-        settings=FitSettings(
-            n_resamples=more.pop("n_resamples", 200),
-            seed=more.pop("seed", 3),
-            rate_hz=RATE_HZ,
-            letter=letter,
-            calibration=calibration or CalibrationSpec(),
-            **more,
-        ),
+    n = len(windows)
+    signs = np.ones(n) if signs is None else signs
+    settings = FitSettings(
+        n_resamples=more.pop("n_resamples", 200),
+        seed=more.pop("seed", 3),
+        rate_hz=RATE_HZ,
+        letter=letter,
+        calibration=calibration or CalibrationSpec(),
+        **more,
     )
+    return DISSERTATION.fit(CellData(Windows(windows, signs, baseline or no_baseline(n))), settings)
 
 
 def naive(averages: np.ndarray) -> np.ndarray:

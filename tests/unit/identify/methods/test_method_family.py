@@ -13,13 +13,14 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_resampling import linear_averages, redrawn_averages
-from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.baselines import Baseline, pre_pulse
 from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import BENCH
 from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
@@ -397,14 +398,10 @@ def study(*, with_command: bool = True) -> list[RecordingInput]:
 
 def analysed(given, name, **perturbations):
     options = ParticipantSettings(
-        walking=False,
+        kind=BENCH,
         perturbations=PerturbationsSpec(source="table", **perturbations),
-        group_edges=(),
-        torque_model=None,
         methods=(name,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, options)
     estimator = CellEstimator("S01", METHODS[name], sources, options)

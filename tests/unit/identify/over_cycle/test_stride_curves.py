@@ -11,6 +11,7 @@ from jointz.identify.preparation.sources import (
     RecordingInput,
     prepare_sources,
 )
+from jointz.identify.study_kinds import WALKING
 
 STRIDE_S = 1.0
 
@@ -31,14 +32,9 @@ def recording(*, condition="no_device", side="left", missing=(), moment=True):
 
 def found(*recordings, exclusions=()):
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=2,
-        seed=0,
-        mass_kg=None,
         user_exclusions=exclusions,
     )
     inputs = [RecordingInput(r, CalibrationSpec()) for r in recordings]

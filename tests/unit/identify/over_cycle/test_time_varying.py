@@ -311,32 +311,25 @@ def test_torque_on_the_other_body_is_told(walked):
     assert any("torque is counted on the other body" in note for note in turned.warnings)
 
 
-def test_too_few_strides_are_refused(walked):
-    with pytest.raises(DataError, match="at least 30 strides, found 1"):
-        identify(walked, heel_strikes=walked["strike"][:20])
-
-
-def test_strides_on_another_clock_are_refused(walked):
-    with pytest.raises(DataError, match="edge_of_record"):
-        identify(walked, heel_strikes=walked["strike"] + 1e4)
+@pytest.mark.parametrize(
+    ("strikes", "message"),
+    [
+        (lambda s: s[:20], "at least 30 strides, found 1"),
+        (lambda s: s + 1e4, "edge_of_record"),  # on another clock
+        (lambda s: s[::-1], "must increase"),
+        (lambda _: [0.0, 1.0, np.nan], "list of times"),
+        (lambda _: [[0.0, 1.0]], "list of times"),
+    ],
+)
+def test_strikes_that_make_no_strides_are_refused(walked, strikes, message):
+    with pytest.raises(DataError, match=message):
+        identify(walked, heel_strikes=strikes(walked["strike"]))
 
 
 def test_no_strikes_are_refused(walked):
     with pytest.raises(EstimationError, match="heel_strikes=") as caught:
         identify(walked, heel_strikes=None)
-
     assert caught.value.code == "no_heel_strikes"
-
-
-@pytest.mark.parametrize("strikes", [[0.0, 1.0, np.nan], [[0.0, 1.0]]])
-def test_strikes_that_are_no_times_are_refused(walked, strikes):
-    with pytest.raises(DataError, match="list of times"):
-        identify(walked, heel_strikes=strikes)
-
-
-def test_strikes_out_of_order_are_refused(walked):
-    with pytest.raises(DataError, match="must increase"):
-        identify(walked, heel_strikes=walked["strike"][::-1])
 
 
 def test_channels_of_unequal_length_are_refused(walked):

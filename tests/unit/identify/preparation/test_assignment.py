@@ -9,6 +9,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, GroupSpec, PerturbationsSpec, UserExclusion
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import BENCH, WALKING
 
 RATE_HZ = 200.0
 STRIDE_S = 1.0
@@ -50,14 +51,11 @@ def walk(onsets, *, n_strides=20, strikes=True, gap=(), names=None, longer=None,
 
 def assigned(*given, walking=True, exclusions=(), group=None, baseline="unperturbed_mean", **more):
     settings = ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(group=group, **more),
         group_edges=group.edges if group else (),
-        torque_model=None,
         methods=("dissertation",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
         user_exclusions=tuple(exclusions),
     )
     sources = prepare_sources(given, settings)

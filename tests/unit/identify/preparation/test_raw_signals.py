@@ -17,19 +17,16 @@ from jointz.identify.preparation.raw_signals import (
     raw_signals,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import WALKING
 
 
 def source(time, channels, *, calibration=None, torque_model=None, condition="perturbed"):
     recording = build_recording(time, channels, condition=condition, file="walk.csv")
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(source="command"),
-        group_edges=(),
         torque_model=torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     given = RecordingInput(recording, calibration or CalibrationSpec())
     return prepare_sources([given], settings)[0]

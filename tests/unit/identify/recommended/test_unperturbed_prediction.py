@@ -10,20 +10,16 @@ from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.raw_signals import raw_signals
 from jointz.identify.preparation.sources import ParticipantSettings, prepare_sources
 from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, UnperturbedPredictor
+from jointz.identify.study_kinds import WALKING
 
 WINDOW_S = 0.13
 
 
 def prepared(walker, given):
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     source = prepare_sources([given], settings)[0]
     candidates = assign_pulses("S01", [source], settings, baseline="predicted", alone=True)
