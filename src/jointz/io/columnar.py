@@ -129,7 +129,7 @@ def _is_text(kind: Any, column_type: Any) -> bool:
 
 
 def _is_flat(kind: Any, column_type: Any) -> bool:
-    """Whether a column is of a kind whose size is known before it is read, or while it is."""
+    """Whether a column holds numbers, times or text, whose size can be known."""
     if kind.is_dictionary(column_type):
         column_type = column_type.value_type
     known = (kind.is_primitive, kind.is_decimal, kind.is_null)

@@ -11,9 +11,11 @@ from jointz.core.events import PulseEstimate
 from jointz.core.reproduction import Reproduction
 from jointz.core.reproduction_tables import Compared, ComparedTable
 from jointz.reference import chapter2
+from jointz.workflows import chapter2 as chapter2_runs
 from jointz.workflows import chapter2_claims, chapter2_loads, reproduce
 from jointz.workflows.chapter2_loads import Pair
 from jointz.workflows.mechanisms import mechanism_table
+from jointz.workflows.reproduction_tasks import run_study, study_truth
 
 TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
 
@@ -210,3 +212,16 @@ def test_the_command_prints_tables_and_page(jointz, tmp_path):
     ]
     told = jointz("reproduce", "2", "--out", tmp_path / "b", "--json").json
     assert told["chapters"][0]["tables"][0]["rows"][0]["printed"] == -2.15
+
+
+def test_intrinsic_impedance_shows_what_least_squares_gives_though_a_lag_leaves_it_undecided(
+    tmp_path,
+):
+    study = run_study(str(tmp_path), "sea-intrinsic", 1, "nominal")
+    table, _ = chapter2_runs.intrinsic(study, study_truth(study, "free")["intrinsic"])
+    assert [row.quantity.split()[1] for row in table.rows] == ["stiffness", "damping", "inertia"]
+    for row in table.rows:
+        assert np.isfinite([row.dissertation, row.dissertation_sd]).all()
+        assert row.recommended_low < row.recommended < row.recommended_high
+    inertia = table.rows[2]
+    assert inertia.recommended == pytest.approx(inertia.truth, rel=0.1)
