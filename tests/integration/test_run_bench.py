@@ -242,10 +242,19 @@ first = whole.conditions[0].model_copy(update={"duration_s": 2.8, "trials": 1})
 short = whole.model_copy(update={"conditions": (first,), "loads": whole.loads[:1]})
 jointz.run(short, out=sys.argv[2], clock="real", preset="clean")
 """
-    command = [sys.executable, "-c", script, name, str(tmp_path / "study")]
-    cold = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    subprocess.run(command, env=cold, check=True, timeout=200)
-    [journal] = (tmp_path / "study").glob("sessions/*/journal.jsonl")
+    for attempt in range(3):  # a busy machine stops the real clock; a compiler does so every time
+        folder = tmp_path / str(attempt)
+        run = subprocess.run(
+            [sys.executable, "-c", script, name, str(folder / "study")],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "numba")},
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=200,
+        )
+        if "safety: overrun" not in run.stderr:
+            break
+    assert run.returncode == 0, run.stderr
+    [journal] = (folder / "study").glob("sessions/*/journal.jsonl")
     started, *_, completed = read_journal(journal)
     took_s = (completed["time_ns"] - started["time_ns"]) * 1e-9
     assert completed["event"] == "condition_completed"

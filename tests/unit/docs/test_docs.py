@@ -170,6 +170,7 @@ def test_the_study_of_the_readme_is_analysed(small_study, analyze):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # ten people of half an hour: four minutes where nothing else runs
 def test_the_readme_shows_the_figures_of_the_demo(tmp_path):
     made = run_demo(tmp_path / "demo", seed=1)
 

@@ -9,9 +9,10 @@ import pytest
 from jointz.core.errors import OutputError
 from jointz.core.events import PulseEstimate
 from jointz.reference import chapter2
-from jointz.reproduction import chapter2_loads, reproduce
+from jointz.reproduction import chapter2_loads, reproduce, reproduce_chapter2
 from jointz.reproduction.chapter2_loads import Pair
 from jointz.reproduction.chapter2_mechanisms import mechanism_table
+from jointz.reproduction.chapter_runs import run_study, study_truth
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import Compared, ComparedTable
 
@@ -210,3 +211,16 @@ def test_the_command_prints_tables_and_page(jointz, tmp_path):
     ]
     told = jointz("reproduce", "2", "--out", tmp_path / "b", "--json").json
     assert told["chapters"][0]["tables"][0]["rows"][0]["printed"] == -2.15
+
+
+def test_intrinsic_impedance_shows_what_least_squares_gives_though_a_lag_leaves_it_undecided(
+    tmp_path,
+):
+    study = run_study(str(tmp_path), "sea-intrinsic", 1, "nominal")
+    table, _ = reproduce_chapter2.intrinsic(study, study_truth(study, "free")["intrinsic"])
+    assert [row.quantity.split()[1] for row in table.rows] == ["stiffness", "damping", "inertia"]
+    for row in table.rows:
+        assert np.isfinite([row.dissertation, row.dissertation_sd]).all()
+        assert row.recommended_low < row.recommended < row.recommended_high
+    inertia = table.rows[2]
+    assert inertia.recommended == pytest.approx(inertia.truth, rel=0.1)

@@ -9,7 +9,7 @@ import pytest
 
 from jointz.console.console_app import _left
 from jointz.core.errors import DataError
-from jointz.experiment.stop_signals import STOP_SIGNALS
+from jointz.experiment.stop_signals import STOP_SIGNALS, listen_for_stops
 from jointz.web.server import _address, _listen, require_app
 
 
@@ -49,17 +49,17 @@ def test_the_address_that_is_told_can_be_opened():
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_no_signal_breaks_into_the_last_words_of_a_console(number):
-    def fail(number, frame):
-        raise ZeroDivisionError
-
     class Desk:
         def leave(self):
             os.kill(os.getpid(), number)
             return "closed"
 
-    before = {one: signal.signal(one, fail) for one in STOP_SIGNALS}
+    before = {one: signal.getsignal(one) for one in STOP_SIGNALS}
+    hooks = sys.unraisablehook, sys.excepthook
     try:
+        listen_for_stops()
         assert _left(Desk()) == "closed"
     finally:
+        sys.unraisablehook, sys.excepthook = hooks
         for one, handler in before.items():
             signal.signal(one, handler)
