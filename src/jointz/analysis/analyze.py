@@ -8,6 +8,7 @@ from typing import Any
 
 from jointz.analysis.participant_jobs import Asked, Outcome, hashed, outcomes
 from jointz.analysis.population_step import damage_notes, study_statistics
+from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
@@ -25,7 +26,6 @@ from jointz.results.certificate_result import VirtualEstimate
 from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.statistics.pooled_estimates import has_budget
-from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
@@ -51,7 +51,7 @@ def analyze(
     engine: Engine | None = None,
     store: TaskStore | None = None,
     progress: Progress | None = None,
-) -> StudyAnalysis:
+) -> Analysis:
     """Estimate the joint impedance of every participant of a study.
 
     Participants are read, analysed and released one by one, or as many at a time as an
@@ -80,7 +80,7 @@ def analyze(
 
     Returns
     -------
-    StudyAnalysis
+    Analysis
         Estimates, comparison, everything left out, provenance.
 
     Raises
@@ -171,12 +171,12 @@ class _Found:
 
 def _with_people_together(
     study: Study,
-    analysis: StudyAnalysis,
+    analysis: Analysis,
     virtual: Mapping[str, Sequence[VirtualEstimate]],
     *,
     injections: int,
     seed: int,
-) -> StudyAnalysis:
+) -> Analysis:
     """Add what the people of a walking study tell of each other, and its certificate."""
     if analysis.settings["method"] != RECOMMENDED:
         return analysis
@@ -233,7 +233,7 @@ def _assembled(
     *,
     resamples: int,
     seed: int,
-) -> StudyAnalysis:
+) -> Analysis:
     results, broken = found.results, found.broken
     cells = _completed(study, method, results, broken)
     others = {m for r in results.values() for m in r.cells if m != method}
@@ -249,7 +249,7 @@ def _assembled(
     strides = tuple(s for r in results.values() for s in r.strides)
     gaps = tuple(g for r in results.values() for g in r.gaps)
     single = tuple(p for r in results.values() for p in r.single)
-    return StudyAnalysis(
+    return Analysis(
         cells=tuple(cells),
         comparison=tuple(comparison),
         population=population_means(person_cells(cells)) if study.spec.of_people else (),

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from jointz.analysis.results_folder import MARKER
+from jointz.analysis.saved_analysis import load
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
@@ -114,25 +114,8 @@ def open_results(
 ) -> Exploration:
     """Open a results folder, and the study it was made from."""
     folder = Path(results)
-    analysis = _read_analysis(folder)
+    analysis = load(folder)
     return Exploration(folder, analysis, _study_of(analysis, folder, study))
-
-
-def _read_analysis(folder: Path) -> StudyAnalysis:
-    file = folder / "analysis.json"
-    if not file.is_file() or not (folder / MARKER).is_file():
-        raise DataError(
-            f"{folder}: expected a folder that jointz analyze made, found no "
-            f"{file.name if not file.is_file() else MARKER}. Name one.",
-            path=str(folder),
-        )
-    try:
-        return StudyAnalysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
-        raise DataError(
-            f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
-            path=str(file),
-        ) from exc
 
 
 def _study_of(
