@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from jointz import reference, stats
     from jointz.analysis.analyze import analyze
     from jointz.analysis.certify import certify
+    from jointz.analysis.saved_analysis import load
     from jointz.analysis.specification_job import specification_curve
     from jointz.calibration.calibrate import calibrate
     from jointz.identify.actuators.actuator import identify_actuator
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from jointz.identify.over_cycle.phase_curve import phase_curve
     from jointz.identify.over_cycle.time_varying import identify_time_varying
     from jointz.identify.series.joint import identify_joint
+    from jointz.io.one_recording import read
     from jointz.io.study_reader import open_study
     from jointz.session.run import run
 
@@ -37,8 +39,10 @@ _HOMES = {
     "identify_paired_runs": "jointz.identify.bench.paired_runs",
     "identify_static_stiffness": "jointz.identify.bench.static_stiffness",
     "identify_time_varying": "jointz.identify.over_cycle.time_varying",
+    "load": "jointz.analysis.saved_analysis",
     "open_study": "jointz.io.study_reader",
     "phase_curve": "jointz.identify.over_cycle.phase_curve",
+    "read": "jointz.io.one_recording",
     "run": "jointz.session.run",
     "specification_curve": "jointz.analysis.specification_job",
 }
@@ -58,8 +62,10 @@ __all__ = [
     "identify_paired_runs",
     "identify_static_stiffness",
     "identify_time_varying",
+    "load",
     "open_study",
     "phase_curve",
+    "read",
     "reference",
     "run",
     "specification_curve",

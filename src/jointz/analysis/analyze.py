@@ -8,6 +8,7 @@ from typing import Any
 
 from jointz.analysis.participant_jobs import EstimationRequest, Outcome, hashed, outcomes
 from jointz.analysis.population_step import damage_notes, study_statistics
+from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
@@ -27,7 +28,6 @@ from jointz.results.certificate_result import VirtualEstimate
 from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.statistics.pooled_estimates import has_budget
-from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
@@ -53,7 +53,7 @@ def analyze(
     engine: Engine | None = None,
     store: TaskStore | None = None,
     progress: Progress | None = None,
-) -> StudyAnalysis:
+) -> Analysis:
     """Estimate the joint impedance of every participant of a study.
 
     Participants are read, analysed and released one by one, or as many at a time as an
@@ -82,7 +82,7 @@ def analyze(
 
     Returns
     -------
-    StudyAnalysis
+    Analysis
         Estimates, comparison, exclusions, provenance.
 
     Raises
@@ -174,9 +174,9 @@ class _Outputs:
 
 def _with_pooled_people(
     request: EstimationRequest,
-    analysis: StudyAnalysis,
+    analysis: Analysis,
     virtual: Mapping[str, Sequence[VirtualEstimate]],
-) -> StudyAnalysis:
+) -> Analysis:
     """Add the certificate of a walking study, and estimates pooled over its people."""
     if request.method != RECOMMENDED:
         return analysis
@@ -229,7 +229,7 @@ def _recommended(study: Study) -> str:
     return FULL_RECORD if torque and perturbations.group is None else "dissertation"
 
 
-def _assembled(request: EstimationRequest, outputs: _Outputs) -> StudyAnalysis:
+def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     study, method, results = request.study, request.method, outputs.results
     cells = _completed(study, method, outputs)
     methods = {m for r in results.values() for m in r.cells if m != method}
@@ -237,7 +237,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> StudyAnalysis:
     pulses = tuple(p for r in results.values() for p in r.pulses)
     inputs = list(outputs.inputs.values())
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
-    return StudyAnalysis(
+    return Analysis(
         cells=tuple(cells),
         comparison=tuple(
             c for name in METHODS if name in methods for c in _completed(study, name, outputs)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -238,7 +238,7 @@ def query(
 def _filter(phase: _Pair, speed: _Pair, **names: _Many) -> "CatalogFilter":
     from jointz.collections.catalog_query import CatalogFilter
 
-    chosen = {name: tuple(values or ()) for name, values in names.items()}
+    chosen: dict[str, Any] = {name: tuple(values or ()) for name, values in names.items()}
     return CatalogFilter(phase_pct=phase, speed_m_s=speed, **chosen)
 
 

@@ -155,9 +155,9 @@ def written_entry(content: Mapping[str, Any], missing: Mapping[str, str] | None 
     lines += questions.get("", [])
     for key, value in content.items():
         header = f"[{key}]" if isinstance(value, Mapping) else f"[[{key}]]"
-        for table in _tables(value):
+        for entries in _tables(value):
             statements = [
-                f"{written_key(k)} = {_value(v)}" for k, v in table.items() if v not in (None, "")
+                f"{written_key(k)} = {_value(v)}" for k, v in entries.items() if v not in (None, "")
             ]
             lines += ["", header, *statements, *questions.get(key, [])]
     for key in sorted(questions.keys() - content.keys() - {""}):

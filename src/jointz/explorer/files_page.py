@@ -75,7 +75,7 @@ class FilesTab(Tab):
         study, pulses = results.study, results.analysed.pulses
         changed = {PulseKey.of(p) for p in self._view.explorer.changed}
         flags = [p.code == "user" for p in pulses] if study is None else excluded(study, pulses)
-        rows = []
+        rows: list[dict[str, Any]] = []
         for pulse in (p for p, is_excluded in zip(pulses, flags, strict=True) if is_excluded):
             line = None if study is None else last_line(study, pulse)
             since = "since the analysis" if PulseKey.of(pulse) in changed else "as analysed"

@@ -1,13 +1,12 @@
 """Results of an analysis, the study behind them, and new estimates."""
 
-import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from jointz.analysis.results_folder import MARKER
+from jointz.analysis.saved_analysis import load
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
@@ -108,25 +107,8 @@ def open_results(
 ) -> Exploration:
     """Open a results folder, and the study that was analysed."""
     folder = Path(results)
-    analysis = _read_analysis(folder)
+    analysis = load(folder)
     return Exploration(folder, analysis, _study_of(analysis, folder, study))
-
-
-def _read_analysis(folder: Path) -> StudyAnalysis:
-    file = folder / "analysis.json"
-    if not file.is_file() or not (folder / MARKER).is_file():
-        raise DataError(
-            f"{folder}: expected a results folder of jointz analyze, found no "
-            f"{file.name if not file.is_file() else MARKER}. Name one.",
-            path=str(folder),
-        )
-    try:
-        return StudyAnalysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
-        raise DataError(
-            f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
-            path=str(file),
-        ) from exc
 
 
 def _study_of(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -115,10 +116,15 @@ def _cell_text(value: object) -> str:
     return repr(value)
 
 
+def _is_infinite(column: str, values: pd.DataFrame) -> pd.Series:
+    mask: pd.Series = np.isinf(values[column])
+    return mask
+
+
 def _infinite(spec: Entry, tables: ConditionTables) -> Iterator[Violation]:
     expected = "a finite number, or nothing"
-    for column in map(str, tables.rows.select_dtypes("number")):
-        check = RowCheck("infinite", column, expected, lambda v, c=column: np.isinf(v[c]))
+    for name in map(str, tables.rows.select_dtypes("number")):
+        check = RowCheck("infinite", name, expected, partial(_is_infinite, name))
         yield from check(spec, tables)
     covariance = pd.DataFrame() if tables.covariance is None else tables.covariance
     for column in covariance.select_dtypes("number"):

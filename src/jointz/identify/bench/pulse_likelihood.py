@@ -200,7 +200,8 @@ def _start(record: PulseRecord, lag_s: float) -> np.ndarray:
 
 def _shifted_torque(record: PulseRecord, lag_s: float) -> np.ndarray:
     at = record.lead + lag_s / record.step_s + np.arange(record.angle.size)
-    return np.interp(at, np.arange(record.torque.size), record.torque)
+    shifted: np.ndarray = np.interp(at, np.arange(record.torque.size), record.torque)
+    return shifted
 
 
 def _result(

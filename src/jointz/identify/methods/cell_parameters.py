@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -226,5 +227,5 @@ def _divided(estimate: ParameterEstimate, name: str, mass: float | None) -> Para
         return ParameterEstimate(name, None, None, None, Failure.MASS_MISSING.status)
 
     values = {f: getattr(estimate, f) for f in ("value", "ci_low", "ci_high", "unbounded")}
-    per_kg = {f: None if value is None else value / mass for f, value in values.items()}
+    per_kg: dict[str, Any] = {f: v if v is None else v / mass for f, v in values.items()}
     return replace(estimate, name=name, **per_kg)
