@@ -129,7 +129,7 @@ def _is_text(kind: Any, column_type: Any) -> bool:
 
 
 def _is_flat(kind: Any, column_type: Any) -> bool:
-    """Whether a column holds numbers, times or text, whose size can be known."""
+    """Return whether a column holds numbers, times or text; other kinds are refused."""
     if kind.is_dictionary(column_type):
         column_type = column_type.value_type
     known = (kind.is_primitive, kind.is_decimal, kind.is_null)
