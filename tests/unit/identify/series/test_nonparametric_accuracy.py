@@ -146,13 +146,16 @@ def test_torque_inside_the_joint_moves_the_default_direction_by_1_5_pct_at_most(
 @pytest.mark.parametrize("n_seeds", [6, pytest.param(100, marks=pytest.mark.slow)])
 def test_torque_noise_of_half_the_torque_makes_no_bias(model, n_seeds):
     """2 N*m beside 4 N*m RMS: left in, it makes K and J 2 % too large."""
-    errors, held, warned = [], [], []
+    errors, held, warned, refused = [], [], [], 0
     for seed in range(n_seeds):
         seen, _ = make_record(seed, torque_noise=2.0)
         fit = identify_joint(**seen, rate_hz=RATE, model=model)
         assert fit.settings["input_noise_sd"] == pytest.approx(2.0, rel=0.05)
         assert not any("cannot be told" in w for w in fit.warnings)
         warned.append(any("looks angle-perturbed" in w for w in fit.warnings))
+        if fit.check.fails:  # a false alarm: one record in twenty at most
+            refused += 1
+            continue
         errors.append([p.value / v - 1.0 for p, v in zip(fit.parameters, KBJ, strict=True)])
         held.append([p.ci_low < v < p.ci_high for p, v in zip(fit.parameters, KBJ, strict=True)])
 
@@ -160,6 +163,7 @@ def test_torque_noise_of_half_the_torque_makes_no_bias(model, n_seeds):
     # Beyond four standard errors nothing is left but the share of noise times itself.
     assert np.all(np.abs(mean) < 4.0 * np.std(errors, axis=0) / np.sqrt(n_seeds) + 0.0015)
     assert np.mean(held) >= 0.85
+    assert refused <= 0.05 * n_seeds
     assert np.mean(warned) <= 0.05
 
 
