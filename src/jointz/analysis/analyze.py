@@ -33,6 +33,7 @@ from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.progress import Progress
 from jointz.tasks.task_store import TaskStore
+from jointz.terminal.progress_bars import shown_progress
 
 DEFAULT_RESAMPLES = 1000
 #: Known responses added to a study's own strides: enough for a report, not for a study of the
@@ -52,7 +53,7 @@ def analyze(
     salvage: bool = False,
     engine: Engine | None = None,
     store: TaskStore | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = True,
 ) -> Analysis:
     """Estimate the joint impedance of every participant of a study.
 
@@ -77,8 +78,9 @@ def analyze(
         (:func:`jointz.tasks.engine.open_engine`); results do not depend on it.
     store : TaskStore, optional
         Store of finished participants, from which a killed run continues.
-    progress : callable, optional
-        Called with (participants done, number of participants, what comes next).
+    progress : bool or callable
+        Whether to draw a progress bar in a terminal or notebook; a function is called with
+        (participants done, number of participants, what comes next).
 
     Returns
     -------
@@ -104,7 +106,6 @@ def analyze(
     name = _chosen(opened, check_method(method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
-    progress = progress or _no_progress
     outputs = _Outputs(seed)
     exclusions = opened.root / "exclusions.csv"
     if exclusions.is_file():
@@ -112,20 +113,19 @@ def analyze(
     people = [person.id for person in opened.spec.participants]
     injections = replicates_for(len(people), virtual=_INJECTIONS)
     request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
-    with closing(outcomes(request, people, engine=engine or Serial(), store=store)) as pending:
+    with (
+        shown_progress(progress=progress) as show,
+        closing(outcomes(request, people, engine=engine or Serial(), store=store)) as pending,
+    ):
         for done, (person_id, outcome) in enumerate(pending):
-            progress(done, len(people), person_id)
+            show(done, len(people), person_id)
             outputs.add(person_id, outcome, last=len(people) == len(outputs.errors) + 1)
             del outcome  # it would keep the recordings in memory
-    if outputs.problems:
-        raise StudyError(str(opened.root), outputs.problems)
-    progress(len(people), len(people), "done")
+        if outputs.problems:
+            raise StudyError(str(opened.root), outputs.problems)
+        show(len(people), len(people), "done")
     analysis = _assembled(request, outputs)
     return _with_pooled_people(request, analysis, outputs.virtual)
-
-
-def _no_progress(done: int, total: int, what: str) -> None:
-    """Show nothing."""
 
 
 @dataclass(slots=True)

@@ -19,6 +19,7 @@ from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import Certificate, VirtualEstimate
 from jointz.tasks.progress import Progress
+from jointz.terminal.progress_bars import shown_progress
 
 _LONGEST_LAG_S = 0.06
 
@@ -32,7 +33,7 @@ def certify(
     lag_s: float | None = None,
     replicates: int | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = True,
 ) -> Certificate:
     """Estimate known responses injected into a walking study, to know the error to expect.
 
@@ -51,8 +52,9 @@ def certify(
         is known to 10 %.
     seed : int
         Seed of the draws.
-    progress : callable, optional
-        Called with (participants done, number of participants, what comes next).
+    progress : bool or callable
+        Whether to draw a progress bar in a terminal or notebook; a function is called with
+        (participants done, number of participants, what comes next).
 
     Returns
     -------
@@ -82,26 +84,27 @@ def certify(
     )
     estimates: dict[str, list[VirtualEstimate]] = {}
     problems: list[str] = []
-    for done, person_id in enumerate(people):
-        if progress:
-            progress(done, len(people), f"certificate of {person_id}")
-        try:
-            settings = participant_settings(opened, person_id, RECOMMENDED, resamples=2, seed=seed)
-            recordings = read_participant(opened, person_id, {})
-            estimates[person_id] = certify_participant(
-                evidence_of(person_id, recordings, settings),
-                injection,
-                replicates=replicates,
-                seed=seed,
-            )
-        except StudyError as exc:
-            problems += exc.problems
-        except DataError as exc:
-            problems.append(str(exc))
+    with shown_progress(progress=progress) as show:
+        for done, person_id in enumerate(people):
+            show(done, len(people), f"certificate of {person_id}")
+            try:
+                settings = participant_settings(
+                    opened, person_id, RECOMMENDED, resamples=2, seed=seed
+                )
+                recordings = read_participant(opened, person_id, {})
+                estimates[person_id] = certify_participant(
+                    evidence_of(person_id, recordings, settings),
+                    injection,
+                    replicates=replicates,
+                    seed=seed,
+                )
+            except StudyError as exc:
+                problems += exc.problems
+            except DataError as exc:
+                problems.append(str(exc))
+        show(len(people), len(people), "done")
     if problems:
         raise StudyError(str(opened.root), problems)
-    if progress:
-        progress(len(people), len(people), "done")
     window_s = opened.spec.perturbations.window_s
     return assembled(estimates, injection, replicates=replicates, seed=seed, window_s=window_s)
 

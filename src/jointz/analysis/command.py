@@ -14,8 +14,8 @@ from jointz.terminal.output import (
     emit,
     emit_json,
     emit_table,
-    progress_bar,
 )
+from jointz.terminal.progress_bars import progress_bar
 
 if TYPE_CHECKING:
     from jointz.results.estimates import CellEstimate, ParameterEstimate

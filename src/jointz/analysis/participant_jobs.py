@@ -23,7 +23,7 @@ from jointz.identify.preparation.sources import ParticipantSettings, RecordingIn
 from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
-from jointz.io.study_reader import named_as_written, shown_file
+from jointz.io.study_files import named_as_written, shown_file
 from jointz.results.certificate_result import VirtualEstimate
 from jointz.tasks.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.tasks.task_store import TaskStore, task_key

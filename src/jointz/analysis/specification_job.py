@@ -13,6 +13,7 @@ from jointz.identify.study_kinds import WALKING
 from jointz.io.study_reader import open_study
 from jointz.results.specification_curve import SpecificationCurve
 from jointz.tasks.progress import Progress
+from jointz.terminal.progress_bars import shown_progress
 
 _STANDARD = Choices()
 
@@ -26,7 +27,7 @@ def specification_curve(
     baselines: Sequence[str] = _STANDARD.baselines,
     resamples: int = 200,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = True,
 ) -> SpecificationCurve:
     """Analyse a participant of a walking study under every defensible set of choices.
 
@@ -45,8 +46,9 @@ def specification_curve(
         ``predicted``, ``matched_strides``, ``unperturbed_mean``.
     resamples, seed : int
         Resamples and seed of the dissertation's bootstrap.
-    progress : callable, optional
-        Called with (steps done, number of steps, what comes next).
+    progress : bool or callable
+        Whether to draw a progress bar in a terminal or notebook; a function is called with
+        (steps done, number of steps, what comes next).
 
     Returns
     -------
@@ -74,12 +76,6 @@ def specification_curve(
         raise ValueError(f"participant: expected one of {', '.join(people)}; got {label!r}.")
     choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
     total = len(choices.windows_s) + len(choices.cutoffs_hz)
-    done = iter(range(total))
-
-    def tell(what: str) -> None:
-        if progress:
-            progress(next(done), total, what)
-
     settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
     groups = recording_groups(read_participant(opened, who, {}), WALKING)
     by_label = {row_label(who, *unit): own for unit, own in groups if unit is not None}
@@ -87,9 +83,16 @@ def specification_curve(
         label = next(iter(by_label))
     if label not in by_label:
         raise ValueError(f"participant: expected one of {'; '.join(by_label)}; got {label!r}.")
-    estimates = specification_estimates(who, by_label[label], settings, choices, tell=tell)
-    if progress:
-        progress(total, total, "done")
+    with shown_progress(progress=progress) as show:
+        done = iter(range(total))
+        estimates = specification_estimates(
+            who,
+            by_label[label],
+            settings,
+            choices,
+            tell=lambda what: show(next(done), total, what),
+        )
+        show(total, total, "done")
     return SpecificationCurve(
         participant=label,
         estimates=estimates,

@@ -8,7 +8,8 @@ from jointz.core.acquisition import Acquisition, Event, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.study import FilesSpec, Study
 from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
-from jointz.io.study_reader import data_file, open_study
+from jointz.io.study_files import data_file
+from jointz.io.study_reader import open_study
 from jointz.io.text.column_names import READING
 from jointz.results.base import Result
 

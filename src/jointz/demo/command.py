@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from jointz.terminal.options import Debug, Json, Quiet
-from jointz.terminal.output import emit, emit_json, emit_table, experiment_bars
+from jointz.terminal.output import emit, emit_json, emit_table
+from jointz.terminal.progress_bars import experiment_bars
 
 
 def demo(

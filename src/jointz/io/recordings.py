@@ -1,6 +1,7 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,15 +21,43 @@ from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
 from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
 from jointz.io.formats.registry import read_table
-from jointz.io.study_reader import channel_unit, named_as_written, needed_channels
+from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
 from jointz.io.text.delimited import is_number
 from jointz.io.text.units import conversion
-
-Unit = tuple[str, float, float]
 
 _FULL_TURN_RAD = 2 * np.pi
 _RATE_TOLERANCE = 0.05
 _PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StudyRecording:
+    """One recording of a study.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    spec : RecordingSpec
+        What ``study.toml`` says about the recording: ``participant``, ``condition``, ``session``,
+        ``side``, ``file``.
+    """
+
+    study: Study
+    spec: RecordingSpec
+
+    def read(self) -> tuple[xr.Dataset, ...]:
+        """Read the samples: one dataset a condition and trial, see :func:`read_recording`."""
+        return read_recording(self.study, self.spec)
+
+    def read_pulses(self) -> pd.DataFrame | None:
+        """Read the pulse table; None without one."""
+        return read_pulse_table(self.study, self.spec)
+
+    def __repr__(self) -> str:
+        spec = self.spec
+        cell = (spec.participant, spec.condition, spec.session, spec.side)
+        return f"<recording {spec.file!r}: {', '.join(filter(None, cell))}>"
 
 
 def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]:

@@ -5,8 +5,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,19 +23,41 @@ from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
 from jointz.io.formats.registry import list_columns
-from jointz.io.text.units import conversion, si_unit_of
+from jointz.io.recordings import StudyRecording
+from jointz.io.study_files import (
+    Unit,
+    channel_unit,
+    data_file,
+    named_as_written,
+    needed_channels,
+    shown_file,
+)
+from jointz.io.text.units import conversion
 from jointz.io.toml_problems import parse_toml, shape_problems
 
-_VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
-_ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)
 
 Problems = list[str]
-Unit = tuple[str, float, float]
 
 
-def open_study(path: str | os.PathLike[str]) -> Study:
+class OpenedStudy(Study):
+    """A study that was opened and checked, with its recordings."""
+
+    @property
+    def recordings(self) -> tuple[StudyRecording, ...]:
+        """Recordings in the order of ``study.toml``; each is read when ``read()`` is called."""
+        return tuple(StudyRecording(self, entry) for entry in self.spec.recordings)
+
+    def __repr__(self) -> str:
+        spec = self.spec
+        return (
+            f"<{spec.kind} study {self.root.resolve().name!r}: {spec.joint}, "
+            f"{len(spec.participants)} participants, {len(spec.recordings)} recordings>"
+        )
+
+
+def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
     """Open a study and check everything that can be checked without reading samples.
 
     Parameters
@@ -46,8 +67,9 @@ def open_study(path: str | os.PathLike[str]) -> Study:
 
     Returns
     -------
-    Study
-        The study, ready for :func:`jointz.analyze`.
+    OpenedStudy
+        The study, ready for :func:`jointz.analyze`; ``recordings`` holds one object a recording,
+        whose ``read()`` gives its samples.
 
     Raises
     ------
@@ -78,7 +100,7 @@ def open_study(path: str | os.PathLike[str]) -> Study:
     problems += exclusion_problems
     if spec is None or problems:
         raise StudyError(str(file), problems)
-    return Study(
+    return OpenedStudy(
         root=file.parent,
         spec=spec,
         sha256=hashlib.sha256(text).hexdigest(),
@@ -86,54 +108,6 @@ def open_study(path: str | os.PathLike[str]) -> Study:
         group_edges=edges,
         user_exclusions=exclusions,
     )
-
-
-def data_file(root: Path, file: str) -> Path:
-    """Return the path of a file named in a study, variables expanded."""
-
-    def value(match: re.Match[str]) -> str:
-        name = match.group(1) or match.group(3)
-        expanded = os.environ.get(name, match.group(2))
-        if expanded is None:
-            raise DataError(f"'{file}': the environment variable {name} is not set. Set it.")
-        return expanded
-
-    return root / _VARIABLE.sub(value, file)
-
-
-def shown_file(file: str) -> str:
-    """Return the name people know a file by: what stands behind the folders of variables."""
-    name = _VARIABLE.sub("$", file).rpartition("/")[2]
-    return file if "$" in name or "$" not in file else name
-
-
-@contextmanager
-def named_as_written(root: Path, file: str) -> Iterator[Path]:
-    """Give the path of a file named in a study; what its variables hold is not told in errors."""
-    path = data_file(root, file)
-    if "$" not in file:
-        yield path
-        return
-    try:
-        yield path
-    except DataError as exc:
-        written = {str(path): file, path.name: shown_file(file)}
-        places = re.compile("|".join(map(re.escape, written)))
-        exc.args = (places.sub(lambda found: written[found[0]], str(exc)), *exc.args[1:])
-        exc.path = file
-        raise exc from None
-
-
-def needed_channels(
-    names: Iterable[str], condition: str | None, *, moments_only: bool = False
-) -> list[str]:
-    """Return the channels that the file of a recording must hold."""
-    used = (*_ALWAYS_THERE, "torque") if moments_only else _ALWAYS_THERE
-    return [
-        name
-        for name in names
-        if not (name == "condition" and condition) and (condition != "no_device" or name in used)
-    ]
 
 
 def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -163,23 +137,6 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
             problems.append(f"channels.{name}.unit: {exc}{hint}")
     edges, edge_problems = _group_edges(raw, units)
     return units, edges, problems + edge_problems
-
-
-def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
-    """Return the SI unit of a channel, with factor and offset to it."""
-    if name in LABEL_CHANNELS:
-        return ("1", 1.0, 0.0)
-    contact = ("V",) if kind == "voltage" else ("1",)
-    allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
-    if allowed is None:
-        return si_unit_of(unit)
-    failures = []
-    for si_unit in allowed:
-        try:
-            return (si_unit, *conversion(unit, si_unit))
-        except UnitError as exc:
-            failures.append(exc)
-    raise failures[0]
 
 
 def _group_edges(

@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from jointz.terminal.options import Debug, Json, Quiet
-from jointz.terminal.output import emit, emit_json, progress_bar
+from jointz.terminal.output import emit, emit_json
+from jointz.terminal.progress_bars import progress_bar
 
 
 class ChapterName(StrEnum):

@@ -12,7 +12,8 @@ import typer
 from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
 from jointz.terminal.exit_status import STILL_THERE
 from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
-from jointz.terminal.output import emit, emit_json, emit_table, experiment_bars
+from jointz.terminal.output import emit, emit_json, emit_table
+from jointz.terminal.progress_bars import experiment_bars
 
 if TYPE_CHECKING:
     from jointz.results.run_report import StudyRun

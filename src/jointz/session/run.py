@@ -38,6 +38,7 @@ from jointz.session.run_settings import SESSIONS, RunSettings, recording_name
 from jointz.session.study_file import exclusions_csv, study_toml
 from jointz.session.worker_pool import run_people
 from jointz.tasks.progress import RunProgress
+from jointz.terminal.progress_bars import shown_run_progress
 
 TRUTH_FILE = "ground_truth.json"
 _MOST_PARTICIPANTS = 1000
@@ -60,7 +61,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     attended: bool = False,
     calibration: str | os.PathLike[str] | None = None,
     operator: Operator | None = None,
-    progress: RunProgress | None = None,
+    progress: RunProgress | bool | None = True,
 ) -> StudyRun:
     """Run an experiment and write it as a study.
 
@@ -100,8 +101,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         A file that ``jointz calibrate`` wrote: its entries stand over the rig's own in the study.
     operator : Operator, optional
         Asked before every condition; needed with real devices, unless ``attended``.
-    progress : callable, optional
-        Called with (participant, condition, strides, pulses done, pulses planned).
+    progress : bool or callable
+        Whether to draw progress in a terminal or notebook, unless there is an operator to ask; a
+        function is called with (participant, condition, strides, pulses done, pulses planned).
 
     Returns
     -------
@@ -145,7 +147,10 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         rig = with_calibration(rig, known, count)
     settings = RunSettings(spec, rig.seed, pace, Path(out), attended, salvage)
     check = partial(_refuse_beyond_limits, settings, rig)
-    with claimed(settings, rig, count, resume=resume, check=check):
+    with (
+        claimed(settings, rig, count, resume=resume, check=check),
+        shown_run_progress(progress=operator is None if progress is True else progress) as shown,
+    ):
         reports = run_people(
             settings,
             rig,
@@ -153,7 +158,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             workers=workers if CAN_WAIT else 1,
             scheduler=scheduler,
             operator=operator,
-            progress=progress,
+            progress=shown,
         )
         return _finish(settings, rig, reports)
 

@@ -10,7 +10,8 @@ import pytest
 
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import UserExclusion
-from jointz.io.study_reader import data_file, needed_channels, open_study
+from jointz.io.study_files import data_file, needed_channels
+from jointz.io.study_reader import open_study
 
 SECOND = """[[recordings]]
 participant = "S01"

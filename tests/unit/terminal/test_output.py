@@ -7,7 +7,8 @@ import time
 import pytest
 
 from jointz.core.errors import OutputError
-from jointz.terminal.output import emit, emit_json, emit_table, experiment_bars, progress_bar
+from jointz.terminal.output import emit, emit_json, emit_table
+from jointz.terminal.progress_bars import experiment_bars, progress_bar
 
 
 class Terminal(io.StringIO):
