@@ -35,6 +35,13 @@ table.query("parameter == 'stiffness'")[
 ].round(1)
 
 # %%
+# An analysis can be kept as a folder with tables, figures and a report, and loaded again:
+
+analysis.save(folder.with_name("results"))
+assert jointz.load(folder.with_name("results")).to_frame().equals(table)
+analysis.plot()
+
+# %%
 # Beside the truth, which no analysis reads:
 
 truth = truth_table(analysis, folder).query("parameter == 'stiffness'")

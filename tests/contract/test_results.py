@@ -22,6 +22,7 @@ from matplotlib.axes import Axes
 from scipy.signal import butter, sosfiltfilt
 
 import jointz
+from jointz.analysis.saved_analysis import Analysis
 from jointz.calibration.report import Calibration
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter, QueryResult
@@ -74,7 +75,7 @@ from jointz.results.statistics.random_effects_fit import (
     RandomEffects,
     StudyMean,
 )
-from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import PopulationEstimate
 
 # --- examples ------------------------------------------------------------------------------------
 
@@ -100,8 +101,8 @@ def cell(person: str, point: str, onset: float | None, status: str = "ok") -> Ce
     )
 
 
-def walking_analysis() -> StudyAnalysis:
-    return StudyAnalysis(
+def walking_analysis() -> Analysis:
+    return Analysis(
         cells=(
             cell("S01", "LRE", 7.1),
             cell("S01", "MST", 21.4, "at_bound"),
@@ -132,8 +133,8 @@ def walking_analysis() -> StudyAnalysis:
     )
 
 
-def bench_analysis() -> StudyAnalysis:
-    return StudyAnalysis(cells=(cell("spring", "case 1", None), cell("spring", "case 2", None)))
+def bench_analysis() -> Analysis:
+    return Analysis(cells=(cell("spring", "case 1", None), cell("spring", "case 2", None)))
 
 
 def joint_fit() -> JointFit:
@@ -568,7 +569,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "nothing compared": lambda: Comparison((), (), (), ()),
     "walking": walking_analysis,
     "bench": bench_analysis,
-    "empty": lambda: StudyAnalysis(cells=()),
+    "empty": lambda: Analysis(cells=()),
     "fit": joint_fit,
     "fit without intervals": fit_without_intervals,
     "run report": run_report,

@@ -390,7 +390,7 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     outcome = jointz("analyze", study, "--out", tmp_path / "r")
 
     assert outcome.code == 1
-    assert "it is no stiffness of the joint" in outcome.out
+    assert "is no stiffness of the joint" in outcome.out
     table = pd.read_csv(tmp_path / "r" / "quasi_stiffness.csv")
     slopes = table.query("measure == 'slope'").set_index(["side", "timing_point"])
     assert len(slopes) == 2 * len(TIMING_POINTS)

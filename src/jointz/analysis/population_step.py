@@ -167,7 +167,7 @@ def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
             others.setdefault(cell.method, []).append(cell)
     return [
         f"{_names(some)}: estimated by the method {used} instead of {method}, because the "
-        "recording contains several cases, or one linear load does not explain its torque."
+        "recording contains several cases, or one linear system does not explain its torque."
         for used, some in others.items()
     ]
 
@@ -296,8 +296,8 @@ def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
         return []
     return [
         "no recording contains a pulse, which analyze needs. Torque models, the bandwidth of a "
-        "torque loop and a load in noise are estimated from single recordings: jointz identify "
-        "--help."
+        "torque loop, and impedance under noise are estimated from single recordings: jointz "
+        "identify --help."
     ]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
-from jointz.results.base import Result, record_frame, summary_text
+from jointz.results.base import Result, axes_or_new, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.participant_model import ParticipantModel
@@ -163,7 +163,7 @@ class StudyAnalysis(Result):
         return summary_text(title, lines)
 
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
-        """Draw one parameter over the gait cycle, or over the groups of a bench study.
+        """Draw one parameter with its intervals, over the gait cycle or the groups of a bench.
 
         Parameters
         ----------
@@ -177,18 +177,29 @@ class StudyAnalysis(Result):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots()[1]
+        axes = axes_or_new(ax, (8.0, 4.0))
         table = self.to_frame().query("parameter == @parameter")
         # One axis for all: a cell that failed has no onset, and is left out of the cycle.
         walking = table["onset_gait_pct"].notna().any()
-        along = "onset_gait_pct" if walking else "timing_point"
-        for key, rows in table.groupby(["participant", "session", "side"], sort=False):
-            axes.plot(rows[along], rows["value"], marker="o", label=row_label(*map(str, key)))
+        places = {name: at for at, name in enumerate(dict.fromkeys(table["timing_point"]))}
+        at = table["onset_gait_pct"] if walking else table["timing_point"].map(places)
+        people = list(table.groupby(["participant", "session", "side"], sort=False))
+        for number, (key, rows) in enumerate(people):
+            # Beside each other, so that intervals at one onset can be told apart.
+            beside = (number - (len(people) - 1) / 2) * (0.4 if walking else 0.05)
+            # An interval need not hold the value: it is drawn as it is.
+            (line,) = axes.plot(
+                at[rows.index] + beside, rows["value"], "o-", label=row_label(*map(str, key))
+            )
+            axes.vlines(at[rows.index] + beside, rows["ci_low"], rows["ci_high"], line.get_color())
         unit = table["unit"].iloc[0] if len(table) else ""
         axes.set_xlabel("gait cycle (%)" if walking else "")
+        if not walking:
+            axes.set_xticks(list(places.values()), list(places))
         axes.set_ylabel(f"{parameter} ({unit})")
+        axes.set_title(f"Vertical lines: {self.settings.get('ci_level', 0.95):.0%} intervals")
+        if people:
+            axes.legend(frameon=False)
         return axes
 
 

@@ -16,11 +16,18 @@ _LOWEST_PHYSICS_HZ = 5000.0
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Samples and the steps of the physics between them."""
+    """Samples and the steps of the physics between them.
 
-    # Hz: of all devices of the rig; its period is a whole number of nanoseconds
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Of all devices of the rig, Hz; its period is a whole number of nanoseconds.
+    substeps : int
+        Steps of the physics to a sample; 0: enough for 5 kHz.
+    """
+
     sample_rate_hz: float = 500.0
-    substeps: int = 0  # steps of the physics to a sample; 0: enough for 5 kHz
+    substeps: int = 0
 
     def __post_init__(self) -> None:
         if not self.sample_rate_hz > 0.0 or self.substeps < 0:

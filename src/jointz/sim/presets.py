@@ -186,7 +186,18 @@ class BodySettings:
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Settings of a simulated person and rig."""
+    """Settings of a simulated person and rig.
+
+    Parameters
+    ----------
+    name : str
+        Name of the preset.
+    gait, joint, actuator, goniometer, footswitch : settings
+        Strides; impedance and reflex; motor and its torque model; the two sensors.
+    body : BodySettings, optional
+        Segments and strap; without them the strap is rigid, and the inertia that of the printed
+        table.
+    """
 
     name: str
     gait: GaitSettings = field(default_factory=GaitSettings)
@@ -194,7 +205,6 @@ class Preset:
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
     goniometer: GoniometerSettings = field(default_factory=GoniometerSettings)
     footswitch: FootswitchSettings = field(default_factory=FootswitchSettings)
-    # None: the strap is rigid and the inertia is the person's printed one
     body: BodySettings | None = None
 
 

@@ -109,7 +109,13 @@ def test_a_pulse_at_the_end_of_the_record_is_left_out():
 
 
 def statistics(cells, single, method="full_record"):
-    spec = SimpleNamespace(kind="bench", of_people=False, participants=("case-1",), recordings=())
+    spec = SimpleNamespace(
+        kind="bench",
+        of_people=False,
+        participants=("case-1",),
+        recordings=(),
+        perturbations=PerturbationsSpec(),
+    )
     study = SimpleNamespace(user_exclusions=(), spec=spec)
     result = ParticipantResult({}, tuple(single), (), (), ())
     return study_statistics(study, method, cells, [result])

@@ -154,7 +154,7 @@ def test_a_stopped_run_says_what_is_kept_whatever_stands_before_it(jointz, tmp_p
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jointz.workflows.run.run", stopped)
+    monkeypatch.setattr("jointz.session.run.run", stopped)
     outcome = jointz("--memory-limit", "8GB", "run", "walking", "--out", tmp_path / "out")
     assert (outcome.code, outcome.err) == (130, f"jointz: Stopped. {exit_status.STILL_THERE}\n")
 
@@ -189,7 +189,7 @@ def test_a_cache_folder_that_cannot_be_written_costs_a_warning(
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW, "--json")
 
     assert (outcome.code, outcome.json["n_standing"] > 0) == (0, True)
-    assert outcome.err.count("nothing is kept of a run that ends early") == 1
+    assert outcome.err.count("Until then a run that ends early starts anew") == 1
 
 
 def test_a_numba_configuration_in_the_working_folder_changes_nothing(

@@ -184,7 +184,7 @@ def test_ids_that_lose_their_difference_are_refused(other, study, tmp_path):
     toml = (study / "study.toml").read_text().replace("S-02", other)
     (study / "study.toml").write_text(toml)
 
-    with pytest.raises(DataError, match=rf"participants: .* leaves 'S_01', '{other}' without"):
+    with pytest.raises(DataError, match=rf"participants: .* 'S_01', '{other}' have no unique name"):
         write_bids(study, tmp_path / "bids")
 
     assert not (tmp_path / "bids").exists()

@@ -161,7 +161,7 @@ def test_pulses_of_a_table_outside_the_samples_are_told(tmp_path):
     into_bids = convert(tmp_path, tmp_path / "bids", to="bids")
 
     assert into_matlab.notes == into_bids.notes
-    assert "2 pulse(s) of its table lie outside" in into_bids.notes[0]
+    assert "2 pulse(s) of its table are outside" in into_bids.notes[0]
     assert into_bids.to_dict()["notes"] == list(into_bids.notes)
     assert "Note" not in " ".join(into_bids.content)
     pulses = scipy.io.loadmat(tmp_path / "a.mat", simplify_cells=True)["jointz"]["recordings"]

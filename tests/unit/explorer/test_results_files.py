@@ -94,7 +94,7 @@ def test_another_study_is_refused(opened, tmp_path):
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(DataError, match="expected a results folder of jointz analyze"):
+    with pytest.raises(DataError, match="expected a folder that jointz analyze made"):
         open_results(tmp_path)
 
 

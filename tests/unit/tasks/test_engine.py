@@ -439,7 +439,7 @@ def test_processes_that_cannot_be_started_are_told(monkeypatch):
     def refused(*_, **__):
         raise OSError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(engine_module, "spawned_pool", refused)
+    monkeypatch.setattr("jointz.tasks.open_engine.spawned_pool", refused)
     with (
         pytest.raises(EngineError, match=r"Resource temporarily unavailable"),
         open_engine(workers=2, tasks=9, needs="json"),

@@ -64,7 +64,7 @@ _WHOLE_TRIALS: Final = (
     "Gaussian low-pass filter (standard deviation 40 Hz, or a tenth of the sampling rate if that "
     "is less){sticking}."
 )
-_STICKING: Final = ", and samples in which friction may have held the load were excluded"
+_STICKING: Final = ", and samples in which friction may have stopped the motion were excluded"
 
 
 def estimation_sentences(analysis: StudyAnalysis) -> list[str]:

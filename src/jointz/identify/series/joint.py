@@ -64,6 +64,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     command: npt.ArrayLike | None = None,
     time: npt.ArrayLike | None = None,
     rate_hz: float | None = None,
+    units: Mapping[str, str] | None = None,
     model: Model = "kbj",
     estimator: EstimatorName | None = None,
     input: Input = "torque",
@@ -83,7 +84,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     ----------
     recording : xarray.Dataset, mapping or pandas.DataFrame, optional
         Channels ``angle``, ``torque`` and, where there are, ``command`` and
-        ``time``, in SI. Either this or the arrays.
+        ``time``. Either this or the arrays.
     angle : (n,) float, rad, optional
         Joint angle.
     torque : (n,) float, N*m, optional
@@ -94,6 +95,9 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         Time stamps. Jitter is resampled linearly; a gap is an error.
     rate_hz : float, optional
         Sampling rate, where there are no time stamps.
+    units : mapping, optional
+        Channel -> unit, such as ``{"angle": "deg"}``. Otherwise the unit that a dataset states
+        (``attrs["units"]``), else SI: rad, N*m, s.
     model : str
         ``kbj``: stiffness, damping and inertia. ``irf``: impulse response
         (:func:`jointz.identify.series.impulse_response.fit_impulse_response`). ``frf``:
@@ -129,6 +133,8 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     DataError
         When the samples cannot be trusted: missing channel, unequal lengths,
         NaN, gap, a record too short, a cutoff above half the rate.
+    UnitError
+        When a unit is unknown, or not the one that the dataset states.
     EstimationError
         ``constant_angle``, ``constant_torque`` or ``ill_conditioned``.
     ValueError
@@ -164,6 +170,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         recording,
         {"angle": angle, "torque": torque, "command": command, "time": time},
         rate_hz=rate_hz,
+        units=units,
         input=input,
         torque_acts_on=torque_acts_on,
         cutoff_hz=cutoff_hz,

@@ -10,13 +10,23 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core import provenance
-from jointz.core.errors import DataError, EstimationError
+from jointz.core.errors import DataError, EstimationError, UnitError
 from jointz.gait import timestamps
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
 _PARTS = 8
 _LARGEST_RATE_RATIO = 1.5
 _LARGE_ANGLE_RAD = 0.2
+
+#: Unit -> factor to SI. Files know more units (:func:`jointz.read`).
+_ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
+_TORQUES = {"N*m": 1.0, "N.m": 1.0, "Nm": 1.0, "N m": 1.0, "mN*m": 1e-3, "N*mm": 1e-3}
+_FACTORS: dict[str, dict[str, float]] = {
+    "angle": _ANGLES,
+    "torque": _TORQUES,
+    "command": _TORQUES,
+    "time": {"s": 1.0, "ms": 1e-3},
+}
 
 JOINT = "identify_joint"
 PARAMETERS = ("stiffness", "damping", "inertia")
@@ -61,6 +71,7 @@ class JointRequest:
         arrays: Mapping[str, npt.ArrayLike | None] | None = None,
         *,
         rate_hz: float | None = None,
+        units: Mapping[str, str] | None = None,
         input: Input = "torque",
         torque_acts_on: TorqueSide = "joint",
         cutoff_hz: float | None = None,
@@ -71,7 +82,7 @@ class JointRequest:
         check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
         check_level(JOINT, ci_level)
         arrays = dict.fromkeys(("angle", "torque", "command", "time")) | dict(arrays or {})
-        record = gather_record(recording, arrays, rate_hz=rate_hz, where=JOINT)
+        record = gather_record(recording, arrays, rate_hz=rate_hz, where=JOINT, units=units)
         return cls(record, input, torque_acts_on, cutoff_hz, ci_level)
 
     @property
@@ -104,8 +115,9 @@ def gather_record(
     rate_hz: float | None,
     where: str,
     required: tuple[str, ...] = ("angle", "torque"),
+    units: Mapping[str, str] | None = None,
 ) -> JointRecord:
-    """Check the channels of a recording, or the arrays, and put them on a uniform grid."""
+    """Check the channels of a recording, or the arrays, and put them in SI on a uniform grid."""
     present = {name: values for name, values in arrays.items() if values is not None}
     first_row, sha256 = 1, ""
     if recording is not None:
@@ -117,7 +129,8 @@ def gather_record(
         if isinstance(recording, xr.Dataset):
             first_row = int(recording.attrs.get("first_row", 1))
             sha256 = str(recording.attrs.get("sha256", ""))
-    channels = {name: np.asarray(values, dtype=float) for name, values in present.items()}
+    factors = _factors_to_si(present, units or {}, where)
+    channels = {n: factors[n] * np.asarray(values, dtype=float) for n, values in present.items()}
     _check_channels(channels, first_row, where=where, required=required)
     time = channels.pop("time", None)
     if time is not None and rate_hz is not None:
@@ -135,6 +148,28 @@ def gather_record(
     uniform, values = timestamps.resample_stretch(time, np.stack([channels[n] for n in names]))
     rate = (uniform.size - 1) / float(uniform[-1] - uniform[0])
     return JointRecord(dict(zip(names, values, strict=True)), rate, uniform, sha256)
+
+
+def _factors_to_si(
+    channels: Mapping[str, Any], units: Mapping[str, str], where: str
+) -> dict[str, float]:
+    """Return the factor to SI of every channel, by the unit given or that of a dataset."""
+    problems = [
+        f"units: '{name}' is not a channel given." for name in units if name not in channels
+    ]
+    factors = {}
+    for name, values in channels.items():
+        known = _FACTORS.get(name, {})
+        stated = getattr(values, "attrs", {}).get("units")
+        unit = units.get(name, stated)
+        if name in units and stated in known and known[stated] != known.get(units[name]):
+            problems.append(f"units: '{name}' is given in {unit}, the recording says {stated}.")
+        elif unit is not None and known and unit not in known:
+            problems.append(f"units: '{name}': expected {', '.join(known)}; got {unit!r}.")
+        factors[name] = known.get(unit, 1.0)
+    if problems:
+        raise UnitError(f"{where}: {' '.join(problems)} Correct it, or convert to SI.")
+    return factors
 
 
 def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
