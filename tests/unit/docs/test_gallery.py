@@ -24,7 +24,7 @@ REFERENCE = (DOCS / "reference.md").read_text(encoding="utf-8")
 MET_OTHERWISE = ("Results", "Errors")
 #: Packages of jointz that are public beside its own names.
 ROOMS = ("reference", "stats", "testing")
-#: What no script can run here: opensourceleg wants an older numpy, and a method belongs to a package
+#: What no script can run here: opensourceleg wants an older numpy, a method belongs to a package
 #: that registers it. docs/devices.md and docs/methods.md show these.
 ON_A_PAGE = {
     "jointz.identify.methods.cell_estimator.CellMethod",
