@@ -164,7 +164,7 @@ class SafetyStop(DeviceError):  # noqa: N818 - it states the event
     Parameters
     ----------
     code : str
-        A stable code from :class:`jointz.core.trips.Trip`.
+        A stable code from :class:`jointz.core.codes.Trip`.
     message : str
         Which limit, the value, and what to do.
     """

@@ -14,11 +14,13 @@ from pydantic import Field, PlainValidator, SerializeAsAny, ValidationError, Val
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
+from jointz.core.clock import Clock
 from jointz.core.errors import DeviceFileError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import CalibrationSpec, DeviceSpec, Name, TorqueModelSpec
 from jointz.devices.dephy_units import WindingSpec
 from jointz.devices.drivers import DriverSettings, driver_names, load_driver
+from jointz.devices.interface import Actuator, Devices
 
 #: The ADS1115 converts so often a second; its oscillator is 10 % wide, so that this many
 #: can be read without reading one twice.
@@ -251,3 +253,18 @@ def _sentence(error: Mapping[str, Any]) -> str:
     if kind == "driver":
         return f"{place}.driver: {message}"
     return f"{place}: {message}" if kind == "inconsistent" else f"{place}: {message}; got {shown}."
+
+
+def open_devices(
+    config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
+) -> Devices:
+    """Return the devices that a file names, ``UNCONFIGURED``."""
+    file = config if isinstance(config, DeviceFile) else device_file(config)
+    devices = {}
+    for section, settings in file.sections().items():
+        driver = load_driver(section, settings.driver)
+        if section == "actuator":
+            devices[section] = driver.open(settings, clock=clock, before=before)
+        else:
+            devices[section] = driver.open(settings, section, clock=clock)
+    return Devices(**devices)

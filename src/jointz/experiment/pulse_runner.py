@@ -1,8 +1,8 @@
 """Fires the pulses of the plan and writes down what became of each."""
 
+from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.protocols.protocol import PulseSpec
-from jointz.core.trips import Trip
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse

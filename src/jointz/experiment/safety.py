@@ -8,14 +8,14 @@ Three reactions, from mild to hard:
   steady again: the wearer is well, a step would disturb more than a ramp;
 - anything measured out of bounds, and any request that is no number, **trips**: the
   torque of that very tick is zero, and of every tick after it. All codes of
-  :class:`jointz.core.trips.Trip` do the same, so nothing has to be decided in a trip.
+  :class:`jointz.core.codes.Trip` do the same, so nothing has to be decided in a trip.
 """
 
 from math import inf, isfinite, nan
 
+from jointz.core.codes import Trip
 from jointz.core.limits import DUTY_WINDOW_S, SafetyLimits
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import ActuatorSample
 
 _CLAMPED, _FADING, _TRIPPED = int(Flag.CLAMPED), int(Flag.FADING), int(Flag.TRIPPED)

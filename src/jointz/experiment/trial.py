@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from jointz.core.clock import Clock
+from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.protocols.protocol import GaitSpec
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import Devices
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.gait.gait_watch import CONTACT_LEVELS, GaitWatch

@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from jointz.core.codes import Doubt, Exclusion, Failure, NotPooled
-from jointz.core.trips import Trip
+from jointz.core.codes import Doubt, Exclusion, Failure, NotPooled, Trip
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.statistics import pulse_effect_tests, quasi_stiffness_fit
 

@@ -14,7 +14,7 @@ import pytest
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError
 from jointz.devices.adc import Ads1115Sensor
-from jointz.devices.config import DeviceFile, LslSpec, device_file
+from jointz.devices.config import DeviceFile, LslSpec, device_file, open_devices
 from jointz.devices.dephy import DephyActPack
 from jointz.devices.drivers import (
     BUILT_IN,
@@ -26,7 +26,6 @@ from jointz.devices.drivers import (
 )
 from jointz.devices.interface import Lifecycle
 from jointz.devices.lsl import LslSensor
-from jointz.devices.open_devices import open_devices
 
 WHOLE = """
 [actuator]

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jointz.core.codes import Trip
 from jointz.core.limits import SafetyLimits
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import ActuatorSample
 from jointz.experiment.safety import SafetyGate
 

@@ -16,10 +16,9 @@ from jointz.core.clock import Clock
 from jointz.core.errors import DataError, DeviceFileError
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec
-from jointz.devices.config import DeviceFile, device_file
+from jointz.devices.config import DeviceFile, device_file, open_devices
 from jointz.devices.drivers import load_driver
 from jointz.devices.interface import Actuator, Devices, Wearer
-from jointz.devices.open_devices import open_devices
 from jointz.io.calibration_file import CalibrationFile
 from jointz.io.device_file import read_device_file
 from jointz.session.participant_run import check_id
