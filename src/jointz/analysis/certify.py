@@ -3,19 +3,28 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Chosen, Injection
-from jointz.identify.appraisal.certificate_evidence import evidence_of
 from jointz.identify.appraisal.certificate_study import (
     assembled,
     certify_participant,
     replicates_for,
 )
+from jointz.identify.estimators import ParticipantData
+from jointz.identify.preparation.recording_groups import recording_groups
+from jointz.identify.preparation.sources import (
+    ParticipantSettings,
+    RecordingInput,
+    prepare_sources,
+)
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.recommended.walking_estimator import RecommendedMethod
+from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import Certificate, VirtualEstimate
 from jointz.tasks.progress import Progress
@@ -133,3 +142,17 @@ def checked_injection(
     if lag_s is not None and not 0.0 <= lag_s <= _LONGEST_LAG_S:
         raise ValueError(f"lag_s: expected 0 to {_LONGEST_LAG_S} s, got {lag_s}.")
     return Injection(stiffness, damping, inertia, lag_s)
+
+
+def evidence_of(
+    participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
+) -> tuple[Evidence, ...]:
+    """Predict and explain the pulses of a participant as the recommended method does."""
+    evidence = []
+    for unit, group in recording_groups(recordings, settings.kind):
+        session, side = unit or ("", "")
+        sources = prepare_sources(group, settings)
+        estimates = RecommendedMethod().estimate(ParticipantData(participant, sources), settings)
+        if estimates.evidence is not None:
+            evidence.append(replace(estimates.evidence, session=session, side=side))
+    return tuple(evidence)

@@ -1,30 +1,34 @@
 """Statistics and notes of an analysis."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from statistics import median
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from scipy.special import stdtrit
 
 from jointz.analysis.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
-from jointz.analysis.quasi_stiffness_rows import quasi_stiffness_rows
 from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Study
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.over_cycle.stride_curves import StrideCurves
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.kernels.robust_spread import robust_sd
 from jointz.report.wording import format_span
 from jointz.results.estimates import CellEstimate
 from jointz.results.participant_model import ParticipantModel
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
-from jointz.stats.out_of_line import inertias_out_of_line
 from jointz.stats.pulse_effects import pulse_effects
+from jointz.stats.quasi_stiffness import quasi_stiffness
 
 #: Number of names in a note; the tables have the others.
 _MOST_NAMES = 3
@@ -320,3 +324,114 @@ def _names(cells: Sequence[CellEstimate]) -> str:
 def _first(names: Sequence[str]) -> str:
     more = ", ..." if len(names) > _MOST_NAMES else ""
     return f"{', '.join(names[:_MOST_NAMES])}{more}"
+
+
+LEVEL = 0.95
+#: Fewer strides than this give no interval.
+_FEWEST_STRIDES = 5
+
+
+def quasi_stiffness_rows(
+    curves: Sequence[StrideCurves], timing_points: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """Return the slopes and secants of every participant's mean stride.
+
+    Intervals are t intervals of the delete-one jackknife over strides. They are those of the mean
+    stride, assume independent strides, which consecutive ones are not quite, and do not include
+    errors of motion capture and inverse dynamics.
+    """
+    return [row for one in curves for row in _rows(one, timing_points)]
+
+
+def _rows(curves: StrideCurves, timing_points: Mapping[str, float]) -> Iterator[dict[str, Any]]:
+    mean = curves.angle.mean(axis=0), curves.moment.mean(axis=0)
+    whole = _of_stride(*mean, timing_points)
+    halves = _half_widths(curves, timing_points)
+    for estimate, half in zip(whole.estimates, halves, strict=True):
+        value = estimate.value
+        low, high = (None, None) if value is None or half is None else (value - half, value + half)
+        yield {
+            "participant": curves.participant,
+            "side": curves.side,
+            "timing_point": estimate.timing_point,
+            "onset_gait_pct": estimate.onset_gait_pct,
+            "measure": estimate.measure,
+            "value": value,
+            "unit": "N*m/rad",
+            "ci_low": low,
+            "ci_high": high,
+            "ci_level": LEVEL,
+            "r_squared": estimate.r_squared,
+            "angle_range_rad": estimate.angle_range_rad,
+            "n_strides": len(curves.angle),
+            "status": estimate.status,
+            "doubts": " ".join(estimate.doubts),
+            "session": curves.session,
+        }
+
+
+def _of_stride(
+    angle: np.ndarray, moment: np.ndarray, timing_points: Mapping[str, float]
+) -> QuasiStiffness:
+    return quasi_stiffness(angle, moment, timing_points=timing_points, moment_unit="N*m")
+
+
+def _half_widths(
+    curves: StrideCurves, timing_points: Mapping[str, float]
+) -> Sequence[float | None]:
+    """Return half of each interval; None if strides are too few or a value is missing."""
+    n = len(curves.angle)
+    n_estimates = 3 * len(timing_points)
+    if n < _FEWEST_STRIDES:
+        return [None] * n_estimates
+    means = (
+        (n * values.mean(axis=0) - values) / (n - 1) for values in (curves.angle, curves.moment)
+    )
+    left_out = np.array(
+        [
+            [
+                np.nan if e.value is None else e.value
+                for e in _of_stride(angle, moment, timing_points).estimates
+            ]
+            for angle, moment in zip(*means, strict=True)
+        ]
+    )
+    errors = np.sqrt((n - 1) / n * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0))
+    halves = float(stdtrit(n - 1, (1.0 + LEVEL) / 2.0)) * errors
+    return [float(half) if np.isfinite(half) else None for half in halves]
+
+
+#: Robust sd beyond which somebody is out of line, and people needed to say so (Iglewicz and
+#: Hoaglin 1993, How to detect and handle outliers).
+_FAR = 3.5
+_FEWEST = 5
+#: Relative spread that people differ by anyway.
+_USUAL = 0.1
+_Z = 1.96
+
+
+def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
+    """Return the participants with outlying inertia, and its ratio to the others' median.
+
+    A participant's inertia is the median over timing points of those that stand. Its logarithm is
+    compared with the median of all by their median absolute deviation, or a tenth where that is
+    less, and its own error. A leg that is heavier than others by half is nothing unusual; a
+    wrong unit, another strap or another joint is.
+    """
+    values: dict[str, list[tuple[float, float]]] = {}
+    for cell in cells:
+        p = cell.inertia
+        if p is not None and p.value and p.ci_low is not None and p.ci_high is not None:
+            sd = (p.ci_high - p.ci_low) / (2.0 * _Z * p.value)
+            values.setdefault(cell.participant, []).append((float(np.log(p.value)), sd))
+    if len(values) < _FEWEST:
+        return {}
+    medians = {person: np.median(rows, axis=0) for person, rows in values.items()}
+    logs = np.array([log for log, _ in medians.values()])
+    middle = float(np.median(logs))
+    spread = max(float(robust_sd(logs)), _USUAL)
+    return {
+        person: float(np.exp(log - middle))
+        for person, (log, sd) in medians.items()
+        if abs(log - middle) > _FAR * np.hypot(spread, sd)
+    }

@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeVar
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.dephy_library import traceback_limit_kept
+from jointz.devices.dephy import traceback_limit_kept
 
 NEVER_TRIED = "this adapter was never tried on hardware"
 #: Samples that wait to be read; the oldest are dropped: two seconds at 1000 Hz.

@@ -1,12 +1,15 @@
 """``jointz identify``: one time series to a model."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from jointz.identification.actuator_command import actuator
-from jointz.identification.bandwidth_command import bandwidth
+from jointz.core.codes import Failure
+from jointz.core.errors import EstimationError
 from jointz.terminal.file_options import (
     Decimal,
     DecimalSign,
@@ -22,6 +25,202 @@ from jointz.terminal.file_options import (
 )
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.printout import Output
+
+
+class TorqueModel(StrEnum):
+    """Choices of ``--model``."""
+
+    CURRENT = "current"
+    MOTOR = "motor"
+    FRICTION = "friction"
+
+
+class Sign(StrEnum):
+    """Choices of ``--torque-sign``."""
+
+    SAME = "1"
+    OPPOSITE = "-1"
+
+
+def actuator(
+    file: File,
+    current: Annotated[str, typer.Option("--current", help="COL[:unit] of the current (A).")],
+    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque sensor (N*m).")],
+    gear_ratio: Annotated[
+        float, typer.Option("--gear-ratio", help="Motor turns a turn of the output.")
+    ],
+    velocity: Annotated[
+        str | None,
+        typer.Option(
+            "--velocity", help="COL[:unit] of the output's speed (rad/s); current needs none."
+        ),
+    ] = None,
+    acceleration: Annotated[
+        str | None,
+        typer.Option(
+            "--acceleration",
+            help="COL[:unit] of the output's acceleration (rad/s^2); without it the differenced "
+            "speed, where --time or --rate is given.",
+        ),
+    ] = None,
+    time: Time = None,
+    rate: Rate = None,
+    model: Annotated[
+        TorqueModel,
+        typer.Option(
+            "--model",
+            help="current (3.1); motor (3.2): viscous friction, rotor inertia; friction (3.3): "
+            "Coulomb and gear friction, rotor inertia.",
+        ),
+    ] = TorqueModel.FRICTION,
+    torque_sign: Annotated[
+        Sign, typer.Option("--torque-sign", help="-1: the sensor counts against the motor.")
+    ] = Sign.SAME,
+    rotor_inertia: Annotated[
+        str | None,
+        typer.Option(
+            "--rotor-inertia", help="VALUE[:unit] at the output (kg*m^2): given, not fitted."
+        ),
+    ] = None,
+    smooth_velocity: Annotated[
+        str | None,
+        typer.Option(
+            "--smooth-velocity",
+            help="VALUE[:unit] s (rad/s): tanh(velocity/s) in place of the sign.",
+        ),
+    ] = None,
+    figure: Figure = None,
+    delimiter: Delimiter = None,
+    decimal: DecimalSign = Decimal.POINT,
+    skip_rows: SkipRows = 0,
+    no_header: NoHeader = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Fit a torque model to a bench record with a torque sensor.
+
+    Example: jointz identify actuator bench.csv --current i --velocity w --torque tau --gear-ratio 9
+    """
+    del debug
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.actuators.actuator import identify_actuator
+    from jointz.io.text.column_arguments import parse_quantity
+
+    output = Output(model.value, figure, as_json, quiet, (7.1, 4.6))
+    columns = given_columns(
+        current=current, velocity=velocity, torque=torque, acceleration=acceleration, time=time
+    )
+    inertia = None if rotor_inertia is None else parse_quantity(rotor_inertia, "rotor-inertia")
+    smooth = None if smooth_velocity is None else parse_quantity(smooth_velocity, "smooth-velocity")
+    with output.failures():
+        fit, parsed = identify_file(
+            identify_actuator,
+            file,
+            columns,
+            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            rate_hz=rate,
+            needs_clock=False,
+            gear_ratio=gear_ratio,
+            model=model.value,
+            torque_sign=float(torque_sign.value),
+            rotor_inertia=inertia,
+            smooth_velocity_rad_s=smooth,
+        )
+    output.report(fit, parsed, file=file)
+
+
+class Method(StrEnum):
+    """Choices of ``--method``."""
+
+    WELCH = "welch"
+    BLACKMAN_TUKEY = "blackman_tukey"
+
+
+def bandwidth(
+    file: File,
+    command: Annotated[
+        str, typer.Option("--command", help="COL[:unit] of the commanded torque (N*m).")
+    ],
+    torque: Annotated[
+        str, typer.Option("--torque", help="COL[:unit] of the measured torque (N*m).")
+    ],
+    time: Time = None,
+    rate: Rate = None,
+    method: Annotated[
+        Method, typer.Option("--method", help="How the spectra are estimated.")
+    ] = Method.WELCH,
+    window_s: Annotated[
+        float | None,
+        typer.Option(
+            "--window-s",
+            help="Length of a Welch segment, or longest lag, s; chosen from the record by default.",
+        ),
+    ] = None,
+    drop_db: Annotated[
+        float, typer.Option("--drop-db", help="Loss of gain that ends the bandwidth, dB.")
+    ] = 3.0,
+    figure: Figure = None,
+    delimiter: Delimiter = None,
+    decimal: DecimalSign = Decimal.POINT,
+    skip_rows: SkipRows = 0,
+    no_header: NoHeader = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Find the frequency at which a torque loop has lost 3 dB.
+
+    Example: jointz identify bandwidth bench.csv --command cmd:Nm --torque tau:Nm --rate 1000
+    """
+    del debug
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.actuators.bandwidth import identify_bandwidth
+
+    if not 0.0 < drop_db < float("inf"):
+        raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
+    output = Output("bandwidth", figure, as_json, quiet, (7.1, 4.0))
+    files = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
+    with output.failures(), _reference_advised(file, command, files):
+        fit, columns = identify_file(
+            identify_bandwidth,
+            file,
+            given_columns(command=command, torque=torque, time=time),
+            files=files,
+            rate_hz=rate,
+            method=method.value,
+            window_s=window_s,
+            drop_db=drop_db,
+        )
+    estimate = {
+        "value": fit.bandwidth_hz,
+        "unit": "Hz",
+        "ci": [fit.ci_low_hz, fit.ci_high_hz],
+        "status": fit.status,
+    }
+    content = {"model": "bandwidth", "status": fit.status, "parameters": {"bandwidth_hz": estimate}}
+    output.report(fit, columns, file=file, more=content)
+
+
+@contextmanager
+def _reference_advised(file: Path, command: str, files: Mapping[str, Any]) -> Iterator[None]:
+    """Advise the column of a jointz recording that holds the whole commanded torque."""
+    try:
+        yield
+    except EstimationError as exc:
+        if exc.code != Failure.CONSTANT_COMMAND.value:
+            raise
+        from jointz.core.study import FilesSpec
+        from jointz.io.formats.registry import list_columns
+
+        names = list_columns(file, FilesSpec.model_validate(files)) or []
+        if "reference" not in names or command.partition(":")[0] == "reference":
+            raise
+        raise EstimationError(
+            exc.code,
+            f"{exc} The file has a column 'reference': in recordings of jointz it holds the torque "
+            "that was commanded, 'command' the pulses alone. Try --command reference.",
+        ) from exc
 
 
 class Perturbed(StrEnum):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from jointz.analysis.page.lag_effect import fit_with_lag
+from jointz.analysis.page.method_differences import fit_with_lag
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.results.estimates import Response

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jointz.analysis.page.run_section import run_section
+from jointz.analysis.page.report_page import run_section
 from jointz.results.run_report import RunReport
 
 

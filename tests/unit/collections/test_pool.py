@@ -16,10 +16,9 @@ from jointz.analysis.analyze import analyze
 from jointz.collections.catalog import build_catalog, query_catalog
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter
-from jointz.collections.coverage import PoolRules, pool_collection, write_pool
+from jointz.collections.coverage import PoolRules, RawStudy, pool_collection, reanalysed, write_pool
 from jointz.collections.pool import pool_catalog
 from jointz.collections.pool_result import BY, DEFAULT_BY, CollectionPool
-from jointz.collections.reanalysis import RawStudy, reanalysed
 from jointz.core.errors import DataError
 from jointz.io.study_reader import open_study
 from jointz.kernels.statistics.between_study_variance import random_effects

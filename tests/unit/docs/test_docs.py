@@ -16,7 +16,7 @@ import typer
 from pydantic import BaseModel
 
 from jointz.analysis.page.details_tables import details_frame, models_frame
-from jointz.analysis.quasi_stiffness_rows import quasi_stiffness_rows
+from jointz.analysis.population_step import quasi_stiffness_rows
 from jointz.cli.command_line import app
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure

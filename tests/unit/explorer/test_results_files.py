@@ -14,14 +14,14 @@ from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError, WriteError
 from jointz.core.events import PulseRecord
-from jointz.explorer.downloads import (
+from jointz.explorer.exclusions import FILE, decide, is_excluded
+from jointz.explorer.files_page import (
     TABLES,
     figure_svg,
     file_name,
     table_csv,
     traces_netcdf,
 )
-from jointz.explorer.exclusions import FILE, decide, is_excluded
 from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
 from jointz.explorer.results_files import cell_of, open_results, pulses_of

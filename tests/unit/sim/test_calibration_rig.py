@@ -12,8 +12,11 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import LoadSpec
 from jointz.core.study import Calibrated
 from jointz.io.protocols import load_protocol
-from jointz.sim.calibration_benches.calibration_motion import HandSwing
-from jointz.sim.calibration_benches.calibration_rig import CalibrationRig, calibration_rig
+from jointz.sim.calibration_benches.calibration_rig import (
+    CalibrationRig,
+    HandSwing,
+    calibration_rig,
+)
 from jointz.sim.layout import Gait, Param
 from jointz.sim.path import path
 from jointz.sim.people import draw_person

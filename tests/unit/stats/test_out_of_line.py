@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from jointz.analysis.population_step import inertias_out_of_line
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.stats.out_of_line import inertias_out_of_line
 
 
 def cells(inertias, *, relative_sd=0.05):

@@ -12,12 +12,9 @@ from markupsafe import Markup
 
 from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
-from jointz.analysis.page.effects_section import effects_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.quasi_stiffness_section import quasi_stiffness_section
-from jointz.analysis.page.run_section import run_section
-from jointz.analysis.page.truth_section import truth_section
 from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.analysis.paper.methods_text import methods_text
 from jointz.analysis.summary import (
@@ -37,6 +34,8 @@ from jointz.report.wording import (
     format_estimate,
     format_integer,
     format_interval,
+    format_number,
+    format_signed,
     format_spread,
     format_vaf,
     parameter_name,
@@ -283,3 +282,129 @@ def _size(size_bytes: float | None) -> str:
         if size_bytes >= factor:
             return f"{size_bytes / factor:.1f} {unit}"
     return f"{size_bytes:.0f} B"
+
+
+def run_section(run: RunReport) -> dict[str, Any]:
+    """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
+    rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
+    return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
+
+
+def _gaps(run: RunReport) -> str:
+    if not run.gaps:
+        return ""
+    fewest, most = min(g["fewest"] for g in run.gaps), max(g["most"] for g in run.gaps)
+    longer = sum(g["longer_than_planned"] for g in run.gaps)
+    text = f"Pulses were {fewest} to {most} strides apart"
+    if not longer:
+        return f"{text}, as planned."
+    return f"{text}; {longer} came later than planned because the pulse before was missed."
+
+
+def _timing(run: RunReport) -> str:
+    ticks, missed, limited = (
+        sum(t[key] for t in run.timing) for key in ("ticks", "missed_slots", "clamped_ticks")
+    )
+    text = (
+        f"The control loop ran {format_integer(ticks)} ticks, missed {format_integer(missed)} slots"
+    )
+    if not limited:
+        return f"{text} and limited no torque."
+    return f"{text}, and sent less torque than commanded in {format_integer(limited)} ticks."
+
+
+_METHODS: Final = {
+    "dissertation": "least squares over the response (2.2.3)",
+    "pulse_likelihood": "errors-in-variables likelihood over 250 ms",
+}
+_SMALLEST_P: Final = 1e-4
+_EFFECTS: Final = {
+    "type": "type",
+    "direction": "direction",
+    "joint": "type or direction",
+}
+
+
+def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return rows and notes of the table, None if pulses had one direction only."""
+    effects = statistics.get("pulse_effects")
+    if not effects:
+        return None
+    tests: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
+    for test in effects["tests"]:
+        if test["effect"] in _EFFECTS:
+            key = tuple(str(test[k]) for k in ("case", "trajectory", "response", "effect"))
+            tests.setdefault(key, {})[test["analysis"]] = test
+    methods = effects.get("methods") or ["dissertation"]
+    return {
+        "rows": [_row(key, pair, effects["alpha"]) for key, pair in tests.items()],
+        "methods": " and ".join(_METHODS.get(name, name) for name in methods),
+        "notes": effects["notes"],
+    }
+
+
+def _row(
+    key: tuple[str, ...], tests: Mapping[str, Mapping[str, Any]], alpha: float
+) -> dict[str, Any]:
+    case, trajectory, response, effect = key
+    p_holm = tests.get("mixed", {}).get("p_holm")
+    return {
+        "case": case,
+        "trajectory": trajectory,
+        "response": response,
+        "effect": _EFFECTS[effect],
+        **{name: _test(tests.get(name, {})) for name in ("one_way", "mixed")},
+        "p_holm": _p(p_holm),
+        "matters": p_holm is not None and p_holm < alpha,
+    }
+
+
+def _test(test: Mapping[str, Any]) -> dict[str, str]:
+    if not test:
+        return {"f": "", "p": ""}
+    if test.get("p") is None:
+        return {"f": str(test.get("code", "")).replace("_", " "), "p": DASH}
+    degrees = f"({test['df_num']:.0f}, {test['df_den']:.3g})"
+    return {"f": f"{format_number(test['statistic'])} {degrees}", "p": _p(test["p"])}
+
+
+def _p(value: float | None) -> str:
+    if value is None:
+        return DASH
+    return f"{value:.2g}" if value >= _SMALLEST_P else f"< {_SMALLEST_P:.4f}"
+
+
+def truth_section(truth: pd.DataFrame) -> _Row:
+    """Return errors and coverage by parameter, and every estimate beside its truth."""
+    known = truth.dropna(subset=["truth", "estimate"])
+    summary = []
+    for name in PARAMETERS:
+        rows = known[known["parameter"] == name]
+        errors = rows["error_pct"].to_numpy(float)
+        errors = errors[np.isfinite(errors)]  # a truth of zero has no error in %
+        if errors.size:
+            summary.append(
+                {
+                    "name": parameter_name(name),
+                    "rms_pct": float(np.sqrt(np.mean(errors**2))),
+                    "bias_pct": float(errors.mean()),
+                    "covered": int(rows["covered"].astype(bool).sum()),
+                    "n": len(rows),
+                }
+            )
+    return {"summary": summary, "rows": [_truth_row(row) for row in truth.to_dict("records")]}
+
+
+def _truth_row(row: dict[Any, Any]) -> _Row:
+    numbers = (row[key] for key in ("estimate", "ci_low", "ci_high"))
+    finite = (None if x is None or not np.isfinite(x) else float(x) for x in numbers)
+    return {
+        "participant": row["participant"],
+        "name": point_name(str(row["timing_point"])),
+        "parameter": parameter_name(row["parameter"]),
+        "unit": PARAMETER_UNITS[row["parameter"]],
+        "truth": format_number(row["truth"]),
+        "estimate": format_interval(*finite),
+        "error": f"{format_signed(row['error_pct'], decimals=1)} %",
+        "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
+    }

@@ -83,7 +83,7 @@ def identify_paired_runs(
     -----
     torque = K*angle + B*velocity + J*acceleration (2.1), by least squares without bounds, on
     the differences. The unperturbed run is shifted to where its reference passes as the
-    perturbed run's does (:func:`jointz.identify.bench.run_alignment.reference_shift`) and read
+    perturbed run's does (:func:`jointz.identify.bench.paired_responses.reference_shift`) and read
     between its samples. Interval: sandwich with the pulses as clusters, Student's t with as
     many degrees of freedom as there are pulses beyond three; it does not know the gain of a
     sensor. Whatever is late in the torque record, or follows the pulse only (friction that

@@ -13,8 +13,11 @@ motion that the current alone would give serves as instrument.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from math import tanh
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from jointz.core.study import Calibrated, TorqueModelSpec
 from jointz.identify.calibration.calibration_step import (
@@ -27,10 +30,80 @@ from jointz.identify.calibration.calibration_step import (
     step_series,
     weighted_moments,
 )
-from jointz.identify.calibration.driven_motion import driven_velocity
-from jointz.identify.calibration.instrumented_fit import InstrumentedFit, Instruments
+from jointz.identify.calibration.steady_fit import blocks_for
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
+from jointz.results.estimates import REACH_95
+
+#: Added to the moments' covariance before it is inverted, share of its trace.
+_EVEN_SHARE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstrumentedFit:
+    """A linear fit."""
+
+    values: np.ndarray  # coefficients
+    # squared distance of the moments from zero: chi squared with as many degrees of freedom as
+    # there are instruments more than coefficients
+    distance: float
+    residual: np.ndarray  # measured minus modelled
+
+
+class Instruments:
+    """Instruments of one signal, for any number of models of it."""
+
+    def __init__(self, time: np.ndarray, y: np.ndarray, columns: np.ndarray) -> None:
+        self._time, self._y = time, y
+        self._z = columns / np.sqrt(np.mean(columns**2, axis=0))
+        self._weights = np.linalg.inv(self._z.T @ self._z)
+        self._starts = np.zeros(1, dtype=int)
+        self._lost = 0
+
+    def weigh(self, residual: np.ndarray, *, fitted: int) -> None:
+        """Weigh the moments by their covariance."""
+        n_blocks = blocks_for(self._time, residual, size=float(np.std(self._y)), fitted=fitted)
+        self._starts = np.arange(n_blocks) * residual.size // n_blocks
+        self._lost = fitted
+        sums = np.add.reduceat(self._z * residual[:, None], self._starts, axis=0)
+        covariance = sums.T @ sums * n_blocks / (n_blocks - fitted)
+        size = float(np.trace(covariance))
+        if size > 0.0:  # else nothing is left that could be weighed
+            even = _EVEN_SHARE * size * np.eye(len(covariance))
+            self._weights = np.linalg.inv(covariance + even)
+
+    @cached_property
+    def _against_signal(self) -> np.ndarray:
+        return np.asarray(self._z.T @ self._y)
+
+    def fit(self, regressors: np.ndarray) -> InstrumentedFit:
+        """Fit the signal by regressors."""
+        cross = self._z.T @ regressors
+        values = self._solved(cross, self._against_signal)
+        missed = self._against_signal - cross @ values
+        residual = self._y - regressors @ values
+        return InstrumentedFit(values, float(missed @ self._weights @ missed), residual)
+
+    def sds(self, regressors: np.ndarray) -> np.ndarray:
+        """Return the sd of the coefficients."""
+        n = self._starts.size
+        ends = [*self._starts[1:], len(self._y)]
+        parts = [slice(a, b) for a, b in zip(self._starts, ends, strict=True)]
+        cross = np.array([self._z[part].T @ regressors[part] for part in parts])
+        signal = np.array([self._z[part].T @ self._y[part] for part in parts])
+        without = np.array(
+            [
+                self._solved(cross.sum(axis=0) - block, signal.sum(axis=0) - moment)
+                for block, moment in zip(cross, signal, strict=True)
+            ]
+        )
+        scatter = np.sqrt((n - 1) / n * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
+        return np.asarray(scatter * student_t.ppf(0.975, n - self._lost) / REACH_95)
+
+    def _solved(self, cross: np.ndarray, signal: np.ndarray) -> np.ndarray:
+        leaning = cross.T @ self._weights
+        return np.asarray(np.linalg.solve(leaning @ cross, leaning @ signal))
+
 
 #: Velocities at which friction is taken to have grown to three quarters, rad/s.
 _SMOOTHNESS_RAD_S = np.geomspace(0.003, 0.2, 22)
@@ -230,3 +303,44 @@ def _check_linear(spring: np.ndarray, drive: np.ndarray, friction: np.ndarray) -
     if apart > _UNLIKE:
         detail = f"the slopes of the two directions differ by {apart:.0%}"
         raise RefusedError(CalibrationFailure.NOT_LINEAR, detail)
+
+
+_STEP_S = 0.01
+_SMALL_RAD = 1e-9
+_PASSES = 30
+
+
+def driven_velocity(
+    time: np.ndarray,
+    drive: np.ndarray,
+    friction: np.ndarray,
+    *,
+    stiffness: float,
+    smooth_rad_s: float,
+) -> np.ndarray:
+    """Return the velocity that torque and friction give, rad/s."""
+    grid = np.arange(time[0], time[-1] + _STEP_S, _STEP_S)
+    pulls, holds = (np.interp(grid, time, values).tolist() for values in (drive, friction))
+    angle, velocity = pulls[0] / stiffness, []
+    for pull, hold in zip(pulls, holds, strict=True):
+        step = _step(pull - stiffness * angle, hold, stiffness, _STEP_S * smooth_rad_s)
+        angle += step
+        velocity.append(step / _STEP_S)
+    return np.asarray(np.interp(time, grid, velocity))
+
+
+def _step(pull: float, hold: float, stiffness: float, smooth_rad: float) -> float:
+    """Return the root of ``stiffness * x + hold * tanh(x / smooth_rad) = pull``.
+
+    By Newton's method from zero, of the size: there the left side is steepest, so that no step
+    passes the root.
+    """
+    x, size = 0.0, abs(pull)
+    for _ in range(_PASSES):
+        share = tanh(x / smooth_rad)
+        slope = stiffness + hold * (1.0 - share**2) / smooth_rad
+        change = (size - stiffness * x - hold * share) / slope
+        x += change
+        if change < _SMALL_RAD:
+            break
+    return x if pull > 0.0 else -x

@@ -1,6 +1,8 @@
 """Reported values, intervals and statuses of a timing point, from its posterior."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -9,10 +11,10 @@ from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
-from jointz.identify.recommended.instrument_knowledge import removed_variances
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior, Moments
 from jointz.kernels.bounded_normal import bounded_interval
+from jointz.kernels.response_search import CROSS_TALK, DELAY, FRICTION_GAIN, LAG, SHARED
 from jointz.results.estimates import REACH_95, ParameterEstimate, decides
 
 _LEVEL = 0.95
@@ -168,3 +170,49 @@ def _exponential(moments: Moments) -> Moments:
     """Return the moments of exp(x), to first order."""
     value = float(np.exp(moments.mean))
     return Moments(value, {name: value**2 * v for name, v in moments.sources.items()})
+
+
+#: Measurable property of the instruments -> the shared parameters that sum to it.
+_MEASURABLE: Final[Mapping[str, Sequence[int]]] = {
+    "lag": (LAG, DELAY),
+    "friction": (FRICTION_GAIN,),
+    "cross_talk": (CROSS_TALK,),
+}
+#: Nodes and weights of a mean over a normal distribution.
+_NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+
+
+def removed_variances(posterior: JointPosterior, picks: np.ndarray) -> dict[str, float]:
+    """Return by how much knowing each instrument would reduce the variance of a sum of parameters.
+
+    By the law of total variance, the remaining variance is the mean, over the distribution of the
+    instrument, of the variance given its value, both within the hypotheses and between them, whose
+    probabilities depend on that value. Errors are taken as normal, effects as linear about each
+    mode.
+    """
+    removed = {}
+    for name, places in _MEASURABLE.items():
+        instrument = np.zeros(picks.size)
+        instrument[[picks.size - SHARED + place for place in places]] = 1.0
+        removed[name] = _removed(posterior, picks, instrument)
+    return removed
+
+
+def _removed(posterior: JointPosterior, picks: np.ndarray, instrument: np.ndarray) -> float:
+    weights, hypotheses = posterior.weights, posterior.posteriors
+    means, values = (np.array([x @ p.values for p in hypotheses]) for x in (picks, instrument))
+    spread, shared = (
+        np.array([x @ p.covariance @ instrument for p in hypotheses]) for x in (instrument, picks)
+    )
+    slopes, sds = shared / spread, np.sqrt(spread)
+    between = float(weights @ (means - weights @ means) ** 2)
+    nodes = values[:, None] + sds[:, None] * _NODES
+    chances = weights[:, None] * _NODE_WEIGHTS / _NODE_WEIGHTS.sum()
+    off = nodes.ravel()[:, None] - values
+    likely = np.log(np.maximum(weights, 1e-300)) - 0.5 * (off / sds) ** 2 - np.log(sds)
+    likely = np.exp(likely - likely.max(axis=1, keepdims=True))
+    likely /= likely.sum(axis=1, keepdims=True)
+    conditional = means + slopes * off
+    middles = (likely * conditional).sum(axis=1, keepdims=True)
+    remaining = float(chances.ravel() @ (likely * (conditional - middles) ** 2).sum(axis=1))
+    return max(float(weights @ (slopes * shared)) + between - remaining, 0.0)

@@ -23,7 +23,7 @@ from jointz.kernels.blocked_ridge import BlockedRidge, fit_blocked_ridge
 from jointz.kernels.robust_spread import robust_moments, robust_sd
 
 #: Predicted rows: angle, torque without friction, friction.
-PREDICTED = slice(RAW_ANGLE, COMMAND)
+PREDICTED_ROWS = slice(RAW_ANGLE, COMMAND)
 _BIN_S, _BINS = 0.02, 15
 _COARSE_S, _COARSE = 0.05, 4
 _PAST_S = _BIN_S * _BINS + _COARSE_S * _COARSE
@@ -202,7 +202,7 @@ class _Lesson:
         past, _ = signals.cut(
             onsets_s, before_s=_PAST_S, after_s=0.0, rows=slice(RAW_ANGLE, RAW_ANGLE + 1)
         )
-        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=PREDICTED)
+        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=PREDICTED_ROWS)
         if strides is None or strides.start_s.size == 0:
             unknown = np.full(onsets_s.size, np.nan)
             features = np.zeros((onsets_s.size, 1))

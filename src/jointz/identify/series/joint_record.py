@@ -160,11 +160,11 @@ def _factors_to_si(
     factors = {}
     for name, values in channels.items():
         known = _FACTORS.get(name, {})
-        stated = getattr(values, "attrs", {}).get("units")
+        stated = str(getattr(values, "attrs", {}).get("units", ""))
         unit = units.get(name, stated)
         if name in units and stated in known and known[stated] != known.get(units[name]):
             problems.append(f"units: '{name}' is given in {unit}, the recording says {stated}.")
-        elif unit is not None and known and unit not in known:
+        elif unit and known and unit not in known:
             problems.append(f"units: '{name}': expected {', '.join(known)}; got {unit!r}.")
         factors[name] = known.get(unit, 1.0)
     if problems:

@@ -20,7 +20,7 @@ from jointz.devices.config import DeviceFile, device_file, open_devices
 from jointz.devices.drivers import load_driver
 from jointz.devices.interface import Actuator, Devices, Wearer
 from jointz.io.calibration_file import CalibrationFile
-from jointz.io.device_file import read_device_file
+from jointz.io.toml_problems import file_content, parse_toml
 from jointz.session.participant_run import check_id
 
 UNTRIED = "No driver of jointz was ever tried on hardware."
@@ -223,3 +223,13 @@ def _version(library: str) -> str:
         return version(library)
     except PackageNotFoundError:
         return "not installed"
+
+
+def read_device_file(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a ``device.toml`` holds, not checked yet."""
+    where = os.fspath(path)
+    absent = (
+        f"{where}: no such file. Name the file that says which devices there are and how they are "
+        "connected."
+    )
+    return parse_toml(where, file_content(where, absent=absent), error=DeviceFileError)

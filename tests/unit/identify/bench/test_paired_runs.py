@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, EstimationError
+from jointz.identify.bench.paired_responses import reference_shift
 from jointz.identify.bench.paired_runs import identify_paired_runs
-from jointz.identify.bench.run_alignment import reference_shift
 from jointz.identify.preparation.pulses import Pulse
 
 RATE, K, B, J = 1000.0, 150.0, 1.2, 0.03
