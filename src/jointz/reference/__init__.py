@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
+__all__ = ["Finding", "OtherDevice", "Printed", "row_mean"]
+
 Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "worth knowing"]
 
 

@@ -136,6 +136,17 @@ def test_there_are_whole_studies_among_the_toml_blocks():
     assert len(whole) >= 5
 
 
+def ankle() -> pd.DataFrame:
+    """Return the record that pages call ``ankle.csv``."""
+    time = np.arange(10_000) / 500.0
+    angle, acceleration = np.zeros(time.size), np.zeros(time.size)
+    for frequency_hz in (1.3, 3.1, 7.1):
+        wave = 0.01 * np.sin(2 * np.pi * frequency_hz * time)
+        angle, acceleration = angle + wave, acceleration - (2 * np.pi * frequency_hz) ** 2 * wave
+    torque = 50 * angle + 0.02 * acceleration
+    return pd.DataFrame({"t": time, "pos": np.rad2deg(angle), "tau": torque})
+
+
 @pytest.mark.parametrize("body", blocks("python").values(), ids=blocks("python"))
 def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsys):
     own = shutil.copytree(small_study.root, tmp_path / "my-study")
@@ -149,6 +160,7 @@ def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsy
         (own / ours).rename(own / theirs)
         toml = toml.replace(ours, theirs)
     (own / "study.toml").write_text(toml)
+    ankle().to_csv(tmp_path / "ankle.csv", index=False)
     monkeypatch.chdir(tmp_path)
 
     exec(compile(body, "block", "exec"), {"__name__": "block"})
