@@ -62,5 +62,5 @@ def test_a_reflex_as_strong_as_the_stiffness_is_told_from_both_directions(person
     strong = replace(nominal, joint=replace(nominal.joint, reflex=reflex))
     result = analyzed(strong, person)
     assert result.models[0].doubts == (DIRECTION,)
-    stands = [p for c in result.cells["recommended"] for p in c.parameters if p.stands]
+    stands = [p for c in result.cells["recommended"] for p in c.parameters if p.available]
     assert all("directions" in p.ci_method for p in stands)

@@ -62,7 +62,7 @@ def held(person):
         points = [p for p in curve.band(name, "S01").points if p.timing_point == "TSW"]
         rows.append(
             (
-                not parameter.stands or parameter.ci_low < value < parameter.ci_high,
+                not parameter.available or parameter.ci_low < value < parameter.ci_high,
                 # Refused, or covered.
                 all(p.ci_low < value < p.ci_high for p in points),
             )

@@ -9,7 +9,7 @@ import typer
 
 from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
 from jointz.terminal.output import (
-    EXIT_NOTHING_STANDS,
+    EXIT_NO_ESTIMATE,
     EXIT_OK,
     emit,
     emit_json,
@@ -128,7 +128,7 @@ def analyze(
         emit_json(_as_json(analysis, out))
     elif not quiet:
         _print(analysis, report)
-    raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NO_ESTIMATE)
 
 
 def _store(out: Path) -> "TaskStore | None":
@@ -199,7 +199,7 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
     emit(_counts(analysis))
     for note in analysis.statistics.get("notes", []):
         emit(f"note: {note}")
-    missing = {p.status for c in analysis.cells for p in c.parameters if not p.stands}
+    missing = {p.status for c in analysis.cells for p in c.parameters if not p.available}
     if missing:
         emit(f"without an estimate: {', '.join(sorted(missing))}")
     emit(f"Report: {report}")
@@ -230,7 +230,7 @@ def _print_cells(analysis: "StudyAnalysis") -> None:
 def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
     name = f"{cell.label} {cell.timing_point}"
     statuses = {p.status for p in cell.parameters}
-    if len(statuses) == 1 and not cell.parameters[0].stands:
+    if len(statuses) == 1 and not cell.parameters[0].available:
         return [[name, "all", "-", "-", "-", statuses.pop()]]
     return [[name, p.name, *_value_cells(p, "-"), p.status] for p in cell.parameters]
 

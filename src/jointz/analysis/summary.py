@@ -133,7 +133,7 @@ def fitted_signals(analysis: StudyAnalysis) -> str:
 
 def interval_methods(analysis: StudyAnalysis) -> list[str]:
     """Return how the intervals of the available estimates were calculated."""
-    estimates = (p for c in analysis.cells for p in c.parameters if p.stands and p.ci_method)
+    estimates = (p for c in analysis.cells for p in c.parameters if p.available and p.ci_method)
     return _merged(dict.fromkeys(p.ci_method for p in estimates))
 
 

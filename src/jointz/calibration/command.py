@@ -8,7 +8,7 @@ import typer
 
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
-from jointz.terminal.output import EXIT_NOTHING_STANDS, EXIT_OK, emit, emit_json, emit_table
+from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
 from jointz.terminal.printout import check_figure, save_canvas
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def calibrate(
         emit_json(_without_series(calibration))
     elif not quiet:
         _print(calibration)
-    raise typer.Exit(EXIT_OK if calibration.standing else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if calibration.standing else EXIT_NO_ESTIMATE)
 
 
 def _without_series(calibration: "Calibration") -> dict[str, object]:

@@ -45,7 +45,7 @@ class Calibration(Result):
     @property
     def standing(self) -> int:
         """How many entries stand, over all participants."""
-        return sum(entry.stands for fit in self.fits.values() for entry in fit.entries)
+        return sum(entry.available for fit in self.fits.values() for entry in fit.entries)
 
     def specifications(self) -> dict[str, CalibrationSpec]:
         """Return the entries that stand, for all participants with some."""

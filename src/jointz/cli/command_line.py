@@ -35,7 +35,7 @@ from jointz.terminal.exit_status import EXIT_STOPPED, note_command
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,
-    EXIT_NOTHING_STANDS,
+    EXIT_NO_ESTIMATE,
     emit,
     emit_error,
 )
@@ -126,7 +126,7 @@ def run_command_line() -> int:
 
 def _report(exc: Exception) -> int:
     """Print what went wrong and return the exit status of it."""
-    kind, status = type(exc).__name__, EXIT_NOTHING_STANDS
+    kind, status = type(exc).__name__, EXIT_NO_ESTIMATE
     if isinstance(exc, JointzError):
         message, status = _with_notes(exc, str(exc)), _exit_of(exc)
     elif isinstance(exc, MemoryError):
@@ -152,5 +152,5 @@ def _exit_of(exc: JointzError) -> int:
     if isinstance(exc, DeviceError):
         return EXIT_DEVICE
     if isinstance(exc, (WriteError, EngineError, WorkerLostError)):
-        return EXIT_NOTHING_STANDS  # the input is not to blame
+        return EXIT_NO_ESTIMATE  # the input is not to blame
     return EXIT_BAD_INPUT

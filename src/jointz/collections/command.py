@@ -10,7 +10,7 @@ import typer
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
-    EXIT_NOTHING_STANDS,
+    EXIT_NO_ESTIMATE,
     EXIT_OK,
     emit,
     emit_json,
@@ -154,7 +154,7 @@ def _report(build: "CatalogBuild", *, as_json: bool, quiet: bool) -> None:
         emit_json({"status": "ok" if build.entries else "nothing_stands"} | build.to_dict())
     elif not quiet:
         emit(build.summary())
-    raise typer.Exit(EXIT_OK if build.entries else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if build.entries else EXIT_NO_ESTIMATE)
 
 
 @collect.command("results")
@@ -232,7 +232,7 @@ def query(
                      for row in groups.itertuples(index=False)]  # fmt: skip
             emit_table(cells, list(groups.columns))
         emit(result.summary())
-    raise typer.Exit(EXIT_OK if has_rows else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if has_rows else EXIT_NO_ESTIMATE)
 
 
 def _filter(phase: _Pair, speed: _Pair, **names: _Many) -> "CatalogFilter":
@@ -304,10 +304,10 @@ def pool(
         pooled = pool_collection(catalog, where=where, rules=rules, progress=progress)
     page = None if out is None else write_pool(pooled, catalog, out, overwrite=overwrite)
     if as_json:
-        status = "ok" if pooled.stands else "nothing_stands"
+        status = "ok" if pooled.available else "nothing_stands"
         emit_json({"status": status, "page": page and str(page)} | pooled.to_dict())
     elif not quiet:
         emit(pooled.summary())
         if page is not None:
             emit(f"Page: {page}")
-    raise typer.Exit(EXIT_OK if pooled.stands else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if pooled.available else EXIT_NO_ESTIMATE)

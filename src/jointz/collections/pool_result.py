@@ -81,7 +81,7 @@ class CollectionPool(Result):
     __hash__ = None  # type: ignore[assignment]
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether at least one row has a value."""
         return bool(self.table["value"].notna().any())
 

@@ -14,7 +14,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.terminal.options import Debug, Json, Quiet
-from jointz.terminal.output import EXIT_NOTHING_STANDS, EXIT_OK, emit, emit_json, emit_table
+from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
 
 
 class Df(StrEnum):
@@ -196,7 +196,7 @@ def _fit_table(
             emit_json({"status": f"failed:{exc.code}", "message": str(exc)})
         else:
             typer.echo(f"jointz: {exc}", err=True)
-        raise typer.Exit(EXIT_NOTHING_STANDS) from exc
+        raise typer.Exit(EXIT_NO_ESTIMATE) from exc
     if as_json:
         results = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
         several = {"status": "ok", "responses": dict(zip(responses, results, strict=True))}
@@ -229,7 +229,7 @@ def _compare_folders(
     comparison = compare_results(results, **options)
     page = None if out is None else write_comparison(comparison, out, overwrite=overwrite)
     if as_json:
-        status = "ok" if comparison.stands else "nothing_stands"
+        status = "ok" if comparison.available else "nothing_stands"
         emit_json({"status": status, "page": page and str(page)} | comparison.to_dict())
     elif not quiet:
         for title, header, rows in comparison_tables(comparison):
@@ -238,7 +238,7 @@ def _compare_folders(
             emit(f"note: {note}")
         if page is not None:
             emit(f"Page: {page}")
-    raise typer.Exit(EXIT_OK if comparison.stands else EXIT_NOTHING_STANDS)
+    raise typer.Exit(EXIT_OK if comparison.available else EXIT_NO_ESTIMATE)
 
 
 _DELIMITERS = (",", ";", "\t")

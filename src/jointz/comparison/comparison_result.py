@@ -73,11 +73,11 @@ class Comparison(Result):
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether at least one difference is available; for one source, a mean."""
         if len(self.sources) < 2 and any(m.mean is not None for m in self.means):
             return True
-        return any(d.stands for d in self.differences)
+        return any(d.available for d in self.differences)
 
     @property
     def adjusted(self) -> str:
@@ -116,7 +116,7 @@ class Comparison(Result):
         named = (f"{s.name} ({len(s.participants)} people)" for s in self.sources)
         lines = [f"Compared: {', '.join(named) or 'nothing'}"]
         for parameter in self.parameters:
-            tested = [d for d in self.differences if d.parameter == parameter and d.stands]
+            tested = [d for d in self.differences if d.parameter == parameter and d.available]
             below = [d for d in tested if (d.p_adjusted or 0.0) < 1.0 - self.ci_level]
             count = f"{len(below)} of {len(tested)} differences"
             lines.append(f"  {parameter}: {count}, {self.adjusted}")

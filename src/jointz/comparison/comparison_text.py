@@ -62,7 +62,7 @@ def _differences_table(comparison: Comparison, level: str) -> TextTable:
         ("pair", lambda d: f"{d.first} - {d.second}"),
         ("parameter", lambda d: d.parameter),
         ("difference", lambda d: _number(d.difference)),
-        (level, lambda d: _interval(d.ci_low, d.ci_high) if d.stands else d.status),
+        (level, lambda d: _interval(d.ci_low, d.ci_high) if d.available else d.status),
         ("unit", lambda d: d.unit),
         (adjusted_p(comparison), lambda d: p_text(d.p_adjusted)),
     ]

@@ -55,7 +55,7 @@ def draw_comparison(comparison: Comparison) -> dict[str, str]:
         figures = {}
         if any(m.mean is not None for m in comparison.means):
             figures["means"] = to_svg(_means(comparison))
-        if any(d.stands for d in comparison.differences):
+        if any(d.available for d in comparison.differences):
             figures["differences"] = to_svg(_differences(comparison))
         return figures
 
@@ -249,7 +249,7 @@ def _people_handle(comparison: Comparison) -> "Artist":
 
 
 def _differences(comparison: Comparison) -> "Figure":
-    shown = [d for d in comparison.differences if d.stands]
+    shown = [d for d in comparison.differences if d.available]
     series = _series(shown)
     panels = [(p, _rows_of(shown, p)) for p in comparison.parameters]
     panels = [(p, rows) for p, rows in panels if rows]

@@ -140,7 +140,7 @@ def _lead(comparison: Comparison) -> str:
 
 def _facts(comparison: Comparison) -> list[tuple[str, str]]:
     facts = [(str(len(s.participants)), f"people in {s.name}") for s in comparison.sources[:3]]
-    tested = [d for d in comparison.differences if d.stands]
+    tested = [d for d in comparison.differences if d.available]
     if tested:
         below = sum((d.p_adjusted or 0.0) < _ALPHA for d in tested)
         facts.append(
@@ -228,7 +228,7 @@ def _difference(d: Difference, ci_level: float) -> _Row:
         "effect": effect,
         "people": people_text(d),
         "equivalent": equivalence_text(d, ci_level),
-        "status": "" if d.stands else d.status,
+        "status": "" if d.available else d.status,
     }
 
 

@@ -101,7 +101,7 @@ def truth_table(analysis: StudyAnalysis, study: Path) -> pd.DataFrame:
         truth = _truth_of(written["participants"][cell.participant], cell.timing_point)
         for name, true_value in truth.items():
             estimate = cell.parameter(name)
-            if estimate is None or estimate.value is None or not estimate.stands:
+            if estimate is None or estimate.value is None or not estimate.available:
                 continue
             low, high = estimate.ci_low or 0.0, estimate.ci_high or 0.0
             rows.append(

@@ -144,7 +144,7 @@ class MethodsTab(Tab):
 
     def _curve(self, method: str, points: list[str], colour: str) -> Curve:
         estimates = [self._estimate(method, point) for point in points]
-        standing = [p if p is not None and p.stands else None for p in estimates]
+        standing = [p if p is not None and p.available else None for p in estimates]
         return curve_of(method_label(method), points, standing, colour)
 
     def _estimate(self, method: str, point: str) -> ParameterEstimate | None:

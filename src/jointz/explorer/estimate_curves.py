@@ -101,7 +101,7 @@ def curve_of_cells(
         for cell in cells
         if cell.onset_gait_pct is not None
         and (p := cell.parameter(parameter)) is not None
-        and p.stands
+        and p.available
     ]
     placed.sort(key=lambda at: at[0])
     x, estimates = [x for x, _ in placed], [p for _, p in placed]

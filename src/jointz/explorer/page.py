@@ -221,7 +221,7 @@ class ExplorePage:
                     ui.label(parameter_name(parameter.name)).classes("what")
                     ui.label(pretty_unit(parameter.unit)).classes("unit")
                     value = ui.label(estimate_or_status(parameter)).classes("now")
-                    if not parameter.stands:
+                    if not parameter.available:
                         value.tooltip(status_meaning(parameter.status))
                     if old is not None and old != parameter:
                         ui.label(f"as analysed {estimate_or_status(old)}").classes("was")
@@ -252,7 +252,7 @@ def _onset(cell: CellEstimate | None) -> str:
 
 
 def _short(parameter: ParameterEstimate | None) -> str:
-    if parameter is None or parameter.value is None or not parameter.stands:
+    if parameter is None or parameter.value is None or not parameter.available:
         return DASH
     return format_estimate(parameter).split(" [")[0]
 

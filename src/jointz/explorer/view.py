@@ -91,6 +91,6 @@ class View:
 
 def estimate_or_status(parameter: ParameterEstimate) -> str:
     """Return an estimate with its interval, or why there is none."""
-    if parameter.stands:
+    if parameter.available:
         return format_estimate(parameter)
     return parameter.status.removeprefix("failed:").replace("_", " ")

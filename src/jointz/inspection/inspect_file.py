@@ -358,7 +358,7 @@ def _group_notes(content: Content, group: str, assigned: Assignments) -> list[st
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
         notes.append(
             f"the study takes the signals of '{group}'; those of {text} were sampled apart and "
-            "are left out: nothing is interpolated."
+            "are excluded: nothing is interpolated."
         )
     for channel in ("angle", "torque"):
         if channel in assigned:

@@ -67,7 +67,7 @@ def report_title(analysis: StudyAnalysis) -> str:
 
 def shown_parameters(analysis: StudyAnalysis) -> list[str]:
     """Return the parameters to draw: values per kg where there are any, else absolute."""
-    available = {p.name for cell in analysis.cells for p in cell.parameters if p.stands}
+    available = {p.name for cell in analysis.cells for p in cell.parameters if p.available}
     choices = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
     first = (next((name for name in names if name in available), None) for names in choices)
     return [name for name in first if name]

@@ -120,7 +120,7 @@ def _places_between(large: float, small: float) -> int:
 
 def format_estimate(estimate: ParameterEstimate) -> str:
     """Write an estimate: a value with its interval, a bound with its limit, or a dash."""
-    if not estimate.stands:
+    if not estimate.available:
         return DASH
     if estimate.status == "at_bound":
         bound = format_number(estimate.ci_low if estimate.ci_low is not None else estimate.value)

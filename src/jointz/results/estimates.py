@@ -80,7 +80,7 @@ class ParameterEstimate:
         return self.ci_low, self.ci_high
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether there is a value to use."""
         return self.status in ("ok", "at_bound")
 

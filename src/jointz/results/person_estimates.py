@@ -32,7 +32,7 @@ def person_cells(cells: Sequence["CellEstimate"]) -> tuple["CellEstimate", ...]:
 def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
     kept = (
         [c for c in cells if c.budget]
-        or [c for c in cells if any(p.stands for p in c.parameters)]
+        or [c for c in cells if any(p.available for p in c.parameters)]
         or list(cells)
     )
     covariances = [c.covariance for c in kept if c.covariance is not None]
@@ -63,7 +63,7 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
 def _counting(cells: Sequence["CellEstimate"], name: str) -> list["CellEstimate"]:
     """Return the cells whose value of a parameter counts."""
     known = ((c, c.parameter(name)) for c in cells)
-    return [c for c, p in known if p and (p.stands if not c.budget else p.unbounded is not None)]
+    return [c for c, p in known if p and (p.available if not c.budget else p.unbounded is not None)]
 
 
 def _parameter(cells: Sequence["CellEstimate"], name: str) -> "ParameterEstimate":

@@ -45,7 +45,7 @@ class SpecificationEstimate:
         return PARAMETER_UNITS[self.parameter]
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether there is a value to use."""
         return self.status in _DECIDED and self.value is not None
 
@@ -88,7 +88,7 @@ class SpecificationCurve(Result):
         estimates = [
             e
             for e in self.estimates
-            if e.parameter == parameter and e.timing_point == timing_point and e.stands
+            if e.parameter == parameter and e.timing_point == timing_point and e.available
         ]
         return tuple(sorted(estimates, key=lambda e: e.value or 0.0))
 

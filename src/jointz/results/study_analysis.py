@@ -103,7 +103,7 @@ class StudyAnalysis(Result):
     @property
     def n_standing(self) -> int:
         """Number of available estimates."""
-        return sum(p.stands for cell in self.cells for p in cell.parameters)
+        return sum(p.available for cell in self.cells for p in cell.parameters)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the estimates as a tidy table, one row an estimate."""
@@ -151,7 +151,7 @@ class StudyAnalysis(Result):
         left_out = sum(cell.n_excluded for cell in self.cells)
         title = (
             f"{len(people)} participant(s), {len(self.cells)} cells, method "
-            f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} left out."
+            f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} excluded."
         )
         lines = (
             f"{p.timing_point:>12} {p.parameter:<20} "

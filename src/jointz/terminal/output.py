@@ -10,7 +10,7 @@ from typing import Any, TextIO
 from jointz.core.errors import WriteError
 
 EXIT_OK = 0
-EXIT_NOTHING_STANDS = 1
+EXIT_NO_ESTIMATE = 1
 EXIT_BAD_INPUT = 2
 EXIT_DEVICE = 3
 

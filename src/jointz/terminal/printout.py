@@ -10,7 +10,7 @@ import typer
 
 from jointz.core.errors import EstimationError
 from jointz.core.whole_file import whole_file
-from jointz.terminal.output import EXIT_NOTHING_STANDS, emit, emit_json, emit_table
+from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +64,7 @@ class Output:
                 emit_json({**content, "message": str(exc)})
             else:
                 typer.echo(f"jointz: {exc}", err=True)
-            raise typer.Exit(EXIT_NOTHING_STANDS) from exc
+            raise typer.Exit(EXIT_NO_ESTIMATE) from exc
 
     def report(
         self,
@@ -86,7 +86,7 @@ class Output:
             _print_table(table)
             emit(fit.summary())
         standing = bool(table["status"].isin(["ok", "at_bound"]).any())
-        raise typer.Exit(0 if standing else EXIT_NOTHING_STANDS)
+        raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 
 
 def check_figure(figure: Path | None) -> None:

@@ -137,7 +137,7 @@ def _expect_parameters(parameters: Sequence[ParameterEstimate], label: str) -> N
         known = p.status in _STATUSES or p.status.startswith("failed:")
         _expect(known, f"{label}, {p.name}: expected a status of jointz, got {p.status!r}.")
         _expect(
-            p.stands == (p.value is not None),
+            p.available == (p.value is not None),
             f"{label}, {p.name}: expected a value with status ok or at_bound only.",
         )
 

@@ -108,7 +108,7 @@ def test_a_labs_own_csv_gives_lag_and_gain_of_everybody(hinge_study):
     for fit in found.fits.values():
         for name, true in (("angle_lag_s", LAG_S), ("angle_gain", GAIN)):
             entry = fit.entry(name)
-            assert entry.stands
+            assert entry.available
             assert abs(entry.value - true) < 4.0 * entry.sd
     assert found.standing == 4
     assert found.to_frame().query("used")["participant"].tolist() == ["S01"] * 2 + ["S02"] * 2
@@ -308,7 +308,7 @@ def test_the_simulated_rig_gives_back_what_was_planted(step, tmp_path):
             if entry.name in planted[person]["entries"]:
                 true = planted[person]["entries"][entry.name]
                 # Of a dozen errors none is beyond 4 sd in 999 of 1000.
-                assert entry.stands
+                assert entry.available
                 assert abs(entry.value - true) < 4.0 * entry.sd
         contact = planted[person]["contact"]
         if step == "footswitch":

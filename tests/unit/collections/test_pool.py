@@ -76,7 +76,7 @@ def test_people_are_averaged_to_studies_and_studies_pooled() -> None:
     assert (row["n_studies"], row["n_people"], row["status"]) == (3, 12, "ok")
     assert row["speed"] == "1.1 to 1.3 m/s"
     assert pool.studies["weight_pct"].tolist() == pytest.approx((100 * fit.weights).tolist())
-    assert pool.stands
+    assert pool.available
     assert pool.notes == (
         "Places are distinguished by joint, timing point, activity, speed, slope: 1 values over "
         "studies, 0 of one study, 0 without a standard error.",
@@ -131,7 +131,7 @@ def test_one_study_stands_by_itself_and_none_fails() -> None:
     assert np.isnan(row["prediction_low"])
     none = pool_catalog(rows("lab-d", [90.0]))
     assert only(none)["status"] == "failed:too_few_studies"
-    assert not none.stands
+    assert not none.available
 
 
 def test_methods_are_not_mixed_unless_asked() -> None:

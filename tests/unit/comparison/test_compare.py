@@ -193,7 +193,7 @@ def test_an_ankle_is_not_beside_the_published_knee(results):
 def test_one_person_has_no_statistics_but_is_no_error(results):
     made = compare_results([results("one", "A")])
 
-    assert not made.stands
+    assert not made.available
     assert all(test.fit is None and test.reason for test in made.tests)
 
 

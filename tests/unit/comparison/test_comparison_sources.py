@@ -166,7 +166,7 @@ def test_people_who_are_all_undecided_have_masses_all_the_same(results):
     assert said(both, "WARNING: a: no value is available (45 undecided)")
     assert {t.reason for t in alone.tests} == {"no participant has a value"}
     assert not said(both, "values are missing")
-    assert not both.stands
+    assert not both.available
     assert any(m.mean is not None for m in both.means)
 
 

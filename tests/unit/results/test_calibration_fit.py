@@ -36,7 +36,7 @@ def test_the_sd_is_that_of_all_sources_together():
 
     assert lag.sd == pytest.approx(hypot(3e-4, 4e-4))
     assert lag.unit == "s"
-    assert lag.stands
+    assert lag.available
 
 
 def test_too_large_an_sd_decides_nothing_and_says_why():

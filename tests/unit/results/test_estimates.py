@@ -29,7 +29,7 @@ def test_a_parameter_has_the_unit_of_its_name(name, unit):
     [("ok", True), ("at_bound", True), ("undecided", False), ("failed:no_pulses", False)],
 )
 def test_an_estimate_stands_where_there_is_a_value_to_use(status, stands):
-    assert ParameterEstimate("stiffness", 1.0, 0.0, 2.0, status).stands is stands
+    assert ParameterEstimate("stiffness", 1.0, 0.0, 2.0, status).available is stands
 
 
 def test_a_cell_gives_its_parameters_by_name():

@@ -128,7 +128,7 @@ def _other_marks(analysis: StudyAnalysis) -> str:
 def _missing_panels(analysis: StudyAnalysis) -> str:
     """Name the quantities without an available estimate: they have no panel."""
     estimates = [p for c in analysis.cells for p in c.parameters]
-    missing = {p.name for p in estimates} - {p.name for p in estimates if p.stands}
+    missing = {p.name for p in estimates} - {p.name for p in estimates if p.available}
     names = [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
     return f" Not drawn: {' and '.join(names)} (no estimate is available)." if names else ""
 
@@ -160,7 +160,7 @@ def _draw_parameter(
 ) -> None:
     estimates = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
     means = _means(analysis, [parameter])
-    groups = {c.timing_point for c, p in estimates if p.stands}
+    groups = {c.timing_point for c, p in estimates if p.available}
     if groups == {ALL_POINTS}:
         marks, mean_marks = _draw_people_axis(axes, estimates, means)
     else:
@@ -211,7 +211,7 @@ def _draw_people_axis(
     axes.set_xlim(-0.6, len(names) - 0.4)
     axes.set_xticks(range(len(names)), names, rotation=45 if len(names) > 16 else 0)
     axes.set_xlabel("Participant (one value for all timing points)")
-    marks = [_mark(p, people.index(c.label)) for c, p in estimates if p.stands]
+    marks = [_mark(p, people.index(c.label)) for c, p in estimates if p.available]
     return marks, [_mean_mark(m, len(people)) for m in means[:1]]
 
 
@@ -249,7 +249,7 @@ def _fan_out(
     return [
         _mark(p, positions[c.timing_point] + offsets[c.label])
         for c, p in estimates
-        if p.stands and c.timing_point in positions
+        if p.available and c.timing_point in positions
     ]
 
 
@@ -369,7 +369,7 @@ def _note(estimates: Sequence[ParameterEstimate], drawn: int, beyond: int) -> st
     counts = {
         "failed": sum(p.status.startswith("failed") for p in estimates),
         "undecided": sum(p.status == "undecided" for p in estimates),
-        "without an onset": sum(p.stands for p in estimates) - drawn,
+        "without an onset": sum(p.available for p in estimates) - drawn,
     }
     missing = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
     texts = [f"not drawn: {missing}"] if missing else []
@@ -378,7 +378,9 @@ def _note(estimates: Sequence[ParameterEstimate], drawn: int, beyond: int) -> st
 
 
 def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]":
-    drawn = [p for c in analysis.cells for p in c.parameters if p.name in parameters and p.stands]
+    drawn = [
+        p for c in analysis.cells for p in c.parameters if p.name in parameters and p.available
+    ]
     level = f"{100 * drawn[0].ci_level:g} % interval"
     several = len({c.label for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}

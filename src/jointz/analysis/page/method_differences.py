@@ -142,7 +142,7 @@ def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
     differences = []
     for pair in pairs:
         a, b = pair.recommended.parameter(name), pair.other.parameter(name)
-        if a is None or b is None or not (a.stands and b.stands) or not a.value:
+        if a is None or b is None or not (a.available and b.available) or not a.value:
             continue
         differences.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
     return np.array(differences)
@@ -335,7 +335,7 @@ def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]
     inertias: dict[str, list[float]] = {}
     for cell in map(get, pairs):
         estimate = cell.parameter("inertia")
-        if estimate is not None and estimate.stands and estimate.value:
+        if estimate is not None and estimate.available and estimate.value:
             inertias.setdefault(cell.label, []).append(estimate.value)
     ratios = [max(v) / min(v) for v in inertias.values() if len(v) > 1]
     return format_number(float(np.median(ratios))) if ratios else None

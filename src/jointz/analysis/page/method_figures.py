@@ -131,7 +131,7 @@ def _draw_method_panel(
 ) -> None:
     by_method = cells_by_method(analysis)
     every = [c for own in by_method.values() for c in own]
-    cells = [c for c in every if (p := c.parameter(parameter)) is not None and p.stands]
+    cells = [c for c in every if (p := c.parameter(parameter)) is not None and p.available]
     names = timing_points(cells)
     names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in cells) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))

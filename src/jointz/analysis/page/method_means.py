@@ -28,7 +28,7 @@ def available(
 ) -> list[ParameterEstimate]:
     """Return the available estimates of a parameter at a timing point."""
     at_point = (c.parameter(parameter) for c in cells if c.timing_point == timing_point)
-    return [p for p in at_point if p is not None and p.stands and p.value is not None]
+    return [p for p in at_point if p is not None and p.available and p.value is not None]
 
 
 def method_mean(

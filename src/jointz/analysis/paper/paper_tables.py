@@ -65,7 +65,7 @@ def captions_text(tables: Mapping[str, Table]) -> str:
 
 def printed_estimate(estimate: ParameterEstimate | None) -> str:
     """Write an estimate for a table: a value, ``< limit``, or a dash."""
-    if estimate is None or not estimate.stands:
+    if estimate is None or not estimate.available:
         return NO_VALUE
     if estimate.status == "at_bound":
         limit = estimate.ci_high

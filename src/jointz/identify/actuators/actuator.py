@@ -166,7 +166,7 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
         terms = terms.without("rotor_inertia", why)
         fit = regress(measured, terms.columns, record.rate_hz, ci_level)
     parameters = tuple(_parameter(name, fit, unbounded, settings) for name in MODEL_TERMS[model])
-    undecided = [p.name for p in parameters if not p.stands]
+    undecided = [p.name for p in parameters if not p.available]
     if record.acceleration_from == "none" and "rotor_inertia" in undecided:
         undecided.remove("rotor_inertia")  # it could not be measured
     centred = record.torque - record.torque.mean()

@@ -42,4 +42,6 @@ def bench_estimates(
         estimate(name, float(value), float(half), t_factor=1.0, common=common)
         for (name, value), half in zip(values.items(), half_width, strict=True)
     ]
-    return tuple(p if p.stands else replace(p, unbounded=float(values[p.name])) for p in estimates)
+    return tuple(
+        p if p.available else replace(p, unbounded=float(values[p.name])) for p in estimates
+    )

@@ -157,7 +157,7 @@ def fit_leg(
     entries = [_lag(sensors), _torque_gain(sensors, weight, known)]
     reported = [*_joint(sensors, weight, known), _strap(averages, cells, sensors.best, known)]
     resonance, damping = _tissue(sensors)
-    (entries if resonance.stands else reported).append(resonance)
+    (entries if resonance.available else reported).append(resonance)
     return CalibrationFit(
         step="leg",
         entries=tuple(entries),

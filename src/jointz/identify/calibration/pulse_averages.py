@@ -64,7 +64,7 @@ class PulseAverage:
 def left_out_notes(*averages: PulseAverage) -> tuple[str, ...]:
     """Return a note of the pulses that were left out."""
     count = sum(average.n_left_out for average in averages)
-    note = f"{count} pulses left out: not from rest, or at the record's ends."
+    note = f"{count} pulses excluded: not from rest, or at the record's ends."
     return (note,) if count else ()
 
 

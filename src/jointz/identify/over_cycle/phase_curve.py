@@ -253,7 +253,7 @@ def _points(placed: Sequence[_Placed], name: str) -> tuple[CurvePoint, ...]:
                 value=estimate.value,
                 ci_low=estimate.value - REACH_95 * estimate.sd,
                 ci_high=estimate.value + REACH_95 * estimate.sd,
-                decided=parameter is not None and parameter.stands,
+                decided=parameter is not None and parameter.available,
             )
         )
     return tuple(points)

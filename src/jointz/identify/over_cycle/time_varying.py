@@ -333,7 +333,7 @@ def curve_warnings(
             "between strides, bias K and J towards zero; give the command where there is one"
         )
     if n_excluded > n_used:
-        notes.append(f"{n_excluded} of {n_used + n_excluded} strides were left out")
+        notes.append(f"{n_excluded} of {n_used + n_excluded} strides were excluded")
     return tuple(notes)
 
 

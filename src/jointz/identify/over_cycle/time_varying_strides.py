@@ -127,7 +127,7 @@ def choose_strides(
     excluded = dict(sorted(Counter(codes).items()))
     count = int(np.count_nonzero(good))
     if count < _FEWEST_STRIDES:
-        why = ", ".join(f"{n} {code}" for code, n in excluded.items()) or "none left out"
+        why = ", ".join(f"{n} {code}" for code, n in excluded.items()) or "none excluded"
         raise DataError(
             f"{_WHERE}: expected at least {_FEWEST_STRIDES} strides, found {count} of "
             f"{strides.start_s.size} ({why}). Record more strides; a stride must last 0.75 to 1.33 "

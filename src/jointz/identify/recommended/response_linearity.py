@@ -41,7 +41,7 @@ class Contrast:
     shifts: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
-    def stands(self) -> bool:
+    def significant(self) -> bool:
         """Whether the difference is significant."""
         return self.p_value < LEVEL
 
@@ -92,7 +92,7 @@ def contrasts(
 
 def doubted(estimate: CellEstimate, compared: Sequence[Contrast]) -> CellEstimate:
     """Widen the intervals of a timing point by the effect of a difference between directions."""
-    shifts = [c.shifts[estimate.timing_point] for c in compared if c.stands and c.shifts]
+    shifts = [c.shifts[estimate.timing_point] for c in compared if c.significant and c.shifts]
     if not shifts:
         return estimate
     sizes = {p.name: p.unbounded or 0.0 for p in estimate.parameters}
@@ -105,7 +105,7 @@ def doubted(estimate: CellEstimate, compared: Sequence[Contrast]) -> CellEstimat
     rows = tuple(_widened(row, reach.get(row.name, 0.0)) for row in estimate.parameters)
     corrected = estimate.gravity_corrected
     if corrected is not None:
-        corrected = _widened(corrected, reach["stiffness"]) if rows[0].stands else None
+        corrected = _widened(corrected, reach["stiffness"]) if rows[0].significant else None
     budget = {
         name: {**sources, "model": float(np.hypot(sources["model"], reach[name] / REACH_95))}
         for name, sources in estimate.budget.items()

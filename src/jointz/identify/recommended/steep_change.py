@@ -185,7 +185,7 @@ def _decided(cell: CellEstimate, parameter: ParameterEstimate) -> ParameterEstim
 
 def _is_moved(parameter: ParameterEstimate) -> bool:
     """Return whether a parameter has a value that a drift of K changes."""
-    return parameter.stands and parameter.name.startswith(MOVED)
+    return parameter.available and parameter.name.startswith(MOVED)
 
 
 def _undecided(parameter: ParameterEstimate) -> ParameterEstimate:

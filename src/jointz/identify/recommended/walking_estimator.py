@@ -428,7 +428,7 @@ class WalkingEstimator:
 def _model(evidence: Evidence, compared: Sequence[Contrast], odds: float) -> ParticipantModel:
     posterior = evidence.posterior
     lag, friction = posterior.lag_s(), posterior.friction_gain()
-    doubts = [contrast.doubt for contrast in compared if contrast.stands]
+    doubts = [contrast.doubt for contrast in compared if contrast.significant]
     doubts += [Doubt.LAG_UNLIKELY] * (odds > DOUBTFUL_ODDS)
     return ParticipantModel(
         participant=evidence.participant,

@@ -243,7 +243,8 @@ def estimated(source: str, cells: Sequence[CellEstimate]) -> list[dict[str, Any]
             "onset_gait_pct": cell.onset_gait_pct,
             "parameter": p.name,
             **{
-                key: getattr(p, key) if p.stands else None for key in ("value", "ci_low", "ci_high")
+                key: getattr(p, key) if p.available else None
+                for key in ("value", "ci_low", "ci_high")
             },
             "status": p.status,
             "vaf_pct": cell.vaf_pct,

@@ -73,7 +73,7 @@ class CalibrationEntry(Result):
         return ENTRY_UNITS[self.name]
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether there is a value to use."""
         return self.status == "ok"
 
@@ -135,7 +135,7 @@ class CalibrationFit(PlottedResult):
     @property
     def status(self) -> str:
         """``ok`` where all entries stand, else the first status that is not."""
-        return next((e.status for e in self.entries if not e.stands), "ok")
+        return next((e.status for e in self.entries if not e.available), "ok")
 
     def entry(self, name: str) -> CalibrationEntry:
         """Return an entry, or a reported value, by name."""
@@ -149,7 +149,7 @@ class CalibrationFit(PlottedResult):
         standing = {
             e.name: Calibrated(value=e.value, sd=e.sd)
             for e in self.entries
-            if e.stands and e.value is not None and e.sd is not None
+            if e.available and e.value is not None and e.sd is not None
         }
         return CalibrationSpec(**standing)
 
@@ -191,4 +191,4 @@ def _line(entry: CalibrationEntry) -> str:
         return f"{entry.name} {entry.status}: {entry.reason}"
     unit = "" if entry.unit == "1" else f" {entry.unit}"
     text = f"{entry.name} {entry.value:.4g} +- {entry.sd:.2g}{unit} (sd)"
-    return text if entry.stands else f"{text}, {entry.status}: {entry.reason}"
+    return text if entry.available else f"{text}, {entry.status}: {entry.reason}"

@@ -107,7 +107,7 @@ class Difference:
     status: str = "ok"
 
     @property
-    def stands(self) -> bool:
+    def available(self) -> bool:
         """Whether the difference could be tested."""
         return self.status == "ok"
 

@@ -296,7 +296,7 @@ def test_a_failed_cell_has_a_row_for_every_parameter():
     rows = failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=True)
     assert len(rows) == 5
     assert {r.status for r in rows} == {"failed:no_pulses"}
-    assert all(r.value is None and not r.stands for r in rows)
+    assert all(r.value is None and not r.available for r in rows)
     assert len(failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=False)) == 3
 
 

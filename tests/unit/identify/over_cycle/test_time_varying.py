@@ -301,7 +301,7 @@ def test_a_record_that_loses_most_of_its_strides_says_so(walked):
     fit = identify(walked | {"strike": strikes}, command=True)
 
     assert fit.n_excluded > fit.n_used
-    assert any("strides were left out" in note for note in fit.warnings)
+    assert any("strides were excluded" in note for note in fit.warnings)
 
 
 def test_torque_on_the_other_body_is_told(walked):

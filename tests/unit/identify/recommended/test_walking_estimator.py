@@ -43,7 +43,7 @@ def off(result, walker):
     for point, joint in walker.joints.items():
         for name, truth in truths(joint).items():
             p = cell(result, point).parameter(name)
-            if p.stands:
+            if p.available:
                 found.append(2.0 * abs(p.value - truth) / (p.ci_high - p.ci_low))
     return found
 
@@ -129,7 +129,7 @@ def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, 
     walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
     p = cell(walkers.analyze(walker), "A").parameter("stiffness")
     assert p.status in ("at_bound", "ok", "undecided")
-    if p.stands:
+    if p.available:
         assert p.ci_low <= K <= p.ci_high
         assert p.ci_high - p.ci_low > 3.0
     if p.status == "at_bound":
@@ -277,7 +277,7 @@ def test_fifteen_unperturbed_strides_give_wide_intervals_that_hold(walkers, usua
     assert max(off(result, walker), default=0.0) < 1.7
     wide = cell(result, "A").parameter("damping")
     narrow = cell(estimated, "A").parameter("damping")
-    assert not wide.stands or wide.ci_high - wide.ci_low > narrow.ci_high - narrow.ci_low
+    assert not wide.available or wide.ci_high - wide.ci_low > narrow.ci_high - narrow.ci_low
 
 
 def all_but(given, kept: int):
@@ -461,7 +461,7 @@ def covered(walkers, seeds, **changes):
         for point, joint in walker.joints.items():
             for name, truth in truths(joint).items():
                 p = cell(result, point).parameter(name)
-                if p.stands:
+                if p.available:
                     decided += 1
                     inside += p.ci_low <= truth <= p.ci_high
                     zero += p.ci_high - p.ci_low <= 0.0
