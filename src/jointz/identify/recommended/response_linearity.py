@@ -105,7 +105,7 @@ def doubted(estimate: CellEstimate, compared: Sequence[Contrast]) -> CellEstimat
     rows = tuple(_widened(row, reach.get(row.name, 0.0)) for row in estimate.parameters)
     corrected = estimate.gravity_corrected
     if corrected is not None:
-        corrected = _widened(corrected, reach["stiffness"]) if rows[0].significant else None
+        corrected = _widened(corrected, reach["stiffness"]) if rows[0].available else None
     budget = {
         name: {**sources, "model": float(np.hypot(sources["model"], reach[name] / REACH_95))}
         for name, sources in estimate.budget.items()
