@@ -168,10 +168,6 @@ def test_a_session_that_is_over_receives_no_stop_while_the_next_is_loaded(room):
     assert "has not received the stop" in room.desk.unheard(0)
 
 
-def test_a_stop_without_a_session_does_nothing(tmp_path):
-    assert OperatorCommands(tmp_path, Process(), dict).stop() == 0
-
-
 def test_a_new_box_of_the_same_name_is_the_one_that_is_stopped(room):
     """A session that goes on makes its box anew: the old one is not what is meant."""
     with ControlBox(room.folder / "control") as newer:
@@ -252,20 +248,10 @@ def test_a_page_that_looks_on_ends_nobody_elses_session(room):
     assert not room.box.stop_asked
 
 
-def test_a_session_that_stops_without_its_page_is_not_said_to_go_on(room):
-    room.status |= {"state": "running", "without_console": "stop"}
-    assert "(process 4711) stops without it" in leaving(room, "prompted", "started")
-
-
 def test_a_session_that_does_not_end_is_told(room, monkeypatch):
     monkeypatch.setattr(operator_commands, "_PATIENCE_S", 0.1)
     room.process.is_own = True
     assert "goes on (process 4711)" in room.desk.leave()
-
-
-def test_a_page_without_a_session_says_so(room):
-    room.process.lives = False
-    assert room.desk.leave() == "The page is closed. No session runs."
 
 
 class Followed:
@@ -283,8 +269,3 @@ def test_signs_of_life_follow_a_session_that_goes_on(room):
         beat.beat()
         assert newer.beat_ns > 0
     beat.close()
-
-
-def test_without_a_session_there_is_nobody_to_beat_for(tmp_path):
-    Heartbeat(Followed(None), lambda: True).beat()
-    Heartbeat(Followed(tmp_path), lambda: True).beat()

@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 
 from jointz.core.clock import RealClock
-from jointz.core.errors import DeviceError, DeviceFileError, NotConnectedError
+from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.study import TorqueModelSpec
 from jointz.devices import opensourceleg_output as output_module
 from jointz.devices import opensourceleg_polling as polling_module
-from jointz.devices.config import device_file
 from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, open_sensor
 from jointz.devices.opensourceleg_polling import QUEUE_LENGTH, PollingThread, made

@@ -1,11 +1,7 @@
 """``jointz protocols``: list, show, check."""
 
-import json
-import tomllib
-
 import pytest
 
-from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol, protocol_text
 
 
@@ -51,13 +47,6 @@ def test_what_is_shown_is_a_protocol_to_start_from(jointz, tmp_path):
     assert jointz("protocols", "show", "walking", "--quiet").out == protocol_text("walking")
 
 
-def test_show_as_json_holds_values_and_text(jointz):
-    shown = jointz("protocols", "show", "walking-pilot", "--json").json
-
-    assert Protocol.model_validate_json(json.dumps(shown["protocol"]))
-    assert tomllib.loads(shown["text"])["name"] == shown["name"] == "walking-pilot"
-
-
 def test_check_of_a_sound_protocol_ends_with_zero(jointz):
     told = jointz("protocols", "check", "walking")
 
@@ -74,17 +63,6 @@ def test_check_reports_every_problem_and_ends_with_two(jointz, wrong):
     assert "wrong.toml: 2 problems" in told.err
     assert "sed: unknown key. Did you mean 'seed'?" in told.err
     assert "conditions[3].perturbations.gap_strides: expected [fewest, most]" in told.err
-
-
-def test_check_as_json_lists_the_problems(jointz, wrong):
-    told = jointz("protocols", "check", wrong, "--json")
-
-    assert told.code == 2
-    assert told.json["status"] == "error"
-    assert [p.split(":")[0] for p in told.json["problems"]] == [
-        "sed",
-        "conditions[3].perturbations.gap_strides",
-    ]
 
 
 @pytest.mark.parametrize("command", ["show", "check"])

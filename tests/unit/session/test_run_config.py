@@ -135,30 +135,6 @@ def test_options_of_a_simulation_are_refused(jointz, config, tmp_path, options, 
     assert not (tmp_path / "s").exists()
 
 
-def test_a_file_without_a_footswitch_is_refused_in_one_message(jointz, config, tmp_path):
-    config.write_text(DEVICES[: DEVICES.index("[contact]")])
-    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s")
-    assert done.code == 2
-    assert "1 problem" in done.err
-    assert "contact: missing; heel strikes" in done.err
-
-
-def test_a_library_that_is_missing_is_an_error_of_the_device(jointz, monkeypatch, config, tmp_path):
-    for library in ("flexsea", "flexsea.device"):
-        monkeypatch.setitem(sys.modules, library, None)
-    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s", "--json")
-    assert done.code == 3
-    assert json.loads(done.out)["error"] == "DeviceError"
-    assert 'pip install "jointz[dephy]"' in done.err
-    assert not (tmp_path / "s").exists()
-
-
-def test_help_says_that_nothing_was_tried_on_hardware(jointz):
-    for command in ("run", "console"):
-        told = " ".join(jointz(command, "--help").out.replace("│", " ").split())
-        assert "No driver was ever tried on hardware" in told
-
-
 def test_the_console_hands_the_file_to_the_run(config, tmp_path):
     made = _arguments("walking", tmp_path, None, None, config=config, participants=2, seed=None)
     assert made[made.index("--config") + 1] == str(config)
