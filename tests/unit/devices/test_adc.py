@@ -290,9 +290,3 @@ def test_it_states_how_old_its_values_are() -> None:
     assert sensor.lag_s == pytest.approx(1 / 860)
     assert sensor.lag_sd_s == pytest.approx(0.34e-3, abs=0.01e-3)
     assert "never tried on hardware" in sensor.describe().model
-
-
-def test_a_missing_smbus2_is_named_with_its_command(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "smbus2", None)
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[adc\]"'):
-        Ads1115Sensor(Ads1115Spec(), "angle", clock=VirtualClock()).configure()

@@ -667,13 +667,6 @@ def test_a_device_of_other_fields_is_refused(made) -> None:
         device.read()
 
 
-def test_a_missing_flexsea_is_named_with_its_command(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "flexsea", None)
-    monkeypatch.setitem(sys.modules, "flexsea.device", None)
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[dephy\]"'):
-        DephyActPack(spec(), clock=VirtualClock()).configure()
-
-
 def test_a_winding_follows_its_differential_equation() -> None:
     thermal = WindingSpec()
     winding = Winding(thermal)

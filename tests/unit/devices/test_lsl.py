@@ -326,12 +326,6 @@ def test_another_stream_than_described_is_refused(made, sender, keys, told) -> N
         sensor.configure()
 
 
-def test_a_missing_pylsl_is_named_with_its_command(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "pylsl", None)
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[lsl\]"'):
-        LslSensor(spec(), "angle", clock=VirtualClock()).configure()
-
-
 def test_markers_come_with_their_time_until_their_sender_is_gone(monkeypatch) -> None:
     clock = VirtualClock(1_000_000_000)
     sender = Sender(clock, kind=STRING, rate_hz=10.0, values=lambda n: [f"pulse {n}"])

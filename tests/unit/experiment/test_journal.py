@@ -38,6 +38,7 @@ READ = [{"event": event, **details} for event, details in THREE]
 
 
 def test_what_was_written_is_read_in_order(file):
+    assert read_journal(file) == []
     write(file, *THREE)
     assert read_journal(file) == READ
 

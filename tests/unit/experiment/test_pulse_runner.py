@@ -191,6 +191,14 @@ def test_a_pulse_done_between_those_broken_off_lets_the_trial_go_on(walk):
     assert one.runner.done
 
 
+def test_a_stride_that_was_none_puts_the_next_pulse_off(walk):
+    one = walk(pulse(1, gap=2)).until(STRIDE)
+    one.runner.stride()
+    one.runner.retract_stride()
+    one.until(STRIDE + 600 * MS)
+    assert [e["slot"] for e in one.events("pulse_started")] == [660]
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.sampled_from(["well", "abort", "unsteady"]), max_size=12), st.integers(1, 5))
 def test_whatever_happens_every_pulse_is_completed_once_in_the_journal(
@@ -218,24 +226,23 @@ def test_whatever_happens_every_pulse_is_completed_once_in_the_journal(
 # --- pauses --------------------------------------------------------------------------------------
 
 
-def test_while_paused_no_pulse_begins_and_its_stride_counts_towards_no_gap(tmp_path):
-    walk = Walk(tmp_path, PlannedPulse(1, "MST", 20.0, 17.0, 2))
-    walk.runner.pause(on=True)
-    walk.until(5 * STRIDE)
-    assert set(walk.torque.values()) == {0.0}
-    walk.runner.pause(on=False)
-    walk.until(6.1 * STRIDE)
-    assert set(walk.torque.values()) == {0.0}  # the gap of two strides begins only now
-    walk.until(8 * STRIDE)
-    assert walk.runner.completed == 1
+def test_while_paused_no_pulse_begins_and_its_stride_counts_towards_no_gap(walk):
+    one = walk(pulse(gap=2))
+    one.runner.pause(on=True)
+    one.until(5 * STRIDE)
+    assert set(one.torque.values()) == {0.0}
+    one.runner.pause(on=False)
+    one.until(6.1 * STRIDE)
+    assert set(one.torque.values()) == {0.0}  # the gap of two strides begins only now
+    one.until(8 * STRIDE)
+    assert one.runner.completed == 1
 
 
-def test_a_pulse_that_was_due_when_a_pause_began_is_written_down_and_done_later(tmp_path):
-    walk = Walk(tmp_path, PlannedPulse(1, "MST", 20.0, 17.0, 1))
-    walk.until(0.1 * STRIDE)
-    walk.runner.pause(on=True)
-    missed = [e for e in read_journal(walk.file) if e["event"] == "pulse_missed"]
-    assert [e["reason"] for e in missed] == ["paused"]
-    walk.runner.pause(on=False)
-    walk.until(4 * STRIDE)
-    assert walk.runner.completed == 1
+def test_a_pulse_that_was_due_when_a_pause_began_is_written_down_and_done_later(walk):
+    one = walk(pulse())
+    one.until(0.1 * STRIDE)
+    one.runner.pause(on=True)
+    assert [e["reason"] for e in one.events("pulse_missed")] == ["paused"]
+    one.runner.pause(on=False)
+    one.until(4 * STRIDE)
+    assert one.runner.completed == 1

@@ -147,28 +147,21 @@ def test_what_is_measured_out_of_bounds_takes_the_torque_away_in_the_same_tick(w
     assert walk.gate.tripped is code
 
 
-def gate_with_encoder(angle):
-    walk = Walk()
-    sample = ActuatorSample(1, 1, angle, 0.0, 0.0, 48.0, 30.0, 0)
-    sent = walk.gate.check(1.0, sample, angle=0.3, age_s=0.0, steady=True, pulse_active=False)
-    return walk.gate, sent
-
-
 @pytest.mark.parametrize(
     ("angle", "code"),
-    [(1.95, Trip.POSTURE), (-0.25, Trip.POSTURE), (nan, Trip.SENSOR_NOT_FINITE)],
+    [
+        (1.95, Trip.POSTURE),
+        (-0.25, Trip.POSTURE),
+        (nan, Trip.SENSOR_NOT_FINITE),
+        (-0.2, None),
+        (1.9, None),
+    ],
 )
-def test_the_encoder_is_held_to_the_same_range(angle, code):
-    gate, sent = gate_with_encoder(angle)
-    assert sent == 0.0
-    assert gate.tripped is code
-
-
-@pytest.mark.parametrize("angle", [-0.2, 1.9])
-def test_the_limit_itself_is_allowed(angle):
-    gate, sent = gate_with_encoder(angle)
-    assert sent == 1.0
-    assert gate.tripped is None
+def test_the_encoder_is_held_to_the_same_range_and_may_be_at_its_end(walk, angle, code):
+    sample = ActuatorSample(1, 1, angle, 0.0, 0.0, 48.0, 30.0, 0)
+    sent = walk.gate.check(1.0, sample, angle=0.3, age_s=0.0, steady=True, pulse_active=False)
+    assert walk.gate.tripped is code
+    assert sent == (0.0 if code else 1.0)
 
 
 @pytest.mark.parametrize("requested", [nan, inf, -inf])

@@ -2,55 +2,22 @@
 
 import json
 import tomllib
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import jointz
-from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, DeviceFileError, ProtocolError
 from jointz.devices.interface import Lifecycle
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.session.rigs.hardware_rig import HardwareRig, read_hardware
-from jointz.sim.rig import simulated_rig
+
+from .laboratory import ACTUATOR, ANGLE, CONTACT
 
 pytestmark = pytest.mark.alone
 
-ACTUATOR = """
-[actuator]
-driver = "dephy"
-port = "/dev/ttyACM0"
-firmware = "12.0.0"
-side = "left"
-torque_model = { gear_ratio = 9, torque_constant = 0.14 }
-[actuator.limits]
-torque_nm = 20
-torque_rate_nm_s = 1e5
-current_a = 18
-angle_min_rad = -0.2
-angle_max_rad = 1.8
-velocity_rad_s = 12
-temperature_c = 100
-sensor_age_s = 0.02
-pulse_count = 400
-pulse_duty = 0.3
-consecutive_overruns = 5
-fade_s = 0.05
-"""
-ANGLE = """
-[angle]
-driver = "lsl"
-stream = "Goniometer"
-sample_rate_hz = 500
-"""
-CONTACT = """
-[contact]
-driver = "ads1115"
-kind = "contact"
-"""
 REST = """
 [calibration]
 angle_lag_s = { value = 0.0065, sd = 0.0005 }
@@ -93,33 +60,6 @@ class Volts:
 
     def read(self):
         return [one._replace(value=3.0 * one.value) for one in self._switch.read()]
-
-
-class Laboratory:
-    """What a file's devices are opened as, and everything that was."""
-
-    def __init__(self):
-        self.opened, self.switch = [], lambda made: made
-
-    def open_devices(self, file, *, clock, before=None):
-        del before
-        rig = simulated_rig(0, preset="nominal", seed=2)
-        devices = rig.open(
-            "lab", worn=file.actuator is not None, segment=len(self.opened), clock=clock
-        )
-        devices = replace(devices, contact=self.switch(devices.contact))
-        self.opened.append(devices)
-        return devices
-
-
-@pytest.fixture
-def laboratory(monkeypatch):
-    made = Laboratory()
-    monkeypatch.setattr("jointz.session.rigs.hardware_rig.open_devices", made.open_devices)
-    for home in ("run", "participant_run"):
-        monkeypatch.setattr(f"jointz.session.{home}.RealClock", VirtualClock)
-    monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)
-    return made
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import jointz
-from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
+from jointz.core.protocols.protocol import PerturbationPlan
 from jointz.core.recording import build_recording
 from jointz.core.study import (
     Calibrated,
@@ -163,21 +163,9 @@ def test_without_the_device_no_torque_is_asked_for(tmp_path):
 
 
 def test_two_conditions_of_one_kind_are_told_apart(tmp_path):
-    plan = PerturbationPlan(timing_points={"LRE": 7.0}, count_per_point=2, gap_strides=(3, 7))
-    protocol = Protocol(
-        jointz_protocol=1,
-        name="two",
-        title="Two levels",
-        kind="walking",
-        joint="knee",
-        gait=WALKING.gait,
-        pulse=PulseSpec(amplitude_nm=7.0, duration_s=0.25, hold_s=0.25),
-        conditions=(
-            ConditionSpec(name="before", condition="perturbed", prompt="Go.", perturbations=plan),
-            ConditionSpec(name="after", condition="perturbed", prompt="Go.", perturbations=plan),
-            ConditionSpec(name="free", condition="unperturbed", prompt="Go.", strides=10),
-        ),
-    )
+    _, unperturbed, perturbed = WALKING.conditions
+    twice = [perturbed.model_copy(update={"name": name}) for name in ("before", "after")]
+    protocol = WALKING.model_copy(update={"conditions": (*twice, unperturbed)})
     study = make(tmp_path, protocol)
     assert [(r.condition, r.session) for r in study.spec.recordings] == [
         ("perturbed", "before"),
