@@ -37,12 +37,8 @@ class Room:
         self.folder.mkdir(parents=True)
         self.box = ControlBox(self.folder / "control")
         self.process = Process()
-        self.status = {
-            "state": "waiting",
-            "condition": "perturbed",
-            "participant": "S01",
-            "reason": "",
-        }
+        self.status = {"condition": "perturbed", "participant": "S01", "reason": ""}
+        self.status["state"] = "waiting"
         self.desk = OperatorCommands(study, self.process, lambda: dict(self.status))
 
     def ask(self, **message):
@@ -217,6 +213,11 @@ def test_a_session_that_was_started_outlives_its_page(room, tmp_path):
 def test_a_page_that_looks_on_ends_nobody_elses_session(room):
     assert "goes on (process 4711)" in leaving(room, "prompted", own=False)
     assert not room.box.stop_asked
+
+
+def test_a_session_that_stops_without_its_page_is_not_said_to_go_on(room):
+    room.status |= {"state": "running", "without_console": "stop"}
+    assert "(process 4711) stops without it" in leaving(room, "prompted", "started")
 
 
 def test_a_session_that_does_not_end_is_told(room, monkeypatch):

@@ -488,6 +488,7 @@ def test_garbage_or_the_same_stamp_again_is_left_out_once_and_garbage_that_stays
     assert not any(sample.faults for sample in samples)
     library.script = dict.fromkeys(range(1000), odd | {"batt_volt": -1})
     wait(clock, 0.04)
+    device.command_torque(5.0)
     assert device.read()[-1].faults == dephy_samples.GARBAGE
     assert device.state is Lifecycle.FAULT
     assert library.calls[-2:] == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]

@@ -272,15 +272,6 @@ def test_a_measurement_that_is_repeated_or_older_than_the_session_is_no_sample()
     assert actuator.read() == []
 
 
-@pytest.mark.parametrize("garbage", [None, "x", [1.0, 2.0]])
-def test_garbage_of_the_library_ends_the_device(garbage):
-    actuator, fake, clock = active()
-    fake.winding_temperature = garbage
-    wait(clock, 0.003)
-    with pytest.raises(NotConnectedError, match=r"TypeError|ValueError"):
-        actuator.read()
-
-
 def test_the_thermal_limit_of_the_library_is_a_fault_at_zero_torque(monkeypatch):
     actuator, fake, clock = active()
     logger, currents = logging.getLogger("jointz.devices.opensourceleg"), []

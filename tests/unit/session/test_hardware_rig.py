@@ -197,10 +197,6 @@ def test_a_study_has_one_torque_model(laboratory, file, tmp_path):
         (ACTUATOR + CONTACT, "angle: missing; the angle of the joint"),
         (ACTUATOR + ANGLE, "contact: missing; heel strikes"),
         (
-            ACTUATOR + ANGLE + CONTACT.replace('"contact"', '"voltage"'),
-            'contact.kind: expected "contact", got "voltage"',
-        ),
-        (
             ACTUATOR + ANGLE + CONTACT.replace('kind = "contact"', ""),
             'contact.kind: expected "contact", got "voltage"',
         ),

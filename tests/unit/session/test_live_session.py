@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import time
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import jointz
 from jointz.core.session_log import NO_SAMPLE, WALKING
 from jointz.experiment.files.journal import Journal
+from jointz.experiment.plan import PlannedPulse
 from jointz.io.protocols import load_protocol
 from jointz.session.live import live_session
 from jointz.session.live.live_motion import Motion
@@ -26,18 +28,12 @@ HEADER = {
     "control_hz": 500.0,
     "devices": {"actuator": {"limits": {"torque_nm": 25.0}, "fault_names": {"2": "too_hot"}}},
 }
-PLAN = {
-    "perturbed": [
-        {
-            "number": k,
-            "timing_point": point,
-            "gait_pct": pct,
-            "amplitude_nm": 17.0,
-            "gap_strides": 2,
-        }
-        for k, (point, pct) in enumerate([("LRE", 10.0), ("MSW", 80.0), ("LRE", 10.0)], start=1)
-    ]
-}
+PULSES = (
+    PlannedPulse(1, "LRE", 10.0, 17.0, 2),
+    PlannedPulse(2, "MSW", 80.0, 17.0, 2),
+    PlannedPulse(3, "LRE", 10.0, 17.0, 2),
+)
+PLAN = {"perturbed": [asdict(pulse) for pulse in PULSES]}
 PROTOCOL = {
     "title": "t",
     "without_console": "stop",

