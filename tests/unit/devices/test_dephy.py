@@ -148,8 +148,7 @@ class FakeLibrary:
     def do_fxGetMaxDeviceNameLength(self) -> int:
         return 16
 
-    do_fxGetMaxDeviceSideNameLength = do_fxGetMaxDeviceNameLength
-    do_fxGetMaxDataLabelLength = do_fxGetMaxDeviceNameLength
+    do_fxGetMaxDeviceSideNameLength = do_fxGetMaxDataLabelLength = do_fxGetMaxDeviceNameLength
 
     def do_fxGetDeviceTypeNameWrapper(self, _: int, name: Any) -> int:
         name.value = b"ActPack"
@@ -272,17 +271,13 @@ class FakeDevice:
         self._clib.fxClose(self.id)
 
 
-def stand_in(library: FakeLibrary) -> ModuleType:
-    module = ModuleType("flexsea.device")
-    module.Device = type("Device", (FakeDevice,), {"library": library})
-    return module
-
-
 def put_in_place(monkeypatch: pytest.MonkeyPatch, library: FakeLibrary, *, real: bool) -> None:
     """Let the driver find the library: below the real flexsea, or below a stand-in for it."""
     if not real:
+        module = ModuleType("flexsea.device")
+        module.Device = type("Device", (FakeDevice,), {"library": library})
         monkeypatch.setitem(sys.modules, "flexsea", ModuleType("flexsea"))
-        monkeypatch.setitem(sys.modules, "flexsea.device", stand_in(library))
+        monkeypatch.setitem(sys.modules, "flexsea.device", module)
         return
     device = importlib.import_module("flexsea.device")
     version = importlib.import_module("semantic_version").Version

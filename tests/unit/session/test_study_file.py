@@ -31,7 +31,7 @@ MOTOR = TorqueModelSpec(
 )
 SOMEBODY = Wearer("S01")
 MOTOR_CHANNELS = ("current", "motor_angle", "motor_velocity", "command", "applied_torque")
-ODD_NAMES = ("S 01", 'Anna "Ann" O\'Neil', "Jörg-Ünal", "S\\01", "日本", "a=b # c", "1.5", "true")
+ODD_NAMES = ('Anna "Ann" O\'Neil', "S\\01", "日本", "a=b # c", "1.5")
 
 
 def with_points(**points):
