@@ -241,3 +241,8 @@ def test_signs_of_life_follow_a_session_that_goes_on(room):
         beat.beat()
         assert newer.beat_ns > 0
     beat.close()
+
+
+def test_without_a_session_there_is_nobody_to_beat_for(tmp_path):
+    Heartbeat(Followed(None), lambda: True).beat()
+    Heartbeat(Followed(tmp_path), lambda: True).beat()

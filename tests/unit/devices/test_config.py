@@ -139,6 +139,8 @@ def test_all_problems_stand_in_one_message() -> None:
         ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz: expected at most 774 Hz"),
         ({"angle__full_scale_v": 5.0}, "angle.full_scale_v: expected 6.144"),
         ({"angle__gain_per_v": 0}, "angle.gain_per_v: expected a number that is not 0"),
+        ({"contact__gain": 0.0}, "contact.gain: expected a number that is not 0"),
+        ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v: missing"),
         (
             {"contact": {"driver": "ads1115", "kind": "contact", "threshold_v": 0.5}},
             "contact.threshold_v: expected more than release_v",

@@ -387,6 +387,14 @@ def test_the_next_condition_begins_with_the_heat_of_the_one_before(begun) -> Non
     assert later._winding.temperature_c == pytest.approx(30.0, abs=0.5)
 
 
+def test_heat_that_was_never_measured_is_not_handed_on(made) -> None:
+    device, _, clock = made()
+    device.close()
+    again = DephyActPack(spec(), clock=clock, repeat=clock.repeat, before=device)
+    again._winding.warm(0.0, 55.0, elapsed_s=0.0)
+    assert again._winding.temperature_c == 55.0
+
+
 @pytest.mark.parametrize(("rate_hz", "samples"), [(500.0, 51), (1000.0, 101)])
 def test_all_queued_samples_are_read_at_either_rate(begun, rate_hz, samples) -> None:
     device, library, clock = begun(sample_rate_hz=rate_hz)

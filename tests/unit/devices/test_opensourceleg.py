@@ -965,7 +965,6 @@ class TestTheLibrarysEncoder(Polled, SensorContract):
         monkeypatch.setattr(I2cBus, "gone", False)
         monkeypatch.setattr(I2cBus, "counts", 2**12)
         monkeypatch.delitem(sys.modules, "opensourceleg.sensors.encoder", raising=False)
-        self.patch = monkeypatch
 
     def make(self, clock):
         encoder = made("opensourceleg.sensors.encoder:AS5048B", {"bus": "/dev/i2c-1"})

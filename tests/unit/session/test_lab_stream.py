@@ -114,6 +114,17 @@ def test_who_comes_late_sees_what_happens_from_then_on(session, study, outlets):
     assert outlets.events == [("segment_started", 77)]
 
 
+def test_the_next_participant_is_followed_from_the_beginning(session, study, outlets):
+    stream = following(study, outlets)
+    later = session.parent / "S02"
+    (later / "logs").mkdir(parents=True)
+    with Journal(later / "journal.jsonl") as journal, log(later) as recorder:
+        journal.write("segment_started", condition="EWP", segment=0)
+        recorder.write(record(1))
+        assert stream.update() == 2
+    assert outlets.marked[0][0]["participant"] == "S02"
+
+
 def test_a_session_that_is_over_is_played_at_its_pace(session, outlets):
     with Journal(session / "journal.jsonl") as journal:
         for segment in range(2):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jointz
+from jointz.core.errors import DataError
 from jointz.core.session_log import NO_SAMPLE, WALKING
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.plan import PlannedPulse
@@ -104,6 +105,13 @@ def test_a_journal_is_taken_line_by_whole_line(tmp_path):
         assert [event["event"] for event in tail.poll()] == ["prompted"]
 
 
+def test_an_altered_line_is_told(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(b'{"event": "x"} 00000000\n')
+    with pytest.raises(DataError, match="checksum"):
+        JournalTail(path).poll()
+
+
 def test_half_a_record_waits_for_its_other_half(log):
     tail, data = LogTail(log), packed(record(0), record(1))
     append(log, data[:-7])
@@ -133,6 +141,13 @@ def test_a_damaged_record_has_its_time_and_is_then_stepped_over(log):
     slots = [slot for _ in range(4) for slot in tail.poll()["slot"].tolist()]
     assert slots == [0, 2]
     assert tail.damaged == 1
+
+
+def test_another_file_is_no_log(tmp_path):
+    path = tmp_path / "x.jzlog"
+    path.write_text("[1, 2]\n")
+    with pytest.raises(DataError, match="not a log of this jointz"):
+        LogTail(path).poll()
 
 
 # ------------------------------------------------------------------ motion

@@ -2,6 +2,7 @@
 
 import pytest
 
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.protocols import load_protocol, protocol_text
 
 
@@ -45,6 +46,8 @@ def test_what_is_shown_is_a_protocol_to_start_from(jointz, tmp_path):
     assert outcome.out.startswith("# walking: 3 conditions and 300 pulses take about 30 min a part")
     assert load_protocol(tmp_path / "mine.toml") == load_protocol("walking")
     assert jointz("protocols", "show", "walking", "--quiet").out == protocol_text("walking")
+    shown = jointz("protocols", "show", "walking", "--json").json
+    assert Protocol.model_validate(shown["protocol"]) == load_protocol("walking")
 
 
 def test_check_of_a_sound_protocol_ends_with_zero(jointz):
@@ -61,6 +64,7 @@ def test_check_reports_every_problem_and_ends_with_two(jointz, wrong):
 
     assert (told.code, told.out) == (2, "")
     assert "wrong.toml: 2 problems" in told.err
+    assert len(jointz("protocols", "check", wrong, "--json").json["problems"]) == 2
     assert "sed: unknown key. Did you mean 'seed'?" in told.err
     assert "conditions[3].perturbations.gap_strides: expected [fewest, most]" in told.err
 

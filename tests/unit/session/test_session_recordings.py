@@ -204,6 +204,11 @@ def test_a_hole_of_the_actuator_is_a_gap_in_time(session):
     assert np.isfinite(values(record, "angle")).all()
 
 
+def test_a_sensor_that_never_gave_a_sample_is_missing_throughout(session):
+    session.stretch(0, 100, contact=Stream(10**12, phase_ns=10**12))
+    assert np.isnan(values(session.record(), "contact")).all()
+
+
 @pytest.mark.parametrize("ppm", [-100.0, 50.0])
 def test_a_clock_that_runs_at_another_rate_is_followed(session, ppm):
     ticks = 60_000  # two minutes; 50 ppm are 6 ms by then

@@ -73,6 +73,11 @@ def test_a_name_that_was_rebound_is_refused(own, host):
     assert (status, came) == (403, False)
 
 
+def test_a_request_without_a_name_or_with_two_is_refused(own):
+    assert not call(own)[2]
+    assert not call(own, host=["localhost:8700", "evil.example"])[2]
+
+
 @pytest.mark.parametrize(
     "origin",
     ["http://evil.example", "http://localhost:9999", "https://localhost:8700", "null", ""],
