@@ -95,14 +95,6 @@ def test_the_first_message_holds_everything_and_the_next_what_is_new(feed):
     assert second["rows"] == [[]] * 7
 
 
-def test_a_slow_browser_gets_what_is_kept_and_no_more(feed, live):
-    _, known = feed.frame((-1, 0, -1))
-    for _ in range(500):
-        feed.poll()
-    frame, _ = feed.frame(known)
-    assert len(json.loads(frame)["rows"][0]) == 50
-
-
 @pytest.mark.parametrize(
     "said", [{"text": "NEXT"}, {"text": ""}, {"bytes": b"next"}, {"text": '{"order": "start"}'}]
 )

@@ -103,31 +103,15 @@ def test_a_whole_file_opens_its_devices() -> None:
     assert file.calibration.angle_lag_s.sd == 0.0005
 
 
-def test_a_mapping_is_opened_as_well() -> None:
-    devices = open_devices({"contact": parsed()["contact"]}, clock=VirtualClock())
-    assert devices.actuator is None
-    assert devices.angle is None
-    assert isinstance(devices.contact, LslSensor)
-
-
 def test_all_problems_stand_in_one_message() -> None:
-    raw = parsed(
-        actuator__sample_rate_hz=250,
-        actuator__firmware="nine",
-        angle__adr=0x48,
-        contact__stream="",
-        calibration__angle_lag={"value": 0.1},
-        goniometer={},
-    )
+    raw = parsed(angle__adr=0x48, calibration__angle_lag={"value": 0.1}, goniometer={})
     del raw["actuator"]["port"]
     with pytest.raises(DeviceFileError) as told:
         device_file(raw, where="lab.toml")
-    assert str(told.value).startswith("lab.toml: 6 problems\n")
+    assert str(told.value).startswith("lab.toml: 4 problems\n")
     for place in (
         "actuator.port: missing",
-        "actuator.firmware: ",
         "angle.adr: unknown key",
-        "contact.stream: ",
         "calibration.angle_lag: unknown key",
         "goniometer: unknown key",
     ):
@@ -139,9 +123,6 @@ def test_all_problems_stand_in_one_message() -> None:
     [
         ({"actuator__sample_rate_hz": 250}, "actuator.sample_rate_hz: expected 500 or 1000"),
         ({"actuator__firmware": "9.1"}, "actuator.firmware: "),
-        ({"actuator__side": "up"}, "actuator.side: expected 'left' or 'right'"),
-        ({"actuator__direction": 2}, "actuator.direction: expected 1 or -1"),
-        ({"actuator__current_gains": [40, 400]}, "actuator.current_gains: "),
         ({"actuator__command_timeout_s": 5.0}, "actuator.command_timeout_s: "),
         (
             {"actuator__torque_model__torque_constant": -0.14},
@@ -155,19 +136,11 @@ def test_all_problems_stand_in_one_message() -> None:
             {"actuator__winding__winding_limit_c": 60},
             "actuator.winding.winding_derate_c: expected less than winding_limit_c",
         ),
-        (
-            {"actuator__limits__angle_min_rad": 2.0},
-            "actuator.limits.angle_min_rad: expected less than angle_max_rad",
-        ),
         ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz: expected at most 774 Hz"),
         ({"angle__full_scale_v": 5.0}, "angle.full_scale_v: expected 6.144"),
         ({"angle__gain_per_v": 0}, "angle.gain_per_v: expected a number that is not 0"),
         ({"contact__gain": 0.0}, "contact.gain: expected a number that is not 0"),
-        ({"angle__address": 0x20}, "angle.address: "),
-        ({"angle__input": "4"}, "angle.input: "),
         ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v: missing"),
-        ({"contact__sample_rate_hz": "fast"}, "contact.sample_rate_hz: "),
-        ({"contact__sample_rate_hz": True}, "contact.sample_rate_hz: "),
         (
             {"contact": {"driver": "ads1115", "kind": "contact", "threshold_v": 0.5}},
             "contact.threshold_v: expected more than release_v",
@@ -180,10 +153,8 @@ def test_all_problems_stand_in_one_message() -> None:
             {"angle": {"driver": "ads1x15"}},
             "angle.driver: expected one of ads1115, lsl, opensourceleg; got 'ads1x15'",
         ),
-        ({"actuator": {"driver": "lsl"}}, "actuator.driver: expected one of dephy, opensourceleg"),
         ({"actuator": {}}, "actuator.driver: expected one of dephy, opensourceleg; missing"),
         ({"actuator": 7}, "actuator"),
-        ({"calibration__torque_gain": {"value": 1.0, "sd": -1.0}}, "calibration.torque_gain.sd: "),
     ],
 )
 def test_each_problem_is_told_at_its_key(changed: dict[str, Any], told: str) -> None:

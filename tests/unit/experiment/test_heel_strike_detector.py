@@ -1,6 +1,5 @@
 """Heel strikes in real time: chatter, refractory time, missing samples."""
 
-from itertools import pairwise
 from math import isnan, nan
 
 import pytest
@@ -36,27 +35,8 @@ def steps(*stretches):
     return [value for value, count in stretches for _ in range(count)]
 
 
-def test_every_step_is_one_strike_at_its_first_sample_of_contact():
-    walking = steps((0.0, 400), (1.0, 700)) * 3
-    assert strikes_ms(walking) == [400, 1500, 2600]
-
-
 def test_a_contact_at_the_very_beginning_is_no_strike():
     assert strikes_ms(steps((1.0, 300), (0.0, 400), (1.0, 100))) == [700]
-
-
-def test_neither_is_one_that_comes_before_the_foot_was_up_for_long():
-    assert strikes_ms(steps((0.0, 30), (1.0, 300), (0.0, 400), (1.0, 1))) == [730]
-
-
-def test_chatter_at_the_strike_counts_once():
-    bouncing = steps((0.0, 400), (1.0, 2), (0.0, 3), (1.0, 1), (0.0, 2), (1.0, 600))
-    assert strikes_ms(bouncing) == [400]
-
-
-def test_chatter_when_the_foot_leaves_counts_not_at_all():
-    leaving = steps((0.0, 400), (1.0, 600), (0.0, 5), (1.0, 4), (0.0, 59), (1.0, 3), (0.0, 300))
-    assert strikes_ms(leaving, refractory_s=0.01) == [400]
 
 
 @pytest.mark.parametrize(("off_ms", "counted"), [(59, False), (60, True)])
@@ -71,19 +51,9 @@ def test_no_strike_is_taken_within_the_refractory_time(after_ms, counted):
     assert (strikes_ms(values) == [100, 100 + after_ms]) is counted
 
 
-def test_a_strike_that_was_not_taken_does_not_prolong_the_refractory_time():
-    values = steps((0.0, 100), (1.0, 80), (0.0, 120), (1.0, 80), (0.0, 120), (1.0, 20))
-    assert strikes_ms(values) == [100, 500]
-
-
 def test_a_contact_that_does_not_last_is_taken_back_and_hides_no_strike():
     values = steps((0.0, 400), (1.0, 30), (0.0, 100), (1.0, 600))
     assert taken_and_back_ms(values) == ([400, 530], [460])
-
-
-def test_a_contact_that_bounces_stands():
-    values = steps((0.0, 400), (1.0, 2), (0.0, 3), (1.0, 3), (0.0, 2), (1.0, 600))
-    assert taken_and_back_ms(values) == ([400], [])
 
 
 def test_missing_samples_after_a_strike_do_not_take_it_back():
@@ -96,19 +66,10 @@ def test_a_contact_that_does_not_last_leaves_the_refractory_time_of_the_one_befo
     assert taken_and_back_ms(values) == ([100, 400, 500], [460])
 
 
-def test_values_between_the_thresholds_change_nothing():
-    values = steps((0.0, 100), (0.5, 50), (0.69, 50), (0.7, 1), (0.5, 400), (0.3, 400), (0.9, 5))
-    assert strikes_ms(values) == [200]
-
-
 def test_samples_that_are_no_numbers_change_nothing():
     clean = steps((0.0, 400), (1.0, 700)) * 3
     holed = [nan if i % 7 in (3, 4) and i % 1100 != 400 else v for i, v in enumerate(clean)]
     assert taken_and_back_ms(holed) == taken_and_back_ms(clean) == ([400, 1500, 2600], [])
-
-
-def test_a_switch_that_gives_no_numbers_gives_no_strikes():
-    assert strikes_ms([nan] * 500) == []
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.5, 0.5), (0.7, 0.3), (nan, 0.5)])
@@ -119,20 +80,6 @@ def test_thresholds_must_be_in_order(low, high):
 
 levels = st.one_of(st.sampled_from([0.0, 1.0, 0.5, nan]), st.floats(-1, 2))
 signals = st.lists(st.tuples(levels, st.integers(1, 80)), max_size=40)
-
-
-@given(signals, st.floats(0.1, 0.6))
-def test_strikes_are_at_least_the_refractory_time_apart_and_rise_from_off(stretches, refractory_s):
-    values = steps(*stretches)
-    taken, back = taken_and_back_ms(values, step_ms=5, refractory_s=refractory_s)
-    found = [strike for strike in taken if strike + 60 not in back]
-    assert all((b - a) * 1e-3 >= refractory_s - 1e-9 for a, b in pairwise(found))
-    for strike in taken:
-        at = strike // 5
-        assert values[at] >= 0.7
-        # Nothing but off, between and missing in the 60 ms before.
-        before = values[max(0, at - 12) : at]
-        assert not any(value >= 0.7 for value in before)
 
 
 def naive(values, step_ms, refractory_ms):

@@ -101,10 +101,3 @@ def test_a_crash_before_the_header_was_whole_leaves_no_log_and_does_not_bar_the_
     with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(3))
     assert slots(path) == [3]
-
-
-def test_a_log_is_let_go_of(path):
-    with Recorder(path, HEADER, WALKING) as recorder:
-        pass
-    with pytest.raises(WriteError, match="Bad file descriptor"):
-        recorder.write(record(0))

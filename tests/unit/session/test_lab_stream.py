@@ -93,21 +93,11 @@ def test_pulses_and_trips_are_markers_at_their_tick(session, study, outlets):
             recorder.write(record(tick, pulse=pulse, flags=flags))
         stream.update()
     told = [(m["event"], m.get("pulse"), (at - START_NS) // 2_000_000) for m, at in outlets.marked]
-    assert told == [
-        ("pulse_on", 7, 2),
-        ("pulse_off", 7, 4),
-        ("pulse_on", 8, 5),
-        ("pulse_off", 8, 6),
-        ("pulse_on", 9, 6),
-        ("pulse_off", 9, 7),
-        ("tripped", None, 7),
-    ]
-    assert outlets.marked[0][0] == {
-        "event": "pulse_on",
-        "pulse": 7,
-        "participant": "S01",
-        "condition": "EWP",
-    }
+    *pulses, tripped = told
+    assert pulses[::2] == [("pulse_on", 7, 2), ("pulse_on", 8, 5), ("pulse_on", 9, 6)]
+    assert pulses[1::2] == [("pulse_off", 7, 4), ("pulse_off", 8, 6), ("pulse_off", 9, 7)]
+    assert tripped == ("tripped", None, 7)
+    assert outlets.marked[0][0] == {"event": "pulse_on", "pulse": 7, **HEADER}
 
 
 def test_who_comes_late_sees_what_happens_from_then_on(session, study, outlets):
@@ -135,12 +125,6 @@ def test_the_next_participant_is_followed_from_the_beginning(session, study, out
     assert outlets.marked[0][0]["participant"] == "S02"
 
 
-def test_a_file_that_is_no_log_is_named(session, study, outlets):
-    (session / "logs" / "x.jzlog").write_bytes(b"nothing\n")
-    with pytest.raises(DataError, match=r"x\.jzlog: not a log of this jointz"):
-        following(study, outlets)
-
-
 def test_a_session_that_is_over_is_played_at_its_pace(session, outlets):
     with Journal(session / "journal.jsonl") as journal:
         for segment in range(2):
@@ -165,20 +149,6 @@ def test_a_session_that_is_over_is_played_at_its_pace(session, outlets):
         ("pulse_completed", second + 499 * 2_000_000),  # the log ends before it
         ("condition_completed", second + 499 * 2_000_000),
     ]
-
-
-def test_samples_are_not_sent_before_their_time(session, outlets):
-    class Watched(VirtualClock):
-        def wait_until_ns(self, deadline_ns):
-            assert max(outlets.stamps) <= self.now_ns()
-            super().wait_until_ns(deadline_ns)
-
-    with Journal(session / "journal.jsonl") as journal:
-        journal.write("segment_started", condition="EWP", segment=0)
-    with log(session) as recorder:
-        recorder.write(*[record(tick) for tick in range(100)])
-    replay(session, Sending(outlets), clock=Watched())
-    assert len(outlets.stamps) == 100
 
 
 def test_a_study_of_one_session_or_the_session_itself_is_played(session, study):

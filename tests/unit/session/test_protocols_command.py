@@ -1,8 +1,5 @@
 """``jointz protocols``: list, show, check."""
 
-import json
-import tomllib
-
 import pytest
 
 from jointz.core.protocols.protocol import Protocol
@@ -49,13 +46,8 @@ def test_what_is_shown_is_a_protocol_to_start_from(jointz, tmp_path):
     assert outcome.out.startswith("# walking: 3 conditions and 300 pulses take about 30 min a part")
     assert load_protocol(tmp_path / "mine.toml") == load_protocol("walking")
     assert jointz("protocols", "show", "walking", "--quiet").out == protocol_text("walking")
-
-
-def test_show_as_json_holds_values_and_text(jointz):
-    shown = jointz("protocols", "show", "walking-pilot", "--json").json
-
-    assert Protocol.model_validate_json(json.dumps(shown["protocol"]))
-    assert tomllib.loads(shown["text"])["name"] == shown["name"] == "walking-pilot"
+    shown = jointz("protocols", "show", "walking", "--json").json
+    assert Protocol.model_validate(shown["protocol"]) == load_protocol("walking")
 
 
 def test_check_of_a_sound_protocol_ends_with_zero(jointz):
@@ -72,19 +64,9 @@ def test_check_reports_every_problem_and_ends_with_two(jointz, wrong):
 
     assert (told.code, told.out) == (2, "")
     assert "wrong.toml: 2 problems" in told.err
+    assert len(jointz("protocols", "check", wrong, "--json").json["problems"]) == 2
     assert "sed: unknown key. Did you mean 'seed'?" in told.err
     assert "conditions[3].perturbations.gap_strides: expected [fewest, most]" in told.err
-
-
-def test_check_as_json_lists_the_problems(jointz, wrong):
-    told = jointz("protocols", "check", wrong, "--json")
-
-    assert told.code == 2
-    assert told.json["status"] == "error"
-    assert [p.split(":")[0] for p in told.json["problems"]] == [
-        "sed",
-        "conditions[3].perturbations.gap_strides",
-    ]
 
 
 @pytest.mark.parametrize("command", ["show", "check"])

@@ -3,55 +3,23 @@
 import io
 import json
 import sys
-from contextlib import nullcontext
 
 import pytest
 
 from jointz.console.command import _arguments
-from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceFileError, StudyError
 from jointz.io.protocols import protocol_text
 from jointz.session.command import Device, Preset
-from jointz.sim.rig import simulated_rig
+
+from .laboratory import ACTUATOR, ANGLE, CONTACT
 
 pytestmark = pytest.mark.alone
-
-DEVICES = """
-[actuator]
-driver = "dephy"
-port = "/dev/ttyACM0"
-firmware = "12.0.0"
-side = "left"
-torque_model = { gear_ratio = 9, torque_constant = 0.14 }
-[actuator.limits]
-torque_nm = 20
-torque_rate_nm_s = 1e5
-current_a = 18
-angle_min_rad = -0.2
-angle_max_rad = 1.8
-velocity_rad_s = 12
-temperature_c = 100
-sensor_age_s = 0.02
-pulse_count = 400
-pulse_duty = 0.3
-consecutive_overruns = 5
-fade_s = 0.05
-[angle]
-driver = "lsl"
-stream = "Goniometer"
-sample_rate_hz = 500
-[contact]
-driver = "lsl"
-stream = "Footswitch"
-sample_rate_hz = 500
-kind = "contact"
-"""
 
 
 @pytest.fixture
 def config(tmp_path):
     path = tmp_path / "device.toml"
-    path.write_text(DEVICES)
+    path.write_text(ACTUATOR + ANGLE + CONTACT)
     return path
 
 
@@ -63,21 +31,6 @@ def protocol(tmp_path):
     text = text.replace("count_per_point = 50", "count_per_point = 1")
     path.write_text(text.replace("gap_strides = [3, 7]", "gap_strides = [2, 2]"))
     return path
-
-
-@pytest.fixture
-def laboratory(monkeypatch):
-    """Simulated devices are opened where real ones are named, and time flies."""
-
-    def open_devices(file, *, clock, before=None):
-        del before
-        rig = simulated_rig(0, seed=2)
-        return rig.open("lab", worn=file.actuator is not None, segment=0, clock=clock)
-
-    monkeypatch.setattr("jointz.session.rigs.hardware_rig.open_devices", open_devices)
-    for home in ("run", "participant_run"):
-        monkeypatch.setattr(f"jointz.session.{home}.RealClock", VirtualClock)
-    monkeypatch.setattr("jointz.experiment.session.undisturbed", nullcontext)
 
 
 def test_an_experiment_on_the_devices_of_a_file_ends_as_a_study(
@@ -119,46 +72,6 @@ def test_who_does_not_answer_for_one_simulated_person_is_not_asked_for_the_next(
     assert [folder.name for folder in (out / "sessions").iterdir()] == ["S01"]
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--device", "sim"), "exclude each other"),
-        (("--preset", "hard"), "preset: 'hard' is of simulated devices"),
-        (("--clock", "fast"), "clock: real devices keep real time"),
-        (("--workers", "2"), "workers: expected 1 with a device file, got 2"),
-    ],
-)
-def test_options_of_a_simulation_are_refused(jointz, config, tmp_path, options, told):
-    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s", *options)
-    assert done.code == 2
-    assert told in done.err
-    assert not (tmp_path / "s").exists()
-
-
-def test_a_file_without_a_footswitch_is_refused_in_one_message(jointz, config, tmp_path):
-    config.write_text(DEVICES[: DEVICES.index("[contact]")])
-    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s")
-    assert done.code == 2
-    assert "1 problem" in done.err
-    assert "contact: missing; heel strikes" in done.err
-
-
-def test_a_library_that_is_missing_is_an_error_of_the_device(jointz, monkeypatch, config, tmp_path):
-    for library in ("flexsea", "flexsea.device"):
-        monkeypatch.setitem(sys.modules, library, None)
-    done = jointz("run", "walking", "--config", config, "--out", tmp_path / "s", "--json")
-    assert done.code == 3
-    assert json.loads(done.out)["error"] == "DeviceError"
-    assert 'pip install "jointz[dephy]"' in done.err
-    assert not (tmp_path / "s").exists()
-
-
-def test_help_says_that_nothing_was_tried_on_hardware(jointz):
-    for command in ("run", "console"):
-        told = " ".join(jointz(command, "--help").out.replace("│", " ").split())
-        assert "No driver was ever tried on hardware" in told
-
-
 def test_the_console_hands_the_file_to_the_run(config, tmp_path):
     made = _arguments("walking", tmp_path, None, None, config=config, participants=2, seed=None)
     assert made[made.index("--config") + 1] == str(config)
@@ -190,6 +103,6 @@ def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_p
         _arguments(
             "walking", tmp_path, Device.sim, None, config=config, participants=None, seed=None
         )
-    config.write_text(DEVICES[: DEVICES.index("[angle]")])
+    config.write_text(ACTUATOR + CONTACT)
     with pytest.raises(DeviceFileError, match="angle: missing"):
         _arguments("walking", tmp_path, None, None, config=config, participants=None, seed=None)

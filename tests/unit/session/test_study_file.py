@@ -10,12 +10,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import jointz
-from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
+from jointz.core.protocols.protocol import PerturbationPlan
 from jointz.core.recording import build_recording
 from jointz.core.study import (
     Calibrated,
     CalibrationSpec,
-    DeviceSpec,
     TorqueModelSpec,
     name_problem,
 )
@@ -32,7 +31,7 @@ MOTOR = TorqueModelSpec(
 )
 SOMEBODY = Wearer("S01")
 MOTOR_CHANNELS = ("current", "motor_angle", "motor_velocity", "command", "applied_torque")
-ODD_NAMES = ("S 01", 'Anna "Ann" O\'Neil', "Jörg-Ünal", "S\\01", "日本", "a=b # c", "1.5", "true")
+ODD_NAMES = ('Anna "Ann" O\'Neil', "S\\01", "日本", "a=b # c", "1.5")
 
 
 def with_points(**points):
@@ -97,13 +96,6 @@ def test_a_study_opens_with_all_its_recordings(tmp_path):
         assert recording["time"].size == 50
 
 
-def test_the_torque_model_and_timing_points_come_back_as_they_were(tmp_path):
-    study = make(tmp_path)
-    assert study.spec.torque_model == MOTOR
-    perturbed = next(c for c in WALKING.conditions if c.perturbations is not None)
-    assert study.spec.perturbations.timing_points == perturbed.perturbations.timing_points
-
-
 def test_torque_is_computed_from_the_current(tmp_path):
     study = make(tmp_path)
     entry = next(r for r in study.spec.recordings if r.condition == "unperturbed")
@@ -123,11 +115,6 @@ def test_a_footswitch_in_walking_is_a_contact_unless_it_gives_volts():
     assert contact("voltage") == {"column": "contact", "kind": "voltage", "unit": "V"}
 
 
-def test_what_hangs_on_the_limb_comes_back(tmp_path):
-    frame = DeviceSpec(mass_kg=1.0, centre_m=0.18)
-    assert make(tmp_path, device=frame).spec.device == frame
-
-
 def test_calibrations_come_back_with_their_sd(tmp_path):
     mine = CalibrationSpec(
         torque_gain=Calibrated(value=1.0, sd=0.02), angle_lag_s=Calibrated(value=6.5e-05, sd=5e-7)
@@ -144,12 +131,6 @@ def test_people_may_have_any_name_that_files_can_have(tmp_path, name):
     assert {entry.participant for entry in study.spec.recordings} == {name}
     (recording, *_) = read_recording(study, study.spec.recordings[0])
     assert recording.attrs["participant"] == name
-
-
-@pytest.mark.parametrize("name", [*ODD_NAMES, "a/b,c", "x.y", "LRE-1", "LRE_2"])
-def test_timing_points_may_have_any_name(tmp_path, name):
-    study = make(tmp_path, with_points(**{name: 7.0, "other": 40.25}))
-    assert study.spec.perturbations.timing_points == {name: 7.0, "other": 40.25}
 
 
 @settings(
@@ -182,21 +163,9 @@ def test_without_the_device_no_torque_is_asked_for(tmp_path):
 
 
 def test_two_conditions_of_one_kind_are_told_apart(tmp_path):
-    plan = PerturbationPlan(timing_points={"LRE": 7.0}, count_per_point=2, gap_strides=(3, 7))
-    protocol = Protocol(
-        jointz_protocol=1,
-        name="two",
-        title="Two levels",
-        kind="walking",
-        joint="knee",
-        gait=WALKING.gait,
-        pulse=PulseSpec(amplitude_nm=7.0, duration_s=0.25, hold_s=0.25),
-        conditions=(
-            ConditionSpec(name="before", condition="perturbed", prompt="Go.", perturbations=plan),
-            ConditionSpec(name="after", condition="perturbed", prompt="Go.", perturbations=plan),
-            ConditionSpec(name="free", condition="unperturbed", prompt="Go.", strides=10),
-        ),
-    )
+    _, unperturbed, perturbed = WALKING.conditions
+    twice = [perturbed.model_copy(update={"name": name}) for name in ("before", "after")]
+    protocol = WALKING.model_copy(update={"conditions": (*twice, unperturbed)})
     study = make(tmp_path, protocol)
     assert [(r.condition, r.session) for r in study.spec.recordings] == [
         ("perturbed", "before"),
@@ -218,9 +187,3 @@ def test_pulses_that_were_broken_off_are_left_out_by_the_study(tmp_path):
     (found,) = make(tmp_path, people=(Wearer(name),)).user_exclusions
     assert (found.participant, found.recording) == (name, file)
     assert found.onset_s == pytest.approx(1234.567891234, abs=1e-5)
-
-
-def test_nothing_broken_off_is_a_table_without_rows():
-    assert exclusions_csv([], "now").splitlines() == [
-        "participant,recording,onset_s,action,reason,time"
-    ]

@@ -10,13 +10,7 @@ import pytest
 from jointz.console.console_app import _left
 from jointz.core.errors import DataError
 from jointz.experiment.stop_signals import STOP_SIGNALS, listen_for_stops
-from jointz.web.server import _address, _listen, require_app
-
-
-def test_a_missing_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(DataError, match=r'pip install "jointz\[app\]"'):
-        require_app()
+from jointz.web.server import _address, _listen
 
 
 def test_console_without_the_extra_says_how_to_get_it(monkeypatch, jointz, tmp_path):
