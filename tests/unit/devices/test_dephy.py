@@ -20,7 +20,7 @@ import pytest
 from jointz.core.clock import Clock, RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.study import TorqueModelSpec
-from jointz.devices import dephy_samples
+from jointz.devices import dephy
 from jointz.devices.config import DephySpec
 from jointz.devices.dephy import DephyActPack
 from jointz.devices.dephy_units import DeviceClock, Winding, WindingSpec
@@ -457,7 +457,7 @@ def test_a_hot_winding_is_a_fault_and_ends_the_torque(begun) -> None:
         faults = device.read()[-1].faults
         if faults:
             break
-    assert faults == dephy_samples.TOO_HOT
+    assert faults == dephy.TOO_HOT
     assert device.state is Lifecycle.FAULT
     assert library.calls[-2:] == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]
     with pytest.raises(DeviceError, match="expected it active"):
@@ -465,7 +465,7 @@ def test_a_hot_winding_is_a_fault_and_ends_the_torque(begun) -> None:
     assert device.read() == []
 
 
-@pytest.mark.parametrize(("run", "faults"), [(1, 0), (2, dephy_samples.I2T)])
+@pytest.mark.parametrize(("run", "faults"), [(1, 0), (2, dephy.I2T)])
 def test_one_flipped_bit_is_no_fault_and_two_in_a_row_are(made, run, faults) -> None:
     device, library, clock = made()
     library.script = {5 + i: {"status_ex": 2} for i in range(run)}
@@ -492,7 +492,7 @@ def test_garbage_or_the_same_stamp_again_is_left_out_once_and_garbage_that_stays
     library.script = dict.fromkeys(range(1000), odd | {"batt_volt": -1})
     wait(clock, 0.04)
     device.command_torque(5.0)
-    assert device.read()[-1].faults == dephy_samples.GARBAGE
+    assert device.read()[-1].faults == dephy.GARBAGE
     assert device.state is Lifecycle.FAULT
     assert library.calls[-2:] == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]
 
@@ -514,7 +514,7 @@ def test_a_device_that_was_restarted_is_a_fault(made) -> None:
     library.first_stamp = 90_000
     begin(device)
     wait(clock, 0.06)
-    assert device.read()[-1].faults == dephy_samples.CLOCK
+    assert device.read()[-1].faults == dephy.CLOCK
 
 
 def test_a_first_sample_may_be_late_but_a_silent_device_is_gone(made) -> None:
