@@ -9,9 +9,9 @@ from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.io.formats.registry import read_acquisition, write_acquisition
 
-KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx"]
+KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx", "xdf"]
 #: What has no checksum: a digit that was changed is a digit, a byte of a number one too.
-UNCHECKED = ("csv", "sto", "parquet")
+UNCHECKED = ("csv", "sto", "parquet", "xdf")
 N_FILES = 200
 N_SAMPLES = 24
 
