@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
 from jointz.io.bids.bids_read import read_bids
-from jointz.io.bids.bids_write import MotionChannel, MotionRecording, even_clock, write_motion
+from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_motion
 
 STEM = "sub-01_task-walking_tracksys-imu"
 
@@ -304,11 +304,6 @@ def test_reading_gives_back_what_was_written_bit_for_bit(
     assert same_sign[np.isfinite(column)].all()
     assert (signal.unit, signal.description) == ("N*m", "About it.")
     np.testing.assert_array_equal(group.times_s(), time)
-
-
-def test_an_even_clock_is_written_as_a_rate():
-    assert even_clock(12.345 + np.arange(500) / 200.0) == (200.0, 12.345)
-    assert even_clock(np.array([0.0, 0.001, 0.0021])) == (None, 0.0)
 
 
 def test_infinity_has_no_place_in_bids(tmp_path):

@@ -71,11 +71,6 @@ def test_entries_are_put_in_and_nothing_else_changes() -> None:
     assert people[1]["angle_gain"] == {"value": 1.013, "sd": 0.002}  # replaced
 
 
-def test_putting_in_twice_is_putting_in_once() -> None:
-    once = into_study(STUDY, BOTH)
-    assert into_study(once, BOTH) == once
-
-
 def test_ends_of_lines_and_a_missing_last_one_are_kept() -> None:
     windows = STUDY.replace("\n", "\r\n")
     assert into_study(windows, BOTH) == into_study(STUDY, BOTH).replace("\n", "\r\n")

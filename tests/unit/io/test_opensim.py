@@ -115,12 +115,6 @@ def test_muscles_of_gait2392_are_no_angles(tmp_path):
     assert {name for name, signal in found.items() if signal.unit} == set(ROTATIONS)
 
 
-def test_states_have_radians_and_speeds(tmp_path):
-    found = signals(read(tmp_path, STATES, "a.sto"))
-
-    assert [signal.unit for signal in found.values()] == ["rad", "rad/s", ""]
-
-
 def test_without_in_degrees_the_unit_of_an_angle_is_open(tmp_path):
     found = signals(read(tmp_path, MOTION.replace("inDegrees=yes\n", "")))
 
@@ -188,28 +182,6 @@ def test_an_unknown_unit_is_not_said_to_be_radians(tmp_path):
     write_acquisition(angles(""), tmp_path / "a.mot")
 
     assert "inDegrees" not in (tmp_path / "a.mot").read_text()
-
-
-def test_a_motion_file_goes_round_without_loss(tmp_path):
-    content = read(tmp_path, MOTION)
-
-    assert write_acquisition(content, tmp_path / "b.sto") == []
-
-    assert read_acquisition(tmp_path / "b.sto").equals(content)
-
-
-def test_it_is_text_that_is_refused_where_it_is_none(tmp_path):
-    (tmp_path / "a.sto").write_bytes(b"\xff\xfe\x00endheader")
-    with pytest.raises(DataError, match=r"a\.sto: expected text, found the byte 0xff"):
-        read_acquisition(tmp_path / "a.sto")
-
-
-@pytest.mark.parametrize("n_cut", [2, 3, 4, 5, 6])
-def test_a_last_number_that_is_cut_off_is_refused(tmp_path, n_cut):
-    with pytest.raises(DataError, match=r"a\.mot, row 14") as caught:
-        read(tmp_path, MOTION[:-n_cut])
-
-    assert n_cut == 6 or "end that line where it is whole" in str(caught.value)
 
 
 def test_a_last_line_without_an_end_is_told_of_where_it_may_be_whole(tmp_path):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from jointz.core.channels import CHANNEL_UNITS, PARAMETER_UNITS
+from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import UnitError
 from jointz.io.text.units import conversion, si_unit_of
 
@@ -66,19 +66,6 @@ def test_units_are_read_as_people_write_them(unit, si_unit, factor):
 def test_an_si_unit_is_its_own(unit):
     assert conversion(unit, unit) == (1.0, 0.0)
     assert si_unit_of(unit) == (unit, 1.0, 0.0)
-
-
-@pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
-def test_the_units_of_our_own_results_can_be_read(unit):
-    assert conversion(unit, unit) == (1.0, 0.0)
-
-
-def test_a_temperature_has_an_offset():
-    assert si_unit_of("°C") == ("K", 1.0, 273.15)
-
-
-def test_a_quantity_without_a_name_is_written_in_base_units():
-    assert si_unit_of("mm^2/ms") == ("m^2/s", pytest.approx(1e-3), 0.0)
 
 
 @pytest.mark.parametrize(
