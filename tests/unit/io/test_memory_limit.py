@@ -74,15 +74,8 @@ def hdf5(path: Path, **kinds) -> None:
 
 def hdf5_chunk(path: Path) -> None:
     with h5py.File(path, "w") as file:
-        file.create_dataset(
-            "angle",
-            (10,),
-            "f8",
-            chunks=(N,),
-            maxshape=(None,),
-            compression="gzip",
-            data=np.ones(10),
-        )
+        ones, kinds = np.ones(10), {"maxshape": (None,), "compression": "gzip"}
+        file.create_dataset("angle", (10,), "f8", ones, chunks=(N,), **kinds)
 
 
 def hdf5_links(path: Path) -> None:

@@ -35,14 +35,12 @@ def toml_value(value: Any) -> str:
     if isinstance(value, (date, datetime, time)):
         return value.isoformat()
     if isinstance(value, Mapping):
-        return (
-            "{" + ", ".join(f"{written_key(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
-        )
+        return "{" + toml_text(value, end=",").removesuffix(",") + "}"
     return "[" + ", ".join(map(toml_value, value)) + "]"
 
 
-def toml_text(document: Mapping[str, Any]) -> str:
-    return "".join(f"{written_key(k)} = {toml_value(v)}\n" for k, v in document.items())
+def toml_text(document: Mapping[str, Any], end: str = "\n") -> str:
+    return "".join(f"{written_key(k)} = {toml_value(v)}{end}" for k, v in document.items())
 
 
 def test_the_writer_writes_what_toml_reads(study):

