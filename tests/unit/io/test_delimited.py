@@ -111,6 +111,11 @@ def test_harmless_spellings_are_read(tmp_path, content):
     np.testing.assert_array_equal(table.columns["x"], [2, 4])
 
 
+def test_a_byte_order_mark_before_numbers_is_no_part_of_them(tmp_path):
+    table = read(write(tmp_path, "\ufeff1,2\n3,4\n"), 1, header=False)
+    np.testing.assert_array_equal(table.columns["1"], [1, 3])
+
+
 def test_an_empty_line_is_a_missing_sample_where_there_is_one_column(tmp_path):
     table = read(write(tmp_path, "x\n1\n\n3\n\n"), "x")
     np.testing.assert_array_equal(table.columns["x"], [1, np.nan, 3])

@@ -51,6 +51,11 @@ def test_every_field_of_every_record_comes_back(path):
     assert [tuple(found)[:-1] for found in log.records.tolist()] == rows
 
 
+def test_a_log_without_records_is_empty(path):
+    path.write_bytes(log_bytes([]))
+    assert read_log(path).records.size == 0
+
+
 def test_a_record_cut_off_at_any_byte_is_left_out_and_told_of(path):
     rows = records(3)
     whole = log_bytes(rows)

@@ -151,6 +151,13 @@ def test_times_of_several_structs_are_no_clock_and_told(tmp_path):
     )
 
 
+def test_a_file_without_series_is_refused(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"note": "nothing here"})
+
+    with pytest.raises(DataError, match=r"a\.mat: expected series of numbers, found none"):
+        read_acquisition(tmp_path / "a.mat")
+
+
 @pytest.mark.real_data
 def test_the_results_of_the_gait_toolkit_are_read(real_data):
     found = read_acquisition(real_data / "gaitanalysistoolkit" / "refresults.mat")

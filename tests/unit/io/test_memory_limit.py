@@ -105,6 +105,16 @@ def parquet_texts(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": ["x" * 100_000] * 1000}), path)
 
 
+def hdf5_texts(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
+
+
+def parquet_large_texts(path: Path) -> None:
+    texts = pa.array(["x" * 100_000] * 1000).cast(pa.large_string())
+    pa.parquet.write_table(pa.table({"angle": texts}), path)
+
+
 def workbook(path: Path, rows: str, more: str = "") -> None:
     import openpyxl
 
@@ -151,8 +161,10 @@ BOMBS = [
     ("a.nc", hdf5),
     ("a.nc", hdf5_chunk),
     ("a.nc", hdf5_links),
+    ("a.nc", hdf5_texts),
     ("a.parquet", parquet_numbers),
     ("a.parquet", parquet_texts),
+    ("a.parquet", parquet_large_texts),
     ("a.xlsx", workbook_cells),
     ("a.xlsx", workbook_rows),
     ("a.xlsx", workbook_merged),

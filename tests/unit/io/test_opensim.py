@@ -110,6 +110,12 @@ def test_muscles_of_gait2392_are_no_angles(tmp_path):
     assert {name for name, signal in found.items() if signal.unit} == set(ROTATIONS)
 
 
+def test_states_have_radians_and_speeds(tmp_path):
+    found = signals(read(tmp_path, STATES, "a.sto"))
+
+    assert [signal.unit for signal in found.values()] == ["rad", "rad/s", ""]
+
+
 def test_without_in_degrees_the_unit_of_an_angle_is_open(tmp_path):
     found = signals(read(tmp_path, MOTION.replace("inDegrees=yes\n", "")))
 

@@ -89,6 +89,11 @@ def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
             call()
 
 
+def test_a_missing_file_is_a_data_error(tmp_path):
+    with pytest.raises(DataError, match="no such file"):
+        read_table(tmp_path / "a.csv", numeric=["t"], files=PLAIN)
+
+
 def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):
     own = tmp_path / "a.gz"
     own.write_text("1\n2\n")

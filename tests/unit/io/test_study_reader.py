@@ -53,16 +53,6 @@ def test_the_example_of_the_format_opens(study):
     assert opened.sha256 == hashlib.sha256(study.text.encode()).hexdigest()
 
 
-def test_the_example_to_the_letter_lacks_only_the_channel_of_its_group(study):
-    start = study.text.index("[channels.ankle_position]")
-    study.text = study.text[:start] + study.text[study.text.index("[[participants]]") :]
-
-    assert study.sole_problem() == (
-        "perturbations.group.channel: 'ankle_position' is not among the channels of numbers "
-        "(time, angle, torque, command, contact)."
-    )
-
-
 def test_a_study_opens_by_its_folder_its_file_and_as_text(study):
     study.open()
 

@@ -30,12 +30,14 @@ def test_units_come_from_brackets_and_names_stay_as_they_are(tmp_path):
     assert [signal.unit for signal in found.values()] == ["deg", "Nm", "", ""]
 
 
-def test_every_column_is_tried_as_numbers(tmp_path):
-    found = signals(read(tmp_path, "a,b,c\n1,left,\n2,right,NaN\n,left,4\n"))
+def test_every_column_is_tried_as_numbers_and_those_of_text_are_told(tmp_path):
+    content = read(tmp_path, "a,b,c\n1,left,\n2,right,NaN\n,left,4\n")
+    found = signals(content)
 
     np.testing.assert_array_equal(found["a"].values, [1, 2, np.nan])
     assert found["b"].values.tolist() == ["left", "right", "left"]
     np.testing.assert_array_equal(found["c"].values, [np.nan, np.nan, 4])
+    assert content.metadata["reading.text"] == "read as text: 'b'"
 
 
 def test_text_that_begins_late_is_still_text(tmp_path):
@@ -163,6 +165,18 @@ def test_a_log_of_an_actpack_has_the_units_of_its_fields(tmp_path):
     assert "16384 a turn" in found["mot_ang"].description
     assert "log of Dephy ActPack: units by its doc" in content.metadata["reading.log"]
     np.testing.assert_allclose(content.groups[0].time_s, [0.010, 0.012], rtol=1e-15)
+
+
+def test_other_files_get_no_units_of_known_devices(tmp_path):
+    found = signals(read(tmp_path, "motor_position,motor_current\n1,2\n3,4\n"))
+
+    assert {signal.unit for signal in found.values()} == {""}
+
+
+def test_a_blank_after_every_cell_is_no_trouble(tmp_path):
+    found = signals(read(tmp_path, "a\tb\n1 \tNaN \n2 \t3 \n", "a.txt"))
+
+    np.testing.assert_array_equal(found["b"].values, [np.nan, 3])
 
 
 def test_what_is_written_has_units_in_the_names(tmp_path):

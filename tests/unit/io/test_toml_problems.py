@@ -100,6 +100,14 @@ def test_inconsistencies_are_told_beside_what_cannot_be_read():
     }
 
 
+def test_each_problem_is_told_once():
+    raw = {**BENCH, "conditions": [CONDITION, {**CONDITION, "strides": 2}]}
+
+    told = found(raw)
+
+    assert len(told) == len(set(told))
+
+
 @pytest.mark.parametrize(
     "broken",
     [

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.channels import CHANNEL_UNITS, PARAMETER_UNITS
 from jointz.core.errors import UnitError
 from jointz.io.text.units import conversion, si_unit_of
 
@@ -72,6 +72,11 @@ def test_a_unit_of_something_else_is_refused(unit, si_unit, measured, expected):
     with pytest.raises(UnitError) as caught:
         conversion(unit, si_unit)
     assert f"'{unit}' measures {measured}, expected {expected}" in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
+def test_the_units_of_our_own_results_can_be_read(unit):
+    assert conversion(unit, unit) == (1.0, 0.0)
 
 
 def test_a_temperature_has_an_offset():
