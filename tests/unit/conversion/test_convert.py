@@ -1,7 +1,5 @@
 """Files into other formats, studies into one file, and what is refused."""
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -184,36 +182,6 @@ def test_a_struct_of_matlab_goes_on_with_its_clock(tmp_path):
     (group,) = read_acquisition(tmp_path / "walk.mot").groups
     np.testing.assert_array_equal(group.time_s, data["time"])
     assert [signal.name for signal in group.signals] == ["data.knee_angle"]
-
-
-def test_octave_loops_over_the_recordings_of_a_study(tmp_path, small_study):
-    program = shutil.which("octave-cli")
-    if program is None:
-        pytest.skip("GNU Octave is not installed: octave-cli stands in for MATLAB")
-    convert(small_study.root, tmp_path / "study.mat")
-    (tmp_path / "look.m").write_text(
-        """\
-        j = load("study.mat").jointz;
-        for r = j.recordings
-          a = r.signals.angle;
-          printf("%s %s %s %d %.17g\\n", r.participant, r.condition, a.unit, r.n, a.values(end));
-        end
-        """
-    )
-
-    command = [program, "--no-gui", "--norc", "--quiet", "look.m"]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
-    )
-
-    study = open_study(small_study.root)
-    expected = []
-    for entry in study.spec.recordings:
-        (recording,) = read_recording(study, entry)
-        last = recording["angle"].to_numpy()[-1]
-        n = recording.sizes["time"]
-        expected.append(f"{entry.participant} {entry.condition} rad {n} {last:.17g}")
-    assert done.stdout.splitlines() == expected, done.stderr
 
 
 def test_a_study_goes_as_bids_and_comes_back_as_one_file_with_its_signs(tmp_path, small_study):

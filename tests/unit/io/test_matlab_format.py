@@ -9,6 +9,7 @@ import pytest
 import scipy.io
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
 from jointz.io.formats.matlab_format import LONGEST_NAME, field_names
 from jointz.io.formats.registry import read_acquisition, write_acquisition
 

@@ -1,7 +1,6 @@
 """Reading recordings: into SI, the study's direction, and one condition each."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,8 +11,7 @@ from hypothesis import strategies as st
 
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import history_of
-from jointz.io.recordings import read_pulse_table, read_recording
-from jointz.io.study_reader import open_study
+from jointz.io.recordings import read_pulse_table
 
 DEG = np.pi / 180.0
 CONDITIONS = """\
@@ -504,56 +502,6 @@ def test_columns_count_from_zero_by_one_that_a_recording_does_not_need(study):
     np.testing.assert_allclose(study.read()[0]["angle"], expected, rtol=1e-12)
 
 
-# --- properties ----------------------------------------------------------------------------------
-
-
-STUDY = """\
-jointz = 1
-joint = "knee"
-kind = "bench"
-sample_rate_hz = 1000.0
-participants = [{ id = "a" }]
-recordings = [{ participant = "a", condition = "perturbed", file = "a.csv" }]
-[channels]
-angle = { column = "angle", unit = "deg" }
-torque = { column = "torque" }
-command = { column = "command" }
-"""
-CHANNELS = ("angle", "torque", "command")
-# Within half a turn, and far enough from it that the two ways of rounding agree on it.
-ROW = st.lists(st.floats(-170.0, 170.0, allow_subnormal=False), min_size=3, max_size=3)
-EXAMPLES = settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-
-
-def read_columns(folder: Path, columns: dict[str, np.ndarray]) -> xr.Dataset:
-    (folder / "study.toml").write_text(STUDY)
-    pd.DataFrame(columns).to_csv(folder / "a.csv", index=False)
-    study = open_study(folder)
-    return read_recording(study, study.spec.recordings[0])[0]
-
-
-@EXAMPLES
-@given(
-    rows=st.lists(ROW, min_size=2, max_size=12),
-    name=st.text("abcxyz _", min_size=1, max_size=5).map(lambda text: f"other {text}"),
-    cell=st.one_of(st.floats(), st.text("abc 1.", max_size=5)),
-    data=st.data(),
-)
-def test_the_order_of_columns_and_those_nobody_asked_for_are_irrelevant(
-    tmp_path, rows, name, cell, data
-):
-    columns = dict(zip(CHANNELS, np.array(rows).T, strict=True))
-    straight = read_columns(tmp_path, columns)
-    more = columns | {name: np.repeat(np.array([cell], dtype=object), len(rows))}
-    order = data.draw(st.permutations(list(more)))
-
-    shuffled = read_columns(tmp_path, {key: more[key] for key in order})
-
-    xr.testing.assert_equal(shuffled, straight)
-
-
 # --- pulse tables --------------------------------------------------------------------------------
 
 
@@ -693,7 +641,9 @@ def test_a_pulse_table_that_vanished_is_a_data_error(study):
         read_pulse_table(opened, opened.spec.recordings[1])
 
 
-@EXAMPLES
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(content=st.text('onset_s,timing_point\n\r 0.5"-e;', max_size=60))
 def test_any_text_is_a_pulse_table_or_a_data_error(study, content):
     try:
