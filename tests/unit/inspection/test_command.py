@@ -17,6 +17,7 @@ def recording(tmp_path: Path) -> Path:
     s = np.arange(1000) / 200.0
     columns = {"time": s, "knee angle (deg)": 30 * np.sin(2 * np.pi * s)}
     columns |= {"torque (Nm)": np.cos(2 * np.pi * s), "command (Nm)": 17.0 * (s % 2 > 1.9)}
+    columns["footswitch"] = (s % 1 < 0.6).astype(int)
     pd.DataFrame(columns).to_csv(tmp_path / "S01.csv", index=False)
     return tmp_path / "S01.csv"
 

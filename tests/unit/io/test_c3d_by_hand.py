@@ -66,11 +66,12 @@ def made(
     """Two frames of one point and one channel at four times its rate; scales and offsets set."""
     scale = -0.25 if floats else 0.25
     offset = 40_000 if unsigned else -8
-    point = {"USED": 1, "FRAMES": 2, "RATE": 50.0, "LABELS": ["LKNE"], "UNITS": "mm"}
-    analog = {"USED": 1, "RATE": 200.0, "GEN_SCALE": 0.5, "LABELS": ["Fz"], "UNITS": ["N"]}
-    analog |= {"SCALE": np.array([0.125]), "OFFSET": [offset]}
+    point = {"USED": 1, "FRAMES": 2, "RATE": 50.0, "SCALE": scale}
+    point |= {"LABELS": ["LKNE"], "UNITS": "mm"}
+    analog = {"USED": 1, "RATE": 200.0, "GEN_SCALE": 0.5, "SCALE": np.array([0.125])}
+    analog |= {"OFFSET": [offset], "LABELS": ["Fz"], "UNITS": ["N"]}
     analog["FORMAT"] = "UNSIGNED" if unsigned else "SIGNED"
-    groups: dict[str, dict[str, object]] = {"POINT": point | {"SCALE": scale}, "ANALOG": analog}
+    groups: dict[str, dict[str, object]] = {"POINT": point, "ANALOG": analog}
     for group, entries in (more or {}).items():
         groups[group] = groups.get(group, {}) | entries
     parameters = section(machine, groups)

@@ -16,9 +16,9 @@ from jointz.io.formats.registry import (
     write_acquisition,
 )
 
-KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx", "xdf"]
+KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx"]
 #: What has no checksum: a digit that was changed is a digit, a byte of a number one too.
-UNCHECKED = ("csv", "sto", "parquet", "xdf")
+UNCHECKED = ("csv", "sto", "parquet")
 N_FILES = 200
 N_SAMPLES = 24
 

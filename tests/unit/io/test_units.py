@@ -39,7 +39,6 @@ INCH_M, POUND_N = 0.0254, 0.45359237 * 9.80665  # exact by definition
         ("%", "1", 0.01),
         ("", "1", 1.0),
         ("1/s", "Hz", 1.0),
-        ("mm^2/ms", "m^2/s", 1e-3),
     ],
 )
 def test_units_are_read_as_people_write_them(unit, si_unit, factor):
@@ -77,6 +76,10 @@ def test_a_unit_of_something_else_is_refused(unit, si_unit, measured, expected):
 @pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
 def test_the_units_of_our_own_results_can_be_read(unit):
     assert conversion(unit, unit) == (1.0, 0.0)
+
+
+def test_a_quantity_without_a_name_is_written_in_base_units():
+    assert si_unit_of("mm^2/ms") == ("m^2/s", pytest.approx(1e-3), 0.0)
 
 
 def test_a_temperature_has_an_offset():

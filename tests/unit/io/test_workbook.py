@@ -265,11 +265,12 @@ def test_formulas_that_a_spreadsheet_program_calculated_are_read_by_their_values
     """A stored value stands beside the formula, as spreadsheet programs write it."""
 
     def calculate(text):
-        return re.sub(rb"(<f>A2\*2</f>)<v( /|></v)>", rb"\1<v>3</v>", text)
+        return re.sub(rb"(<f>A(\d)\*2</f>)<v(?: /|></v)>", rb"\1<v>\2</v>", text)
 
-    (group,) = repacked(tmp_path, [["x", "twice"], [1.5, "=A2*2"]], "Trial 1", calculate).groups
+    rows = [["x", "twice"], [1.0, "=A2*2"], [1.5, "=A3*2"]]
+    (group,) = repacked(tmp_path, rows, "Trial 1", calculate).groups
 
-    np.testing.assert_array_equal(group.signals[1].values, [3.0])
+    np.testing.assert_array_equal(group.signals[1].values, [2.0, 3.0])
 
 
 def test_what_jointz_writes_reads_well_in_a_spreadsheet_program(tmp_path):
