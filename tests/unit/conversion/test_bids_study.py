@@ -197,7 +197,7 @@ def test_every_part_of_a_file_is_a_run_with_its_own_pulses_of_the_table(study, t
     written = write_bids(study, tmp_path / "bids")
 
     stem = "sub-S01_ses-day1_task-walking_tracksys-knee_acq-"
-    runs = ["unperturbed", "perturbed_run-1", "perturbed_run-2"]
+    runs = ["unperturbed_run-1", "perturbed_run-1", "perturbed_run-2"]
     assert [name.removeprefix(stem) for name in written.recordings] == runs
     found = read_bids(tmp_path / "bids")
     events = [[e.time_s for e in found[name].events] for name in written.recordings]
